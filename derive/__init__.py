@@ -1,0 +1,42 @@
+"""The derivation stage: from a law declared in sympy to its dynamics, its limits and its kernels."""
+
+if __name__ != "softdyn.derive":  # two copies of one module would not recognise each other's laws
+    raise ImportError(f"import this package as softdyn.derive, not as {__name__}")
+
+from softdyn.derive.dimensions import (
+    DIMENSIONLESS,
+    ENERGY,
+    FORCE,
+    FRICTION,
+    LENGTH,
+    MASS,
+    PRESSURE,
+    TIME,
+    VISCOSITY,
+    Dimension,
+)
+from softdyn.derive.law import ContactLaw, Limit
+from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa
+
+__all__ = [
+    "DIMENSIONLESS",
+    "ENERGY",
+    "FORCE",
+    "FRICTION",
+    "LENGTH",
+    "MASS",
+    "PRESSURE",
+    "TIME",
+    "VISCOSITY",
+    "ContactLaw",
+    "Dimension",
+    "E",
+    "F",
+    "Limit",
+    "R",
+    "a",
+    "delta",
+    "eta",
+    "h",
+    "kappa",
+]

@@ -1,0 +1,292 @@
+"""The faults of a declared law, all of them at once.
+
+Input: the four expressions and the declared parameters. Output: a list of messages, each naming the expression, the
+symbol at fault, what is allowed there and, where one suggests itself, the likely spelling.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from itertools import product
+from typing import TYPE_CHECKING
+
+import mpmath
+from sympy import (
+    Abs,
+    Add,
+    Basic,
+    Dummy,
+    Expr,
+    Float,
+    Function,
+    Integer,
+    Max,
+    Min,
+    Mul,
+    Piecewise,
+    Pow,
+    Rational,
+    Symbol,
+    acosh,
+    acos,
+    asin,
+    asinh,
+    atan,
+    atanh,
+    cos,
+    cosh,
+    erf,
+    erfc,
+    exp,
+    lambdify,
+    log,
+    nsimplify,
+    sign,
+    sin,
+    sinh,
+    tan,
+    tanh,
+)
+from sympy.core.numbers import Exp1 as EulerNumber
+from sympy.core.numbers import ImaginaryUnit, Infinity, NaN, NegativeInfinity, ComplexInfinity
+from sympy.core.function import AppliedUndef
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import BooleanAtom, BooleanFunction
+
+from softdyn.derive.dimensions import DIMENSIONLESS, FORCE, FRICTION, LENGTH, DimensionMismatchError, dimension_of
+from softdyn.derive.soundness import tidy
+from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, R, a, delta, eta, h
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
+#: The arguments and the dimension of each declared expression.
+SIGNATURES = {
+    "a": ((h, delta), LENGTH),
+    "F_ela": ((a, delta), FORCE),
+    "zeta": ((a, h), FRICTION),
+    "F_adh": ((a, h), FORCE),
+}
+
+#: Functions that every target prints.
+PRINTABLE = (
+    *(Abs, sign, exp, log, sin, cos, tan, asin, acos, atan),
+    *(sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc, Min, Max, Piecewise),
+)
+
+#: Names that a target or the language of the kernels has taken.
+RESERVED = frozenset(
+    "h delta a F X C D t zeta kappa n p out if else for while return int float double break continue and or not in is "
+    "def lambda pass long short char void static const sqrt exp log sin cos tan pow fabs abs min max".split()
+)
+
+
+def faults_of(law: ContactLaw) -> list[str]:
+    """Every fault of a law, as messages for its author; an empty list if there are none."""
+    faults = _name_faults(law.name) + _parameter_faults(law)
+    known = {symbol.name: symbol for symbol in (*DIMENSIONS, *law.parameters)}
+    sound = True
+    for name, (arguments, dimension) in SIGNATURES.items():
+        expr = getattr(law, name)
+        if not isinstance(expr, Expr):
+            faults.append(f"{name} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
+            sound = False
+            continue
+        found = _symbol_faults(name, expr, arguments, law, known) + _node_faults(name, expr)
+        if not found:
+            found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
+        faults += found
+        sound = sound and not found
+    faults += _limit_faults(law, known)
+    if sound and not faults:
+        faults += _positivity_faults(law)
+    return faults
+
+
+def _name_faults(name: object) -> list[str]:
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]{0,60}", name):
+        return [f"name {name!r} must be a lower-case identifier: it names the generated files and functions"]
+    return []
+
+
+def _parameter_faults(law: ContactLaw) -> list[str]:
+    faults = []
+    taken = {symbol.name for symbol in DIMENSIONS}
+    for symbol in law.parameters:
+        if not isinstance(symbol, Symbol):
+            faults.append(f"parameters: {symbol!r} is not a symbol; write Symbol({str(symbol)!r}, positive=True)")
+        elif symbol.name in taken:
+            faults.append(f"parameters: {symbol.name!r} is one of the paper's symbols; choose another name")
+        elif symbol.name in RESERVED or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", symbol.name):
+            faults.append(f"parameters: {symbol.name!r} cannot name a variable of the generated code")
+        elif not symbol.is_real:
+            faults.append(
+                f"parameters: {symbol.name!r} may be complex as declared; write Symbol({symbol.name!r}, positive=True), "
+                "or real=True if it may be negative"
+            )
+    for symbol, bounds in law.ranges.items():
+        if symbol not in law.parameters:
+            faults.append(f"ranges: {symbol} is not among the law's own parameters")
+        elif len(bounds) != 2 or not float(bounds[0]) < float(bounds[1]):
+            faults.append(f"ranges: {symbol} needs (low, high) with low < high, not {bounds}")
+    return faults
+
+
+def _symbol_faults(
+    name: str, expr: Expr, arguments: tuple[Symbol, ...], law: ContactLaw, known: Mapping[str, Symbol]
+) -> list[str]:
+    allowed = {*arguments, *COMMON_PARAMETERS, *law.parameters}
+    listing = ", ".join(symbol.name for symbol in (*arguments, *COMMON_PARAMETERS, *law.parameters))
+    faults = []
+    for symbol in sorted(expr.free_symbols - allowed, key=str):
+        where = f"{name}({', '.join(s.name for s in arguments)}): symbol {symbol.name!r} is not allowed here"
+        same = known.get(symbol.name)
+        if same is not None and same != symbol:
+            faults.append(
+                f"{name}: this {symbol.name!r} is another symbol than softdyn's (its assumptions differ); "
+                f"use 'from softdyn.derive import {symbol.name}'"
+                if same in DIMENSIONS
+                else f"{name}: this {symbol.name!r} has other assumptions than the one declared in parameters"
+            )
+        elif name == "zeta" and symbol == delta:
+            faults.append(f"{where}: the friction depends on the deflection through a only; allowed: {listing}")
+        elif name == "zeta" and re.search(r"dot|dh|rate|velocity|^v$", symbol.name):
+            faults.append(
+                f"{where}: the viscous force must be linear in dh/dt (eq. 1), so zeta cannot depend on it; "
+                f"allowed: {listing}"
+            )
+        else:
+            near = get_close_matches(symbol.name, [s.name for s in allowed], n=1, cutoff=0.5)
+            hint = f"; did you mean {near[0]!r}?" if near else "; declare it in parameters={symbol: dimension}"
+            faults.append(f"{where}; allowed: {listing}{hint if same is None else ''}")
+    return faults
+
+
+def _node_faults(name: str, expr: Expr) -> list[str]:
+    faults = []
+    for node in sorted(expr.atoms(AppliedUndef), key=str):
+        faults.append(f"{name}: {node} is an undefined function; write it out, or declare a parameter")
+    for number in sorted(expr.atoms(Float), key=str):
+        exact = nsimplify(number, rational=True)
+        faults.append(
+            f"{name}: {number} is inexact; numbers stay exact in a law: write Rational({str(exact.p)}, {str(exact.q)})"
+        )
+    for node in _unprintable(expr):
+        near = get_close_matches(type(node).__name__, [f.__name__ for f in PRINTABLE], n=1, cutoff=0.5)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        listing = ", ".join(["sqrt", *(f.__name__ for f in PRINTABLE)])
+        faults.append(f"{name}: no target can print {node}; allowed functions: {listing}{hint}")
+    return faults
+
+
+def _unprintable(expr: Expr) -> list[Basic]:
+    """Outermost nodes outside the grammar of printable expressions."""
+    if expr.func in PRINTABLE or isinstance(expr, (Add, Mul, Pow, Relational, BooleanFunction)):
+        return [bad for argument in expr.args for bad in _unprintable(argument)]
+    if isinstance(expr, (ImaginaryUnit, Infinity, NegativeInfinity, ComplexInfinity, NaN)):
+        return [expr]
+    if expr.is_Symbol or expr.is_number or isinstance(expr, BooleanAtom) or isinstance(expr, AppliedUndef):
+        return []
+    if type(expr).__name__ == "ExprCondPair":
+        return [bad for argument in expr.args for bad in _unprintable(argument)]
+    return [expr]
+
+
+def _dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Symbol, object]) -> list[str]:
+    euler = "; its E is Euler's number: import E from softdyn.derive" if expr.has(EulerNumber) else ""
+    try:
+        found = dimension_of(expr, known)  # type: ignore[arg-type]
+    except DimensionMismatchError as error:
+        return [f"{name}: {error}{euler}"]
+    if found is not None and found != expected:
+        return [f"{name}: {expr} has the dimension {found}; {expected} is expected{euler}"]
+    return []
+
+
+CLAIMABLE = ("a", "zeta", "delta", "F_adh", "C", "D", "dh_dt", "dX_dt")
+
+
+def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
+    faults = []
+    allowed = set(known.values()) - {a}
+    for limit in law.limits:
+        where = f"limit {limit.name!r}"
+        if {abs(length) for length in limit.order} != {abs(h), abs(delta), abs(R)} or len(limit.order) != 3:
+            faults.append(
+                f"{where}: order must hold h, delta (or -delta) and R, from the smallest to the largest, not {limit.order}"
+            )
+        for quantity, form in limit.claims.items():
+            if quantity not in CLAIMABLE:
+                near = get_close_matches(quantity, CLAIMABLE, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                faults.append(f"{where}: cannot claim {quantity!r}; one can claim {', '.join(CLAIMABLE)}{hint}")
+                continue
+            strange = sorted(str(symbol) for symbol in form.free_symbols - allowed)
+            if strange:
+                faults.append(f"{where}, {quantity}: unknown symbol {', '.join(strange)}")
+    return faults
+
+
+def _positivity_faults(law: ContactLaw) -> list[str]:
+    """Radius, stiffness and friction must be positive for h > 0 and abs(delta) < R; a witness is given where they are not."""
+    from softdyn.derive.dynamics import law_quantities
+
+    quantities = law_quantities(law)
+    faults = []
+    for name in ("a", "C", "zeta"):
+        explicit = quantities[name].subs(a, law.a)
+        for side, value in (("delta > 0", 1), ("delta < 0", -1), ("delta = 0", 0)):
+            size = Dummy("d", positive=True)
+            expr = tidy(explicit.subs(delta, value * size))
+            if proved_positive(expr):
+                continue
+            witness = _nonpositive_witness(expr, size, law)
+            if witness is not None:
+                point, found = witness
+                if value:
+                    point = point.replace("d=", "delta=" if value > 0 else "delta=-")
+                faults.append(
+                    f"{name} must be positive for h > 0 and |delta| < R, but at {point} ({side}) it is {found}; "
+                    f"{name} = {quantities[name]}"
+                )
+                break
+    return faults
+
+
+def proved_positive(expr: Expr) -> bool:
+    """Whether positivity follows from the signs of the symbols alone."""
+    return bool(expr.is_positive) or bool(expr.factor().is_positive)
+
+
+def _nonpositive_witness(expr: Expr, size: Symbol, law: ContactLaw) -> tuple[str, str] | None:
+    """Search a point of the physical domain where expr <= 0, or show the first one found."""
+    from softdyn.derive.law import parameters_of
+
+    own = [symbol for symbol in parameters_of(law) if symbol in law.parameters]
+    symbols = [h, size, *own]
+    function = lambdify(symbols, expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath")
+    gaps = [mpmath.mpf(10) ** k for k in (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)]
+    sizes = [mpmath.mpf(10) ** k for k in (-14, -9, -6, -4, -2, -1)] + [mpmath.mpf(1) / 2, mpmath.mpf(99) / 100]
+    if size not in expr.free_symbols:
+        sizes = sizes[:1]
+    with mpmath.workdps(40):
+        for values in product(gaps, sizes, *(_samples(symbol, law) for symbol in own)):
+            try:
+                found = function(*values)
+            except (ZeroDivisionError, ValueError, OverflowError):
+                continue
+            if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
+                named = [("h", values[0]), ("d", values[1]), *zip([s.name for s in own], values[2:], strict=True)]
+                point = ", ".join(f"{name}={mpmath.nstr(value, 3)}" for name, value in named)
+                return f"{point} (R = E = eta = 1)", mpmath.nstr(found, 6)
+    return None
+
+
+def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:
+    if symbol in law.ranges:
+        low, high = (mpmath.mpf(str(Rational(bound))) if isinstance(bound, (int, Rational)) else mpmath.mpf(float(bound)) for bound in law.ranges[symbol])
+        return [low + (high - low) * mpmath.mpf(part) / 10 for part in (1, 5, 9)]
+    positive = [mpmath.mpf(10) ** k for k in (-3, 0, 3)]
+    return positive if symbol.is_positive else [-positive[1], positive[0], positive[1]]

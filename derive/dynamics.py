@@ -1,0 +1,235 @@
+"""The dynamics of one contact, derived.
+
+Input: the force balance (eq. 1) and the geometry (eq. 2) of Rognon & Gay, arXiv 0803.1573. Output: the gap dynamics
+(eq. 7), the centre dynamics (eq. 9) with its stiffness C and friction D, the rate of the deflection, and the Jacobians,
+first for undefined functions a, F_ela, zeta, F_adh, then for a law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, simplify, solve
+
+from softdyn.derive.soundness import sound, tidy
+from softdyn.derive.symbols import F, R, a, delta, h
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
+# The partial derivatives, as the paper writes them.
+a_h, a_delta = Symbol("a_h", real=True), Symbol("a_delta", real=True)
+F_a, F_delta = Symbol("F_a", real=True), Symbol("F_delta", real=True)
+zeta_a, zeta_h = Symbol("zeta_a", real=True), Symbol("zeta_h", real=True)
+F_adh_a, F_adh_h = Symbol("F_adh_a", real=True), Symbol("F_adh_h", real=True)
+a_hh, a_hdelta, a_deltadelta = (Symbol(f"a_{s}", real=True) for s in ("hh", "hdelta", "deltadelta"))
+F_aa, F_adelta, F_deltadelta = (Symbol(f"F_{s}", real=True) for s in ("aa", "adelta", "deltadelta"))
+
+F_ela = Symbol("F_ela", real=True)
+F_adh = Symbol("F_adh", real=True)
+zeta = Symbol("zeta", positive=True)
+C = Symbol("C", positive=True)
+D = Symbol("D", positive=True)
+dF_dt = Symbol("dF_dt", real=True)
+dh_dt = Symbol("dh_dt", real=True)
+ddelta_dt = Symbol("ddelta_dt", real=True)
+
+#: d(symbol)/dh and d(symbol)/d(delta) at fixed other state variable, through a(h, delta).
+_TOTAL: dict[Symbol, tuple[Expr, Expr]] = {
+    h: (1, 0),
+    delta: (0, 1),
+    a: (a_h, a_delta),
+    F_ela: (F_a * a_h, F_a * a_delta + F_delta),
+    zeta: (zeta_a * a_h + zeta_h, zeta_a * a_delta),
+    F_adh: (F_adh_a * a_h + F_adh_h, F_adh_a * a_delta),
+    a_h: (a_hh, a_hdelta),
+    a_delta: (a_hdelta, a_deltadelta),
+    F_a: (F_aa * a_h, F_aa * a_delta + F_adelta),
+    F_delta: (F_adelta * a_h, F_adelta * a_delta + F_deltadelta),
+}
+
+
+def total(expr: Expr, variable: Symbol) -> Expr:
+    """Total derivative of a generic expression with respect to h or delta, through a(h, delta)."""
+    column = 0 if variable == h else 1
+    return sum((diff(expr, symbol) * rates[column] for symbol, rates in _TOTAL.items()), start=h * 0)
+
+
+@dataclass(frozen=True)
+class GenericDynamics:
+    """What follows from eqs. 1 and 2 for any law, in the paper's symbols.
+
+    ``steps`` are (what was done, the equation that it gave), in order; ``lambda1`` = dln(delta)/dln(h) and
+    ``lambda2`` = dln(-dh/dt)/dln(h) are taken at constant force; ``jacobians`` are, by state, d(rates)/d(state), with
+    dh_dt and ddelta_dt standing for the rates themselves.
+    """
+
+    steps: tuple[tuple[str, Eq], ...]
+    stiffness: Expr
+    friction: Expr
+    dh_dt: Expr
+    ddelta_dt: Expr
+    dX_dt: Expr
+    lambda1: Expr
+    lambda2: Expr
+    jacobians: dict[str, Matrix]
+
+
+@cache
+def generic_dynamics() -> GenericDynamics:
+    """Derive eqs. 7 and 9 from eqs. 1 and 2 by differentiating the force balance.
+
+    Raises
+    ------
+    AssertionError
+        If the result is not the paper's: C = (F_a a_delta + F_delta)/2, D = C zeta/(C + F_a a_h).
+    """
+    t = Symbol("t", real=True)
+    gap, deflection, force = Function("h")(t), Function("delta")(t), Function("F_ext")(t)
+    radius = Function("a")(gap, deflection)
+    elastic = Function("F_ela")(radius, deflection)
+    named = {
+        elastic.fdiff(1): F_a,
+        elastic.fdiff(2): F_delta,
+        radius.fdiff(1): a_h,
+        radius.fdiff(2): a_delta,
+        gap.diff(t): dh_dt,
+        deflection.diff(t): ddelta_dt,
+        force.diff(t): dF_dt,
+    }
+
+    # eq. 1, viscous part: F_ext = -zeta dh/dt + F_adh
+    (gap_rate,) = solve(Eq(F, -zeta * dh_dt + F_adh), dh_dt)
+    # eq. 1, elastic part, differentiated: dF_ext/dt = d/dt F_ela(a(h, delta), delta)
+    differentiated = Eq(force.diff(t), elastic.diff(t)).subs(named)
+    assert not differentiated.atoms(Derivative), f"an unnamed derivative is left in {differentiated}"
+    (deflection_rate,) = solve(differentiated, ddelta_dt)
+    # eq. 2, differentiated: X = 2R + h - 2 delta
+    geometry = 2 * R + gap - 2 * deflection
+    centre_rate = geometry.diff(t).subs(named).subs(ddelta_dt, deflection_rate).subs(dh_dt, gap_rate)
+
+    parts = expand(centre_rate)
+    compliance = -parts.coeff(dF_dt)
+    mobility = -simplify(parts.subs(dF_dt, 0) / (F - F_adh))
+    stiffness, friction = 1 / compliance, 1 / mobility
+    paper_C = (F_a * a_delta + F_delta) / 2
+    paper_D = C * zeta / (C + F_a * a_h)
+    assert simplify(stiffness - paper_C) == 0, f"C is not the paper's: {stiffness}"
+    assert simplify(friction - paper_D.subs(C, paper_C)) == 0, f"D is not the paper's: {friction}"
+
+    # Jacobians, in terms of the rates themselves: d(dh/dt) and d(d(delta)/dt) by h and by delta
+    gap_by = {x: (total(F_adh, x) - dh_dt * total(zeta, x)) / zeta for x in (h, delta)}
+    deflection_by = {
+        x: -(total(F_a * a_h, x) * dh_dt + F_a * a_h * gap_by[x] + total(F_a * a_delta + F_delta, x) * ddelta_dt) / (2 * C)
+        for x in (h, delta)
+    }
+    # along delta(h) at constant force, d(delta)/dh = -F_a a_h/(2 C)
+    slope = -F_a * a_h / (2 * C)
+    gap_along = gap_by[h] + slope * gap_by[delta]
+    jacobians = {
+        "h, delta": Matrix([[gap_by[h], gap_by[delta]], [deflection_by[h], deflection_by[delta]]]),
+        # d(ln h)/dt = (dh/dt)/h and d/d(ln h) = h d/dh
+        "ln h, delta": Matrix(
+            [[gap_by[h] - dh_dt / h, gap_by[delta] / h], [h * deflection_by[h], deflection_by[delta]]]
+        ),
+        "ln h, delta from the force balance": Matrix([[gap_along - dh_dt / h]]),
+    }
+    return GenericDynamics(
+        steps=(
+            ("force balance, viscous part", Eq(F, -zeta * dh_dt + F_adh)),
+            ("solved for dh/dt (eq. 7)", Eq(dh_dt, gap_rate)),
+            ("force balance, elastic part, differentiated", differentiated),
+            ("solved for d(delta)/dt", Eq(ddelta_dt, deflection_rate)),
+            ("geometry", Eq(Symbol("X"), 2 * R + h - 2 * delta)),
+            ("stiffness", Eq(C, paper_C)),
+            ("friction", Eq(D, paper_D)),
+            ("centre dynamics (eq. 9)", Eq(Symbol("dX_dt"), -dF_dt / C - (F - F_adh) / D)),
+        ),
+        stiffness=paper_C,
+        friction=paper_D,
+        dh_dt=gap_rate,
+        ddelta_dt=deflection_rate,
+        dX_dt=-dF_dt / C - (F - F_adh) / D,
+        lambda1=h / delta * slope,
+        lambda2=h * gap_along / dh_dt,
+        jacobians=jacobians,
+    )
+
+
+def partials(law: ContactLaw) -> dict[Symbol, Expr]:
+    """Return the declared expressions and their partial derivatives, in (a, h, delta), sound in floating point."""
+    a_root = law.a**2
+
+    def radius(*variables: Symbol) -> list[Expr]:
+        """Candidates for a derivative of a: direct, and through a^2 where a is a square root."""
+        direct = diff(law.a, *variables)
+        if len(variables) > 1:
+            first, second = variables
+            through = (
+                diff(a_root, first, second) / 2
+                - (diff(a_root, first) / (2 * a)) * (diff(a_root, second) / (2 * a))
+            ) / a
+        else:
+            through = diff(a_root, *variables) / (2 * a)
+        return [direct, through]
+
+    return {
+        F_ela: sound(law.F_ela),
+        F_adh: sound(law.F_adh),
+        zeta: sound(law.zeta),
+        a_h: sound(*radius(h)),
+        a_delta: sound(*radius(delta)),
+        a_hh: sound(*radius(h, h)),
+        a_hdelta: sound(*radius(h, delta)),
+        a_deltadelta: sound(*radius(delta, delta)),
+        F_a: sound(diff(law.F_ela, a)),
+        F_delta: sound(diff(law.F_ela, delta)),
+        F_aa: sound(diff(law.F_ela, a, a)),
+        F_adelta: sound(diff(law.F_ela, a, delta)),
+        F_deltadelta: sound(diff(law.F_ela, delta, delta)),
+        zeta_a: sound(diff(law.zeta, a)),
+        zeta_h: sound(diff(law.zeta, h)),
+        F_adh_a: sound(diff(law.F_adh, a)),
+        F_adh_h: sound(diff(law.F_adh, h)),
+    }
+
+
+def law_quantities(law: ContactLaw) -> dict[str, Expr]:
+    """The dynamics of a law, in a, h, delta, F, dF_dt and the parameters.
+
+    Returns
+    -------
+    dict
+        ``a`` (in h and delta), ``F_ela``, ``zeta``, ``F_adh``, ``C`` (stiffness), ``D`` (friction), ``dh_dt`` (eq. 7),
+        ``ddelta_dt``, ``dX_dt`` (eq. 9), ``lambda1`` and ``lambda2``.
+    """
+    values = partials(law)
+    generic = generic_dynamics()
+    stiffness = sound(generic.stiffness.subs(values))
+    friction = sound((generic.friction.subs(C, stiffness)).subs(values))
+    gap_rate = sound(generic.dh_dt.subs(values))
+    return {
+        "a": sound(law.a),
+        "F_ela": values[F_ela],
+        "zeta": values[zeta],
+        "F_adh": values[F_adh],
+        "C": stiffness,
+        "D": friction,
+        "dh_dt": gap_rate,
+        "ddelta_dt": sound((dF_dt - values[F_a] * values[a_h] * gap_rate) / (2 * stiffness)),
+        "dX_dt": -dF_dt / stiffness - sound((F - values[F_adh]) / friction),
+        # F_a/delta is finite at delta = 0 wherever the deflection starts linearly
+        "lambda1": sound(-h * (values[F_a] / delta).cancel() * values[a_h] / (2 * stiffness)),
+        "lambda2": sound(generic.lambda2.subs(dh_dt, gap_rate).subs(C, stiffness).subs(values)),
+    }
+
+
+def law_jacobians(law: ContactLaw) -> dict[str, Matrix]:
+    """Jacobians of the rates of the state, by state formulation, in a, h, delta, dh_dt, ddelta_dt, C and zeta."""
+    values = {symbol: expr for symbol, expr in partials(law).items() if symbol != zeta}
+    return {
+        state: jacobian.applyfunc(lambda entry: factor_terms(tidy(entry.subs(values))))
+        for state, jacobian in generic_dynamics().jacobians.items()
+    }

@@ -1,0 +1,236 @@
+"""The intermediate representation of a kernel: everything that a template sees.
+
+Input: a law and what a scene needs of its kernel. Output: a :class:`KernelIR`, plain text and numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy
+from sympy import Expr, Integer, Rational, S, Symbol, diff
+
+from softdyn.derive.law import law_hash, parameters_of
+from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
+from softdyn.derive.soundness import sound
+from softdyn.derive.specialise import (
+    OUTPUTS,
+    RULES,
+    Equations,
+    F_ela,
+    Needs,
+    contact_equations,
+    dF_ddelta,
+    dF_dt,
+    dh_dt,
+)
+from softdyn.derive.symbols import F, R
+from softdyn.errors import LawError
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
+t = Symbol("t", real=True)
+
+
+@dataclass(frozen=True)
+class Saving:
+    """Operations of a kernel's law before and after one rule."""
+
+    rule: str
+    before: int
+    after: int
+
+
+@dataclass(frozen=True)
+class Code:
+    """Straight-line code, and the parameters that it takes from the array ``p``: (name, index)."""
+
+    parameters: tuple[tuple[str, int], ...]
+    lines: tuple[Assignment, ...]
+
+
+@dataclass(frozen=True)
+class KernelIR:
+    """Everything a template sees.
+
+    Attributes
+    ----------
+    name : str
+        Prefix of the generated functions: the law's name.
+    source, law_hash, declaration : str
+        Provenance: where the law comes from, its fingerprint, its four expressions.
+    parameters : tuple of str
+        What the array ``p`` holds, in order; R first unless it is fixed.
+    fixed : tuple of (str, str)
+        Parameters that are numbers in the text.
+    radius : Code
+        A deflection of order R, where Newton's iteration starts.
+    drive : "constant", "table" or "expression"
+    drive_text : str
+        The expression of the force, if it is one, with its constants named c0, c1, ...
+    constants : int
+        How many constants the array ``c`` holds.
+    deflection : "either", "compression" or "tension"
+    kinked : bool
+        Whether the law has a kink at delta = 0 that the scene can cross.
+    outputs : tuple of str
+    inputs : tuple of str
+        What the outputs depend on besides h, delta and the parameters: "F", "dF_dt".
+    balance, gap_rate, quantities, force : Code
+        Of F_ela and dF_ela/d(delta); of dh/dt; of the outputs; of F(t) and dF/dt.
+    savings : tuple of Saving
+        What each rule of specialisation saved.
+    operations : dict
+        Operations of each part of the code, by kind.
+    sympy_version : str
+    """
+
+    name: str
+    source: str
+    law_hash: str
+    declaration: tuple[tuple[str, str], ...]
+    parameters: tuple[str, ...]
+    fixed: tuple[tuple[str, str], ...]
+    radius: Code
+    drive: str
+    drive_text: str
+    constants: int
+    deflection: str
+    kinked: bool
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    balance: Code
+    gap_rate: Code
+    quantities: Code
+    force: Code
+    savings: tuple[Saving, ...]
+    operations: dict[str, dict[str, int]]
+    sympy_version: str
+
+
+def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
+    """Derive a law's equations, specialise them to a scene's needs, and lower them to straight-line code.
+
+    Raises
+    ------
+    LawError
+        If a fixed parameter or an output is not the law's.
+    """
+    names = [symbol.name for symbol in parameters_of(law)]
+    _require_known(law, needs, names)
+    equations = contact_equations(law)
+    savings, before = [], _total(equations)
+    for rule in RULES:
+        if rule.applies(equations, needs):
+            equations = rule.apply(equations, needs)
+            after = _total(equations)
+            savings.append(Saving(rule.name, before, after))
+            before = after
+
+    definitions = equations.definitions
+    balance = straight_line([F_ela, dF_ddelta], definitions)
+    gap_rate = straight_line([dh_dt], definitions)
+    quantities = straight_line([_symbol_named(definitions, name) for name in needs.outputs], definitions)
+    expression = isinstance(needs.drive, tuple)
+    force, drive_text, constants = drive_code(needs.drive) if isinstance(needs.drive, tuple) else ([], "", 1)
+    parameters = tuple(name for name in names if name not in needs.fixed)
+
+    def code(lines: list[Assignment]) -> Code:
+        used = _names_in(lines)
+        return Code(tuple((name, i) for i, name in enumerate(parameters) if name in used), tuple(lines))
+
+    used = _names_in(quantities)
+    return KernelIR(
+        name=law.name,
+        source=law.source or "no source given",
+        law_hash=law_hash(law),
+        declaration=tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh")),
+        parameters=parameters,
+        fixed=tuple(sorted(needs.fixed.items())),
+        radius=code([("start", print_expression(Rational(needs.fixed["R"]) if "R" in needs.fixed else R))]),
+        drive="expression" if expression else str(needs.drive),
+        drive_text=drive_text,
+        constants=constants,
+        deflection=needs.deflection,
+        kinked=needs.drive != "constant" and any("fabs" in text or "if" in text for _, text in [*balance, *gap_rate]),
+        outputs=needs.outputs,
+        inputs=tuple(symbol.name for symbol in (F, dF_dt) if symbol.name in used),
+        balance=code(balance),
+        gap_rate=code(gap_rate),
+        quantities=code(quantities),
+        force=code(force),
+        savings=tuple(savings),
+        operations={
+            part: operations(lines)
+            for part, lines in (("balance", balance), ("gap_rate", gap_rate), ("quantities", quantities), ("force", force))
+        },
+        sympy_version=sympy.__version__,
+    )
+
+
+def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
+    faults = [f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names]
+    faults += [f"{name!r} is no output; there are {', '.join(OUTPUTS)}" for name in needs.outputs if name not in OUTPUTS]
+    if faults:
+        raise LawError(law.name, tuple(faults))
+
+
+def _symbol_named(definitions: dict[Symbol, Expr], name: str) -> Symbol:
+    return next(symbol for symbol in definitions if symbol.name == name)
+
+
+def _total(equations: Equations) -> int:
+    """Operations of all that the kernel evaluates, computed once."""
+    order = [symbol for symbol in equations.definitions if symbol in equations.wanted]
+    return sum(operations(straight_line(order, equations.definitions)).values())
+
+
+def _names_in(lines: list[Assignment]) -> set[str]:
+    return {name for _, text in lines for name in re.findall(r"[A-Za-z_]\w*", text)}
+
+
+def drive_code(parsed: tuple) -> tuple[list[Assignment], str, int]:
+    """Straight-line code of F(t) and dF/dt from a parsed expression.
+
+    Every number but small integer powers becomes an entry of the array ``c``, so that a kernel serves all
+    expressions of one shape, and no hostile number is ever evaluated symbolically.
+    """
+    constants: list[Symbol] = []
+    force = _drive_expression(parsed, constants)
+    definitions = {F: sound(force), dF_dt: sound(diff(force, t))}
+    unpacked = [(symbol.name, f"c[{index}]") for index, symbol in enumerate(constants)]
+    lines = straight_line([F, dF_dt], definitions)
+    used = _names_in(lines)
+    return [line for line in unpacked if line[0] in used] + lines, str(force), len(constants)
+
+
+def _drive_expression(node: tuple, constants: list[Symbol]) -> Expr:
+    kind, *parts = node
+    if kind == "time":
+        return t
+    if kind == "constant":
+        while len(constants) <= parts[0]:
+            constants.append(Symbol(f"c{len(constants)}", real=True))
+        return constants[parts[0]]
+    if kind == "power":
+        base, exponent = parts
+        return _drive_expression(base, constants) ** (
+            Integer(exponent) if isinstance(exponent, int) else _drive_expression(exponent, constants)
+        )
+    if kind == "call":
+        name, argument = parts
+        function = sympy.Abs if name == "abs" else getattr(sympy, name)
+        return function(_drive_expression(argument, constants))
+    left = _drive_expression(parts[0], constants)
+    if kind == "neg":
+        return -left
+    right = _drive_expression(parts[1], constants)
+    return {"+": left + right, "-": left - right, "*": left * right}[kind] if kind != "/" else left / right
+
+
+def total_operations(ir: KernelIR) -> int:
+    """Count all operations of a kernel's law: balance, rate, outputs and force."""
+    return sum(ir.operations[part][kind] for part in ir.operations for kind in KINDS)

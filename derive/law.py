@@ -1,0 +1,126 @@
+"""Declaring a contact law.
+
+A law is four expressions, eqs. 3 to 6 of Rognon & Gay, arXiv 0803.1573, and nothing else is assumed of it::
+
+    a(h, delta)   F_ela(a, delta)   zeta(a, h)   F_adh(a, h)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from hashlib import sha256
+
+from sympy import Expr, Integer, S, Symbol, srepr
+
+from softdyn.derive.checks import faults_of
+from softdyn.derive.dimensions import Dimension
+from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, R
+from softdyn.errors import LawError
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a law's author claims of one asymptotic regime.
+
+    Parameters
+    ----------
+    name : str
+        For instance "Hertz".
+    order : tuple of Expr
+        h, delta (``-delta`` in tension) and R from the smallest to the largest: ``(h, delta, R)`` stands for
+        h << delta << R.
+    claims : mapping from str to Expr
+        Leading form of any of ``a``, ``zeta``, ``delta``, ``F_adh``, ``C``, ``D``, ``dh_dt``, ``dX_dt``, in h,
+        delta, F (or kappa) and the parameters; ``dX_dt`` at constant force.
+    """
+
+    name: str
+    order: tuple[Expr, ...]
+    claims: Mapping[str, Expr]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLaw:
+    """A contact law: four sympy expressions in the symbols of :mod:`softdyn.derive.symbols`.
+
+    Parameters
+    ----------
+    name : str
+        A lower-case identifier; it names the generated files and functions.
+    a : Expr
+        Radius of the interacting region, a function of h and delta.
+    F_ela : Expr
+        Elastic force, a function of a and delta; > 0 in compression.
+    zeta : Expr
+        Normal friction coefficient, a function of a and h.
+    F_adh : Expr or int
+        Remote force, a function of a and h; > 0 is repulsive.
+    parameters : mapping from Symbol to Dimension
+        The law's own parameters, besides R, E and eta, which any law may use.
+    ranges : mapping from Symbol to (low, high)
+        Open interval of values that a parameter may take, where that is not "any positive number" (or "any
+        number", for a symbol declared real).
+    limits : tuple of Limit
+        What the author claims of the law; ``softdyn check`` proves or disproves it.
+    source : str
+        Where the law comes from.
+    description : str
+        One line for ``softdyn laws``.
+
+    Raises
+    ------
+    LawError
+        Listing every fault: a wrong argument, a wrong dimension, a function that a target cannot print,
+        C <= 0 or zeta <= 0 within h > 0, abs(delta) < R.
+    """
+
+    name: str
+    a: Expr
+    F_ela: Expr
+    zeta: Expr
+    F_adh: Expr = S.Zero
+    parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
+    ranges: Mapping[Symbol, tuple[Expr | int, Expr | int]] = field(default_factory=dict)
+    limits: tuple[Limit, ...] = ()
+    source: str = ""
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("a", "F_ela", "zeta", "F_adh"):
+            value = getattr(self, name)
+            if isinstance(value, int):
+                object.__setattr__(self, name, Integer(value))
+        object.__setattr__(self, "limits", tuple(self.limits))
+        faults = faults_of(self)
+        if faults:
+            raise LawError(str(self.name), tuple(faults))
+
+    def _repr_latex_(self) -> str:
+        from softdyn.derive.typeset import declaration_latex
+
+        return declaration_latex(self)
+
+
+def parameters_of(law: ContactLaw) -> tuple[Symbol, ...]:
+    """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
+    used = {R}.union(*(expr.free_symbols for expr in expressions(law).values()))
+    common = [symbol for symbol in COMMON_PARAMETERS if symbol in used]
+    own = sorted((symbol for symbol in used if symbol in law.parameters), key=lambda symbol: symbol.name)
+    return (*common, *own)
+
+
+def dimensions_for(law: ContactLaw) -> dict[Symbol, Dimension]:
+    """Dimensions of every symbol that the law may use."""
+    return {**DIMENSIONS, **law.parameters}
+
+
+def expressions(law: ContactLaw) -> dict[str, Expr]:
+    """Return the four declared expressions, by name."""
+    return {"a": law.a, "F_ela": law.F_ela, "zeta": law.zeta, "F_adh": law.F_adh}
+
+
+def law_hash(law: ContactLaw) -> str:
+    """Fingerprint of what the law's kernels depend on: its name and its four expressions."""
+    text = "\n".join([law.name, law.source, *(srepr(expr) for expr in expressions(law).values())])
+    return sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,291 @@
+"""From sympy expressions to straight-line code.
+
+The code is a small subset of Python that every target understands: assignments of floats, arithmetic, comparisons,
+conditional expressions and the functions of C's math.h. Common subexpressions are computed once, integer powers are
+products, half-integer powers are square roots, and numbers are exact until they are printed.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Mapping
+
+from sympy import Add, Expr, Integer, Mul, Pow, Rational, S, Symbol, cse, numbered_symbols, sign
+from sympy import Abs, Max, Min, Piecewise
+from sympy.codegen.cfunctions import expm1, log1p
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import And, Not, Or
+
+Assignment = tuple[str, str]
+
+#: sympy's names of functions, where math.h calls them otherwise.
+RENAMED = {"Abs": "fabs"}
+MATH_FUNCTIONS = frozenset(
+    "sqrt fabs exp log expm1 log1p pow sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh erf erfc".split()
+)
+
+
+def straight_line(targets: Iterable[Symbol], definitions: Mapping[Symbol, Expr]) -> list[Assignment]:
+    """Assignments, in order, that compute the targets and whatever they need.
+
+    Parameters
+    ----------
+    targets : symbols wanted
+    definitions : mapping from Symbol to Expr
+        Each in terms of earlier ones and of symbols that the code around provides.
+
+    Returns
+    -------
+    list of (name, expression), both text
+    """
+    needed = _closure(set(targets), definitions)
+    taken = {symbol for expr in needed.values() for symbol in expr.free_symbols} | set(needed)
+    fresh = numbered_symbols("x", exclude=taken, real=True)
+    shared, reduced = cse(list(needed.values()), symbols=fresh, order="canonical")
+    # the powers of a name get names of their own below, and need none from cse
+    plain = {name: expr for name, expr in shared if _is_integer_power(expr)}
+    pool = {name: expr for name, expr in shared if name not in plain} | dict(zip(needed, reduced, strict=True))
+    pool = {name: expr.xreplace(plain) for name, expr in pool.items()}
+    pool = _name_bases(pool, fresh)
+    return _print_in_order(pool, list(needed))
+
+
+def _is_integer_power(expr: Expr) -> bool:
+    return isinstance(expr, Pow) and expr.base.is_Symbol and isinstance(expr.exp, Integer) and expr.exp > 1
+
+
+def _closure(targets: set[Symbol], definitions: Mapping[Symbol, Expr]) -> dict[Symbol, Expr]:
+    wanted = set(targets)
+    for symbol in reversed(definitions):
+        if symbol in wanted:
+            wanted |= definitions[symbol].free_symbols
+    return {symbol: expr for symbol, expr in definitions.items() if symbol in wanted}
+
+
+def _name_bases(pool: dict[Symbol, Expr], fresh: Iterable[Symbol]) -> dict[Symbol, Expr]:
+    """Give every composite base of an integer power a name, so that its power is a product of names."""
+    named: dict[Expr, Symbol] = {}
+
+    def visit(expr: Expr) -> Expr:
+        if not expr.args:
+            return expr
+        expr = expr.func(*(visit(argument) for argument in expr.args))
+        if isinstance(expr, Pow) and isinstance(expr.exp, Integer) and abs(expr.exp) > 1 and expr.base.args:
+            base = expr.base
+            if base not in named:
+                named[base] = next(iter(fresh))
+            return Pow(named[base], expr.exp)
+        return expr
+
+    visited = {symbol: visit(expr) for symbol, expr in pool.items()}
+    return {**{symbol: base for base, symbol in named.items()}, **visited}
+
+
+def _print_in_order(pool: dict[Symbol, Expr], order: list[Symbol]) -> list[Assignment]:
+    """Print each definition after those that it uses, and the powers of a name right after that name is first needed."""
+    lines: list[Assignment] = []
+    done: set[Symbol] = set()
+    powers: set[tuple[str, int]] = set()
+
+    def emit(symbol: Symbol) -> None:
+        if symbol in done:
+            return
+        done.add(symbol)
+        for used in sorted(pool[symbol].free_symbols & set(pool), key=lambda s: list(pool).index(s)):
+            emit(used)
+        for base, exponent in _integer_powers(pool[symbol]):
+            emit_power(base, exponent)
+        lines.append((symbol.name, print_expression(pool[symbol])))
+
+    def emit_power(base: str, exponent: int) -> None:
+        if exponent == 1 or (base, exponent) in powers:
+            return
+        low, high = exponent // 2, exponent - exponent // 2
+        emit_power(base, low)
+        emit_power(base, high)
+        powers.add((base, exponent))
+        lines.append((power_name(base, exponent), f"{power_name(base, high)} * {power_name(base, low)}"))
+
+    for symbol in order:
+        emit(symbol)
+    return lines
+
+
+def power_name(base: str, exponent: int) -> str:
+    """Return the name of the variable that holds an integer power."""
+    return base if exponent == 1 else f"{base}_p{exponent}"
+
+
+def _integer_powers(expr: Expr) -> list[tuple[str, int]]:
+    """Integer parts, above 1, of the powers of names in an expression."""
+    found = {
+        (node.base.name, int(abs(node.exp)))
+        for node in expr.atoms(Pow)
+        if node.base.is_Symbol and isinstance(node.exp, Rational) and node.exp.q in (1, 2)
+        if abs(node.exp) >= 2
+    }
+    return sorted(found)
+
+
+# Precedences of the printed text.
+_SUM, _PRODUCT, _UNARY, _ATOM = range(4)
+
+
+def print_expression(expr: Expr) -> str:
+    """Text of one expression; integer powers of names appear as the names of :func:`power_name`."""
+    return _text(expr)[0]
+
+
+def _text(expr: Expr) -> tuple[str, int]:
+    if isinstance(expr, Symbol):
+        return expr.name, _ATOM
+    if isinstance(expr, Rational):
+        return _number(expr)
+    if expr.is_number and not expr.has(Piecewise):
+        value = float(expr.evalf(30))
+        return repr(value), _ATOM if value >= 0 else _UNARY
+    if isinstance(expr, Add):
+        return _sum(expr), _SUM
+    if isinstance(expr, (Mul, Pow)):
+        return _product(expr)
+    if isinstance(expr, sign):
+        argument = _text(expr.args[0])[0]
+        return f"(1.0 if {argument} > 0.0 else (-1.0 if {argument} < 0.0 else 0.0))", _ATOM
+    if isinstance(expr, (Min, Max)):
+        order = "<" if isinstance(expr, Min) else ">"
+        first, *rest = (_text(argument)[0] for argument in expr.args)
+        for other in rest:
+            first = f"({first} if {first} {order} {other} else {other})"
+        return first, _ATOM
+    if isinstance(expr, Piecewise):
+        return _piecewise(expr), _ATOM
+    if isinstance(expr, (Relational, And, Or, Not)):
+        return _condition(expr), _ATOM
+    name = type(expr).__name__
+    name = RENAMED.get(name, name)
+    if name not in MATH_FUNCTIONS:
+        raise ValueError(f"no target can print {expr}")
+    return f"{name}({', '.join(_text(argument)[0] for argument in expr.args)})", _ATOM
+
+
+def _number(value: Rational) -> tuple[str, int]:
+    """A decimal literal where the number is one, else a quotient, which compilers fold; both round correctly."""
+    if value.q == 1 and abs(value.p) < 2**53:
+        text = f"{value.p}.0"
+    elif abs(value.p) < 2**53 and value.q < 2**53 and float(value) != 0:
+        exact = Rational(repr(float(value))) == value
+        text = repr(float(value)) if exact else f"({value.p}.0 / {value.q}.0)"
+        return (text, _ATOM) if value > 0 or not exact else (text, _UNARY)
+    else:
+        text = repr(float(value))
+    return text, _ATOM if value >= 0 else _UNARY
+
+
+def _wrapped(expr: Expr, precedence: int) -> str:
+    text, own = _text(expr)
+    return text if own >= precedence else f"({text})"
+
+
+def _sum(expr: Add) -> str:
+    terms = expr.as_ordered_terms()
+    # a sum reads better, and needs no unary minus, if it starts with a positive term
+    terms.sort(key=lambda term: bool(term.could_extract_minus_sign()))
+    text = _wrapped(terms[0], _SUM)
+    for term in terms[1:]:
+        if term.could_extract_minus_sign():
+            text += f" - {_wrapped(-term, _PRODUCT)}"
+        else:
+            text += f" + {_wrapped(term, _PRODUCT)}"
+    return text
+
+
+def _product(expr: Expr) -> tuple[str, int]:
+    """One fraction: constant first, then names, then roots gathered under one sqrt."""
+    number, above, below, root_above, root_below = S.One, [], [], [], []
+    for factor in Mul.make_args(expr):
+        base, power = factor.as_base_exp()
+        if factor.is_number and power.q != 2:
+            number *= factor
+        elif isinstance(power, Integer) or (isinstance(power, Rational) and power.q == 2):
+            whole, half = divmod(abs(int(power.p)), int(power.q)) if power.q == 2 else (abs(int(power)), 0)
+            over, under = (above, root_above) if power > 0 else (below, root_below)
+            if whole:
+                over.append(_integer_power(base, whole))
+            if half:
+                under.append(base)
+        else:
+            above.append(_general_power(base, power))
+    if number.is_Rational and number.q != 1 and number.p in (1, -1) and (above or root_above):
+        below.insert(0, _number(Rational(number.q))[0])  # x/2, not 0.5 x: exact either way, and reads as the paper
+        number = Rational(number.p)
+    negative = number.is_negative
+    number = abs(number)
+    above += _joint_root(root_above)
+    below += _joint_root(root_below)
+    if number != 1 or not above:
+        above.insert(0, _wrapped(number, _PRODUCT))
+    text = " * ".join(above)
+    if below:
+        text += f" / {below[0]}" if len(below) == 1 else f" / ({' * '.join(below)})"
+    return (f"-{text}", _UNARY) if negative else (text, _PRODUCT)
+
+
+def _joint_root(bases: list[Expr]) -> list[str]:
+    if not bases:
+        return []
+    only = len(bases) == 1
+    return [f"sqrt({' * '.join(_wrapped(base, _SUM if only else _PRODUCT) for base in bases)})"]
+
+
+def _integer_power(base: Expr, power: int) -> str:
+    if power == 1 or not base.is_Symbol:
+        assert power == 1, f"{base}**{power} should have a name"
+        return _wrapped(base, _UNARY)
+    return power_name(base.name, power)
+
+
+def _general_power(base: Expr, power: Expr) -> str:
+    if power == Rational(1, 3):
+        return f"cbrt({_text(base)[0]})"
+    return f"pow({_text(base)[0]}, {_text(power)[0]})"
+
+
+def _piecewise(expr: Piecewise) -> str:
+    *branches, (last, condition) = expr.args
+    text = _wrapped(last, _SUM) if condition == True else "nan"  # noqa: E712 - a sympy truth value
+    if condition != True:  # noqa: E712
+        branches.append((last, condition))
+    for value, condition in reversed(branches):
+        text = f"({_text(value)[0]} if {_condition(condition)} else {text})"
+    return text
+
+
+def _condition(condition: Expr) -> str:
+    if isinstance(condition, And):
+        return "(" + " and ".join(_condition(part) for part in condition.args) + ")"
+    if isinstance(condition, Or):
+        return "(" + " or ".join(_condition(part) for part in condition.args) + ")"
+    if isinstance(condition, Not):
+        return f"(not {_condition(condition.args[0])})"
+    return f"{_wrapped(condition.lhs, _SUM)} {condition.rel_op} {_wrapped(condition.rhs, _SUM)}"
+
+
+KINDS = ("add", "mul", "div", "sqrt", "call")
+
+
+def operations(lines: Iterable[Assignment]) -> dict[str, int]:
+    """Count the floating-point operations of straight-line code, by kind; constants that a compiler folds are free."""
+    counts = dict.fromkeys(KINDS, 0)
+    for _, text in lines:
+        for node in ast.walk(ast.parse(text, mode="eval")):
+            if isinstance(node, ast.BinOp) and not (_constant(node.left) and _constant(node.right)):
+                kind = {ast.Add: "add", ast.Sub: "add", ast.Mult: "mul", ast.Div: "div"}[type(node.op)]
+                counts[kind] += 1
+            elif isinstance(node, ast.Call):
+                name = node.func.id if isinstance(node.func, ast.Name) else ""
+                counts["sqrt" if name == "sqrt" else "call"] += name != "fabs"
+    return counts
+
+
+def _constant(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant)

@@ -1,0 +1,74 @@
+"""Numerically sound forms of an expression.
+
+Of several equal forms, the one that cannot lose digits is kept: a sum whose terms may have opposite signs can cancel,
+one whose terms have the same sign cannot. Signs follow from the assumptions on the symbols (R, E, eta, h, a > 0; delta
+real), so the choice is exact, and the same on every machine.
+"""
+
+from __future__ import annotations
+
+from sympy import Abs, Add, DiracDelta, Expr, Mul, Pow, S, factor, factor_terms, sign, together
+from sympy.codegen.rewriting import expm1_opt, log1p_opt, optimize
+
+#: Rewriting a larger expression takes long, and its expanded form is unreadable.
+MOST_OPERATIONS = 120
+
+
+def sound(*candidates: Expr) -> Expr:
+    """Return the form of the candidates (equal expressions) with the fewest sums that may cancel.
+
+    Ties go to the fewest operations, then to the first. ``exp(x) - 1`` and ``log(1 + x)`` become ``expm1``, ``log1p``.
+
+    Examples
+    --------
+    >>> from softdyn.derive import R, h
+    >>> sound((R*h/(R + h)).diff(h))   # not R/(R + h) - R*h/(R + h)**2, which cancels at h >> R
+    R**2/(R + h)**2
+    """
+    forms: list[Expr] = []
+    for candidate in candidates:
+        plain = tidy(candidate)
+        forms.append(plain)
+        if plain.has(Add) and plain.count_ops() < MOST_OPERATIONS:
+            forms += [tidy(rewrite(plain)) for rewrite in (factor_terms, together, factor, _factor_terms_of_fraction)]
+    best = min(forms, key=lambda form: (cancelling_sums(form), form.count_ops(), forms.index(form)))
+    return optimize(best, [expm1_opt, log1p_opt])
+
+
+def _factor_terms_of_fraction(expr: Expr) -> Expr:
+    """One fraction, its numerator expanded and factored term by term: merges what 'together' leaves apart."""
+    numerator, denominator = together(expr).as_numer_denom()
+    return factor_terms(numerator.expand()) / denominator
+
+
+def cancelling_sums(expr: Expr) -> int:
+    """Count the sums within an expression whose terms are not known to have one sign."""
+    risky = 0
+    for total in expr.atoms(Add):
+        one_sign = all(term.is_nonnegative for term in total.args) or all(term.is_nonpositive for term in total.args)
+        risky += not one_sign
+    return risky
+
+
+def tidy(expr: Expr) -> Expr:
+    """Write ``x sign(x)`` as ``abs(x)``, ``abs(x) sign(x)`` as ``x``, and drop the point mass at a kink of abs."""
+    expr = expr.replace(DiracDelta, lambda *_: S.Zero)
+    return expr.replace(lambda node: isinstance(node, Mul) and node.has(sign), _merge_signs)
+
+
+def _merge_signs(product: Expr) -> Expr:
+    factors = list(product.args)
+    for factor_ in product.args:
+        base, power = factor_.as_base_exp()
+        if not (isinstance(base, sign) and power.is_integer and power.is_positive):
+            continue
+        argument = base.args[0]
+        for partner, merged in ((argument, Abs(argument)), (Abs(argument), argument)):
+            for other in product.args:
+                other_base, other_power = other.as_base_exp()
+                if other_base == partner and other_power.is_positive and other_power.is_integer:
+                    factors.remove(factor_)
+                    factors.remove(other)
+                    rest = Mul(*factors, Pow(base, power - 1), Pow(other_base, other_power - 1), merged)
+                    return _merge_signs(rest) if isinstance(rest, Mul) else rest
+    return product

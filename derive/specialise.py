@@ -1,0 +1,173 @@
+"""Taking away from a law's equations what a scene does not need.
+
+Input: the equations of one contact (:func:`contact_equations`) and what the scene needs. Output: the equations left,
+and for each rule the operations that it saved. The rules are pure, and applied in order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+from sympy import Abs, Expr, Rational, S, Symbol, sign
+from sympy.core.relational import Relational
+
+from softdyn.derive import dynamics as d
+from softdyn.derive.dynamics import C, D, F_adh, F_ela, dF_dt, ddelta_dt, dh_dt, generic_dynamics, partials, zeta
+from softdyn.derive.soundness import sound
+from softdyn.derive.symbols import F, R, a, delta, h
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
+Deflection = Literal["either", "compression", "tension"]
+
+X = Symbol("X", real=True)
+dX_dt = Symbol("dX_dt", real=True)
+lambda1 = Symbol("lambda1", real=True)
+lambda2 = Symbol("lambda2", real=True)
+#: dF_ela/d(delta) at fixed h, which is 2 C, and dF_ela/dh at fixed delta, which is F_a a_h.
+dF_ddelta = Symbol("dF_ddelta", positive=True)
+dF_dh = Symbol("dF_dh", real=True)
+
+#: What a kernel can be asked for, at a state (h, delta) under the force F.
+OUTPUTS = tuple(
+    symbol.name
+    for symbol in (a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2)
+)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a scene needs of a kernel.
+
+    Parameters
+    ----------
+    drive : "constant", "table", or a parsed expression of t (:mod:`softdyn.expression`)
+    deflection : "either", "compression" or "tension"
+        The signs that delta can take.
+    fixed : mapping from str to str
+        Parameters whose values are known, as decimal numbers; the others stay arguments.
+    outputs : tuple of str
+        Of :data:`OUTPUTS`.
+    """
+
+    drive: str | tuple = "constant"
+    deflection: Deflection = "either"
+    fixed: Mapping[str, str] = field(default_factory=dict)
+    outputs: tuple[str, ...] = ("a", "X")
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The equations of one contact: each symbol in terms of h, delta, F, dF_dt, parameters and earlier symbols.
+
+    ``wanted`` are those that the kernel uses; whatever these do not need is not emitted.
+    """
+
+    definitions: dict[Symbol, Expr]
+    wanted: frozenset[Symbol]
+
+
+def contact_equations(law: ContactLaw) -> Equations:
+    """Everything there is to say about a contact, before any specialisation."""
+    values = partials(law)
+    generic = generic_dynamics()
+    slope = sound(2 * generic.stiffness.subs(values))
+    along_h = sound(values[d.F_a] * values[d.a_h])
+
+    def relative(symbol: Symbol, variable: Symbol) -> Expr:
+        """Logarithmic derivative of zeta, through a."""
+        return sound((d.total(symbol, variable) / values[symbol]).subs(values))
+
+    def along(of: Callable[[Symbol], Expr]) -> Expr:
+        """Derivative by h along delta(h) at constant force."""
+        return of(h) - dF_dh / dF_ddelta * of(delta)
+
+    remote_slope = along(lambda variable: sound(d.total(F_adh, variable).subs(values)))
+    definitions = {
+        a: sound(law.a),
+        F_ela: values[F_ela],
+        zeta: values[zeta],
+        F_adh: values[F_adh],
+        dF_ddelta: slope,
+        dF_dh: along_h,
+        C: dF_ddelta / 2,
+        D: C * zeta / (C + dF_dh),
+        dh_dt: -(F - F_adh) / zeta,
+        ddelta_dt: (dF_dt - dF_dh * dh_dt) / dF_ddelta,
+        dX_dt: -dF_dt / C - (F - F_adh) / D,
+        X: 2 * R + h - 2 * delta,
+        # F_a/delta is finite at delta = 0 wherever F_ela starts linearly
+        lambda1: -h * sound((values[d.F_a] / delta).cancel() * values[d.a_h]) / dF_ddelta,
+        lambda2: -h * along(lambda variable: relative(zeta, variable)) - h * remote_slope / (F - F_adh),
+    }
+    internal = frozenset({F_ela, dF_ddelta, dh_dt})  # what the integration itself uses
+    return Equations(definitions, internal | _named(OUTPUTS, definitions))
+
+
+def _named(names: tuple[str, ...], definitions: Mapping[Symbol, Expr]) -> frozenset[Symbol]:
+    return frozenset(symbol for symbol in definitions if symbol.name in names)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One specialisation: its name, when it applies, and what it does."""
+
+    name: str
+    applies: Callable[[Equations, Needs], bool]
+    apply: Callable[[Equations, Needs], Equations]
+
+
+def _map(equations: Equations, change: Callable[[Expr], Expr]) -> Equations:
+    return replace(equations, definitions={symbol: change(expr) for symbol, expr in equations.definitions.items()})
+
+
+def one_sign(equations: Equations, needs: Needs) -> Equations:
+    """Without abs(delta) and sign(delta), nor the branches of the other sign."""
+    size = Symbol("delta_size", positive=True)
+    side = 1 if needs.deflection == "compression" else -1
+
+    def resolve(expr: Expr) -> Expr:
+        if not expr.has(Abs, sign, Relational):
+            return expr
+        return expr.subs(delta, side * size).subs(size, side * delta)
+
+    return _map(equations, resolve)
+
+
+def constant_force(equations: Equations, needs: Needs) -> Equations:
+    """Without the terms in dF_ext/dt."""
+    return _map(equations, lambda expr: expr.subs(dF_dt, 0))
+
+
+def no_remote_force(equations: Equations, needs: Needs) -> Equations:
+    """Without F_adh."""
+    without = _map(equations, lambda expr: expr.subs(F_adh, 0))
+    return without
+
+
+def fixed_parameters(equations: Equations, needs: Needs) -> Equations:
+    """With numbers, exact, in the place of parameters."""
+    known = {name: Rational(value) for name, value in needs.fixed.items()}
+
+    def insert(expr: Expr) -> Expr:
+        return expr.subs({symbol: known[symbol.name] for symbol in expr.free_symbols if symbol.name in known})
+
+    return _map(equations, insert)
+
+
+def asked_outputs(equations: Equations, needs: Needs) -> Equations:
+    """Without outputs that nobody asked for."""
+    wanted = {F_ela, dF_ddelta, dh_dt, *_named(needs.outputs, equations.definitions)}
+    return replace(equations, wanted=frozenset(wanted))
+
+
+RULES = (
+    Rule("one sign of delta", lambda _, needs: needs.deflection != "either", one_sign),
+    Rule("constant force", lambda _, needs: needs.drive == "constant", constant_force),
+    Rule("no remote force", lambda equations, _: equations.definitions[F_adh] == S.Zero, no_remote_force),
+    Rule("fixed parameters", lambda _, needs: bool(needs.fixed), fixed_parameters),
+    Rule("outputs asked for", lambda _, needs: set(needs.outputs) != set(OUTPUTS), asked_outputs),
+)

@@ -1,0 +1,269 @@
+"""From the kernels' subset of Python to C.
+
+The algorithms of a kernel (Newton's iteration, the integrator) are written once, in a subset of Python that numba
+compiles as it is; this module prints the same functions in C, comments included. The subset: functions with annotated
+arguments (``float``, ``int``, ``array``), assignments, ``if``, ``while``, ``for ... in range``, ``return``, arithmetic,
+comparisons, calls of math.h and of one another. Whatever lies outside is refused.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import tokenize
+from collections import Counter
+from dataclasses import dataclass, field
+
+C_TYPES = {"float": "double", "int": "int64_t"}
+BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
+COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
+PRECEDENCE = {ast.Add: 4, ast.Sub: 4, ast.Mult: 5, ast.Div: 5}
+
+
+class TranslationError(Exception):
+    """The text is outside the subset of Python that can be translated."""
+
+
+@dataclass
+class _Function:
+    """What is known of the function being translated."""
+
+    arrays: set[str]
+    types: dict[str, str]
+    written: set[str]
+    assigned: dict[str, int] = field(default_factory=dict)
+    declared: set[str] = field(default_factory=set)
+
+
+def to_c(text: str) -> str:
+    """C text of a module in the kernels' subset of Python; names that start with ``_`` become static inline.
+
+    Raises
+    ------
+    TranslationError
+        Naming the line outside the subset.
+    """
+    module = ast.parse(text)
+    comments = _comments(text)
+    functions = [node for node in module.body if isinstance(node, ast.FunctionDef)]
+    written = _written_arrays(functions)
+    return "\n\n".join(_function(node, comments, written) for node in functions) + "\n"
+
+
+def _comments(text: str) -> dict[int, str]:
+    """Full-line comments, by line."""
+    lines = text.splitlines()
+    return {
+        token.start[0]: token.string.lstrip("# ")
+        for token in tokenize.generate_tokens(io.StringIO(text).readline)
+        if token.type == tokenize.COMMENT and lines[token.start[0] - 1].strip().startswith("#")
+    }
+
+
+def _written_arrays(functions: list[ast.FunctionDef]) -> dict[str, list[bool]]:
+    """Which arguments of each function are arrays written to, by itself or by what it calls."""
+    result = {f.name: [False] * len(f.args.args) for f in functions}
+    changed = True
+    while changed:
+        changed = False
+        for function in functions:
+            names = [argument.arg for argument in function.args.args]
+            stored = {
+                node.value.id
+                for node in ast.walk(function)
+                if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name)
+            }
+            for node in ast.walk(function):
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in result:
+                    for argument, is_written in zip(node.args, result[node.func.id], strict=True):
+                        if is_written and isinstance(argument, ast.Name):
+                            stored.add(argument.id)
+            flags = [name in stored for name in names]
+            if flags != result[function.name]:
+                result[function.name] = flags
+                changed = True
+    return result
+
+
+def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str, list[bool]]) -> str:
+    arguments, arrays, types = [], set(), {}
+    for argument, is_written in zip(node.args.args, written[node.name], strict=True):
+        kind = ast.unparse(argument.annotation) if argument.annotation else ""
+        if kind == "array":
+            arrays.add(argument.arg)
+            arguments.append(f"double *{argument.arg}" if is_written else f"const double *{argument.arg}")
+        elif kind in C_TYPES:
+            types[argument.arg] = kind
+            arguments.append(f"{C_TYPES[kind]} {argument.arg}")
+        else:
+            raise TranslationError(f"line {node.lineno}: argument {argument.arg} of {node.name} needs a type")
+    returns = C_TYPES[ast.unparse(node.returns)] if node.returns and ast.unparse(node.returns) != "None" else "void"
+    state = _Function(arrays, types, set())
+    for child in ast.walk(node):
+        for target in _targets(child):
+            state.assigned[target] = state.assigned.get(target, 0) + 1
+    body = node.body
+    docstring = ast.get_docstring(node)
+    lines = []
+    if docstring:
+        body = body[1:]
+        lines += _comment_block(docstring)
+    static = "static inline " if node.name.startswith("_") else ""
+    lines.append(f"{static}{returns} {node.name}({', '.join(arguments)})")
+    lines.append("{")
+    hoisted = _hoisted(body, state)
+    for name, kind in hoisted.items():
+        lines.append(f"    {C_TYPES[kind]} {name};")
+        state.declared.add(name)
+    lines += _block(body, state, comments, 1)
+    lines.append("}")
+    return "\n".join(lines)
+
+
+def _comment_block(text: str) -> list[str]:
+    first, *rest = text.splitlines()
+    block = [f"/* {first}", *(f"   {line}".rstrip() for line in rest)]
+    block[-1] += " */"
+    return block
+
+
+def _targets(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Assign):
+        return [target.id for target in node.targets if isinstance(target, ast.Name)]
+    if isinstance(node, (ast.AugAssign, ast.AnnAssign)) and isinstance(node.target, ast.Name):
+        return [node.target.id]
+    return []
+
+
+def _blocks(statement: ast.stmt) -> list[list[ast.stmt]]:
+    return [block for name in ("body", "orelse") if (block := getattr(statement, name, None))]
+
+
+def _hoisted(body: list[ast.stmt], state: _Function) -> dict[str, str]:
+    """Variables that are used outside the block in which they are first assigned: C wants them declared before it."""
+    everywhere = _uses(body)
+    seen: set[str] = set(state.types)
+    found: dict[str, str] = {}
+
+    def visit(block: list[ast.stmt]) -> None:
+        here = _uses(block)
+        for statement in block:
+            for name in _targets(statement):
+                if name not in seen and here[name] < everywhere[name]:
+                    annotated = isinstance(statement, ast.AnnAssign)
+                    found[name] = ast.unparse(statement.annotation) if annotated else "float"  # type: ignore[attr-defined]
+                seen.add(name)
+            for inner in _blocks(statement):
+                visit(inner)
+
+    visit(body)
+    state.types.update(found)
+    return found
+
+
+def _uses(block: list[ast.stmt]) -> Counter[str]:
+    return Counter(node.id for statement in block for node in ast.walk(statement) if isinstance(node, ast.Name))
+
+
+def _block(body: list[ast.stmt], state: _Function, comments: dict[int, str], depth: int) -> list[str]:
+    pad, lines = "    " * depth, []
+    for statement in body:
+        lines += [pad + f"/* {text} */" for text in _comments_before(statement, comments)]
+        lines += [pad + line if line else line for line in _statement(statement, state, comments, depth)]
+    return lines
+
+
+def _comments_before(statement: ast.stmt, comments: dict[int, str]) -> list[str]:
+    found, line = [], statement.lineno - 1
+    while line in comments:
+        found.insert(0, comments.pop(line))
+        line -= 1
+    return found
+
+
+def _statement(node: ast.stmt, state: _Function, comments: dict[int, str], depth: int) -> list[str]:
+    inner = lambda body: [line[4 * depth :] for line in _block(body, state, comments, depth + 1)]  # noqa: E731
+    if isinstance(node, ast.Assign) and len(node.targets) == 1:
+        return [_assignment(node.targets[0], node.value, state, None)]
+    if isinstance(node, ast.AnnAssign) and node.value is not None:
+        return [_assignment(node.target, node.value, state, ast.unparse(node.annotation))]
+    if isinstance(node, ast.AugAssign):
+        return [f"{_expr(node.target, state)} {BINARY[type(node.op)]}= {_expr(node.value, state)};"]
+    if isinstance(node, ast.Return):
+        return ["return;" if node.value is None else f"return {_expr(node.value, state)};"]
+    if isinstance(node, ast.If):
+        lines = [f"if ({_expr(node.test, state)}) {{", *inner(node.body)]
+        while len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
+            node = node.orelse[0]
+            lines += [f"}} else if ({_expr(node.test, state)}) {{", *inner(node.body)]
+        if node.orelse:
+            lines += ["} else {", *inner(node.orelse)]
+        return [*lines, "}"]
+    if isinstance(node, ast.While):
+        return [f"while ({_expr(node.test, state)}) {{", *inner(node.body), "}"]
+    if isinstance(node, ast.For) and isinstance(node.target, ast.Name) and isinstance(node.iter, ast.Call):
+        name = node.target.id
+        state.types[name] = "int"
+        (stop,) = node.iter.args
+        head = f"for (int64_t {name} = 0; {name} < {_expr(stop, state)}; {name}++) {{"
+        return [head, *inner(node.body), "}"]
+    if isinstance(node, (ast.Continue, ast.Break)):
+        return ["continue;" if isinstance(node, ast.Continue) else "break;"]
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+        return [f"{_expr(node.value, state)};"]
+    raise TranslationError(f"line {node.lineno}: cannot translate {ast.unparse(node)!r}")
+
+
+def _assignment(target: ast.expr, value: ast.expr, state: _Function, kind: str | None) -> str:
+    if isinstance(target, ast.Name) and isinstance(value, ast.Call) and ast.unparse(value.func) == "empty":
+        state.arrays.add(target.id)
+        return f"double {target.id}[{ast.unparse(value.args[0])}];"
+    text = f"{_expr(target, state)} = {_expr(value, state)};"
+    if isinstance(target, ast.Name) and target.id not in state.declared and target.id not in state.types:
+        state.types[target.id] = kind or "float"
+        state.declared.add(target.id)
+        const = "const " if state.assigned[target.id] == 1 else ""
+        return f"{const}{C_TYPES[state.types[target.id]]} {text}"
+    return text
+
+
+def _expr(node: ast.expr, state: _Function) -> str:
+    return _text(node, state)[0]
+
+
+def _text(node: ast.expr, state: _Function) -> tuple[str, int]:
+    """Text and precedence: 0 conditional, 1 or, 2 and, 3 comparison, 4 sum, 5 product, 6 unary, 7 atom."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+        return repr(node.value), 7
+    if isinstance(node, ast.Name):
+        return CONSTANTS.get(node.id, node.id), 7
+    if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
+        level = PRECEDENCE[type(node.op)]
+        right_level = level + isinstance(node.op, (ast.Sub, ast.Div, ast.Mult, ast.Add))
+        left, right = _at(node.left, state, level), _at(node.right, state, right_level)
+        return f"{left} {BINARY[type(node.op)]} {right}", level
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.Not)):
+        return ("-" if isinstance(node.op, ast.USub) else "!") + _at(node.operand, state, 7), 6
+    if isinstance(node, ast.Compare) and len(node.ops) == 1:
+        left, right = _at(node.left, state, 4), _at(node.comparators[0], state, 4)
+        return f"{left} {COMPARE[type(node.ops[0])]} {right}", 3
+    if isinstance(node, ast.BoolOp):
+        # C programmers' compilers ask for parentheses around && within ||
+        symbol = " && " if isinstance(node.op, ast.And) else " || "
+        return symbol.join(_at(value, state, 3) for value in node.values), 2 if symbol == " && " else 1
+    if isinstance(node, ast.IfExp):
+        parts = (_at(part, state, 1) for part in (node.test, node.body, node.orelse))
+        return "{} ? {} : {}".format(*parts), 0
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in C_TYPES:
+        return f"({C_TYPES[node.func.id]}){_at(node.args[0], state, 6)}", 6
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+        return f"{node.func.id}({', '.join(_expr(argument, state) for argument in node.args)})", 7
+    if isinstance(node, ast.Subscript):
+        return f"{_expr(node.value, state)}[{_expr(node.slice, state)}]", 7
+    raise TranslationError(f"line {node.lineno}: cannot translate {ast.unparse(node)!r}")
+
+
+def _at(node: ast.expr, state: _Function, level: int) -> str:
+    text, own = _text(node, state)
+    return text if own >= level else f"({text})"

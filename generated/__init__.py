@@ -1,0 +1,1 @@
+"""What softdyn wrote for the stock laws (``softdyn generate --stock``): committed, never edited."""

@@ -1,0 +1,35 @@
+"""What softdyn refuses, and why: every error a user can provoke is one of these.
+
+The module imports nothing, so that both the derivation stage and the runtime may use it.
+"""
+
+
+class SoftdynError(Exception):
+    """Base of all errors that softdyn raises on purpose; its text is meant for the user."""
+
+
+class LawError(SoftdynError):
+    """A contact law is faulty; the message lists every fault found.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        One entry for each fault.
+    """
+
+    def __init__(self, name: str, faults: tuple[str, ...]) -> None:
+        self.faults = faults
+        lines = "\n".join(f"  - {fault}" for fault in faults)
+        super().__init__(f"law {name!r} has {len(faults)} fault{'s' if len(faults) > 1 else ''}:\n{lines}")
+
+
+class SceneError(SoftdynError):
+    """A scene, or a file or value that it names, cannot be used."""
+
+
+class CompileError(SoftdynError):
+    """A generated kernel could not be built; the message carries the command and the compiler's own words."""
+
+
+class IntegrationError(SoftdynError):
+    """A run could not be carried on to the asked accuracy; the message names t, h, delta and the cause."""
