@@ -121,6 +121,7 @@ def expressions(law: ContactLaw) -> dict[str, Expr]:
 
 
 def law_hash(law: ContactLaw) -> str:
-    """Fingerprint of what the law's kernels depend on: its name and its four expressions."""
-    text = "\n".join([law.name, law.source, *(srepr(expr) for expr in expressions(law).values())])
+    """Fingerprint of what the law's kernels depend on: its name, source, expressions and parameters."""
+    own = [f"{srepr(symbol)}: {law.parameters[symbol]} {law.ranges.get(symbol)}" for symbol in law.parameters]
+    text = "\n".join([law.name, law.source, *(srepr(expr) for expr in expressions(law).values()), *own])
     return sha256(text.encode()).hexdigest()[:16]

@@ -1,2 +1,45 @@
-"""softdyn: from a contact law, declared in four sympy expressions, to a proven, fast simulation."""
+"""softdyn: from a contact law, declared in four sympy expressions, to a proven, fast simulation.
+
+>>> import softdyn
+>>> result = softdyn.simulate(
+...     law="rognon_gay", parameters={"R": 1.0, "E": 1.0, "eta": 1.0}, h=100.0, force=1e-2, until_h=1e-3
+... )
+>>> result.h[-1]
+np.float64(0.001)
+
+Laws are declared with :mod:`softdyn.derive`. Importing softdyn imports nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
+
+if TYPE_CHECKING:
+    from softdyn.api import load_result, read_scene, simulate
+    from softdyn.results import PairResult
+    from softdyn.scene import Scene, Table
+
 __version__ = "0.1.0"
+__all__ = [
+    "CompileError",
+    "IntegrationError",
+    "LawError",
+    "PairResult",
+    "Scene",
+    "SceneError",
+    "SoftdynError",
+    "Table",
+    "load_result",
+    "read_scene",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        from softdyn import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module 'softdyn' has no attribute {name!r}")

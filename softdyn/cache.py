@@ -1,0 +1,109 @@
+"""The kernel cache: a folder of the user's own, safe when processes race.
+
+Every entry is a folder named by its key, holding files and ``entry.json`` with their digests. It is written under
+another name and renamed, so that it is there whole or not at all; whatever does not match its digests is a miss.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from softdyn.errors import SceneError
+
+VARIABLE = "SOFTDYN_CACHE_DIR"
+
+
+def folder() -> Path:
+    """Return the cache's folder, made with access for its owner only.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be made or belongs to somebody else.
+    """
+    if VARIABLE in os.environ:
+        path = Path(os.environ[VARIABLE]).expanduser().absolute()
+    else:
+        import platformdirs
+
+        path = Path(platformdirs.user_cache_path("softdyn", appauthor=False))
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        owner = path.stat().st_uid
+    except OSError as error:
+        raise SceneError(f"cannot make the kernel cache {path}: {error.strerror}; set {VARIABLE} to another folder") from None
+    if hasattr(os, "getuid") and owner != os.getuid():
+        raise SceneError(f"the kernel cache {path} belongs to another user; set {VARIABLE} to a folder of your own")
+    return path
+
+
+def key_of(*parts: Any) -> str:
+    """Key of an entry: a digest of everything that it depends on."""
+    text = json.dumps(parts, sort_keys=True, default=str)
+    return sha256(text.encode()).hexdigest()[:32]
+
+
+def read(kind: str, key: str) -> Path | None:
+    """Folder of an entry, if it is there and whole."""
+    path = folder() / kind / key
+    try:
+        digests: Mapping[str, str] = json.loads((path / "entry.json").read_text(encoding="utf-8"))["digests"]
+        for name, expected in digests.items():
+            if sha256((path / name).read_bytes()).hexdigest() != expected:
+                return None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return path
+
+
+def publish(kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, Any] | None = None) -> Path:
+    """Store an entry and return its folder; where another process was faster, its entry is kept.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be written.
+    """
+    parent = folder() / kind
+    target = parent / key
+    try:
+        parent.mkdir(mode=0o700, exist_ok=True)
+        made = Path(tempfile.mkdtemp(prefix=".", dir=parent))
+        try:
+            for name, content in files.items():
+                (made / name).write_bytes(content)
+            digests = {name: sha256(content).hexdigest() for name, content in files.items()}
+            entry = {"digests": digests, **(note or {})}
+            (made / "entry.json").write_text(json.dumps(entry, indent=1), encoding="utf-8")
+            for _ in range(3):
+                try:
+                    made.rename(target)
+                    break
+                except OSError:
+                    if read(kind, key) is not None:
+                        break
+                    # a damaged entry stands in the way: set it aside
+                    aside = Path(tempfile.mkdtemp(prefix=".", dir=parent))
+                    try:
+                        target.rename(aside / "damaged")
+                    finally:
+                        shutil.rmtree(aside, ignore_errors=True)
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+    except OSError as error:
+        raise SceneError(f"cannot write the kernel cache {parent}: {error.strerror}; set {VARIABLE} to another folder") from None
+    if read(kind, key) is None:
+        raise SceneError(f"the kernel cache entry {target} could not be written whole")
+    return target
+
+
+def discard(kind: str, key: str) -> None:
+    """Remove an entry that is out of date."""
+    shutil.rmtree(folder() / kind / key, ignore_errors=True)

@@ -1,0 +1,235 @@
+"""Expressions of time in scene files, read by a grammar of their own.
+
+::
+
+    sum     = product { ("+" | "-") product }
+    product = signed { ("*" | "/") signed }
+    signed  = ("+" | "-") signed | power
+    power   = atom [ "**" signed ]
+    atom    = number | name | function "(" sum ")" | "(" sum ")"
+
+A name is ``t``, ``pi`` or one of the constants given with the expression; nothing is ever evaluated as code. Numbers and
+constants are kept apart from the shape of the expression, so that one kernel serves every expression of a shape.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from softdyn.errors import SceneError
+
+FUNCTIONS = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
+    "abs": abs,
+    "sinh": math.sinh,
+    "cosh": math.cosh,
+    "tanh": math.tanh,
+    "atan": math.atan,
+}
+DEEPEST = 100
+LONGEST = 10_000
+#: Integer powers up to this one are products in the kernel; others go through pow.
+LARGEST_POWER = 16
+
+_TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|([A-Za-z_]\w*)|(\*\*|[-+*/()]))")
+
+#: ("time",), ("constant", index), ("neg", x), ("+" | "-" | "*" | "/", x, y), ("power", x, int or y), ("call", name, x)
+Node = tuple
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A parsed expression: its shape, and the values of the numbers in it, in order."""
+
+    text: str
+    shape: Node
+    constants: tuple[float, ...]
+
+    @property
+    def of_time(self) -> bool:
+        """Whether t appears in it."""
+        return _has_time(self.shape)
+
+
+def parse(text: str, constants: Mapping[str, float] | None = None) -> Expression:
+    """Parse an expression of t.
+
+    Parameters
+    ----------
+    text : str
+    constants : mapping from str to float, optional
+        Named constants that the expression may use.
+
+    Raises
+    ------
+    SceneError
+        Where the text leaves the grammar, with the position.
+    """
+    return _Parser(text, dict(constants or {})).parse()
+
+
+def evaluate(expression: Expression, t: float) -> float:
+    """Value at time t, in plain Python: nan where the expression has none."""
+
+    def value(node: Node) -> float:
+        kind, *parts = node
+        if kind == "time":
+            return t
+        if kind == "constant":
+            return expression.constants[parts[0]]
+        if kind == "neg":
+            return -value(parts[0])
+        if kind == "call":
+            return FUNCTIONS[parts[0]](value(parts[1]))
+        left = value(parts[0])
+        if kind == "power":
+            power = left ** (parts[1] if isinstance(parts[1], int) else value(parts[1]))
+            return power if isinstance(power, float) else math.nan
+        right = value(parts[1])
+        return {"+": left + right, "-": left - right, "*": left * right}[kind] if kind != "/" else left / right
+
+    try:
+        return float(value(expression.shape))
+    except (ValueError, ZeroDivisionError, OverflowError):
+        return math.nan
+
+
+def _has_time(node: Node) -> bool:
+    return node[0] == "time" or any(_has_time(part) for part in node[1:] if isinstance(part, tuple))
+
+
+class _Parser:
+    """Recursive descent over the tokens of one text."""
+
+    def __init__(self, text: str, names: dict[str, float]) -> None:
+        if len(text) > LONGEST:
+            raise SceneError(f"an expression of {len(text)} characters is too long; {LONGEST} are allowed")
+        self.text, self.names = text, names
+        self.constants: list[float] = []
+        self.depth = 0
+        self.tokens = self._tokens()
+        self.next = 0
+
+    def _tokens(self) -> list[tuple[str, str, int]]:
+        tokens, at = [], 0
+        end = len(self.text.rstrip())
+        while at < end:
+            match = _TOKEN.match(self.text, at)
+            if match is None:
+                at += len(self.text[at:]) - len(self.text[at:].lstrip())
+                raise self._error(f"{self.text[at]!r} is not part of the grammar", at)
+            kind = ("number", "name", "operator")[(match.lastindex or 1) - 1]
+            tokens.append((kind, match.group(match.lastindex or 1), match.start(match.lastindex or 1)))
+            at = match.end()
+        return [*tokens, ("end", "", end)]
+
+    def _error(self, message: str, at: int) -> SceneError:
+        shown = self.text if len(self.text) <= 120 else self.text[:120] + "..."
+        return SceneError(f"expression {shown!r}, position {at + 1}: {message}")
+
+    def _take(self, *texts: str) -> str | None:
+        kind, text, _ = self.tokens[self.next]
+        if kind == "operator" and text in texts:
+            self.next += 1
+            return text
+        return None
+
+    def parse(self) -> Expression:
+        shape = self._sum()
+        kind, text, at = self.tokens[self.next]
+        if kind != "end":
+            raise self._error(f"{text!r} does not belong here; an operator or the end is expected", at)
+        return Expression(self.text, shape, tuple(self.constants))
+
+    def _constant(self, value: float) -> Node:
+        self.constants.append(value)
+        return ("constant", len(self.constants) - 1)
+
+    def _sum(self) -> Node:
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise self._error(f"nested more than {DEEPEST} deep", self.tokens[self.next][2])
+        node = self._product()
+        while operator := self._take("+", "-"):
+            node = (operator, node, self._product())
+        self.depth -= 1
+        return node
+
+    def _product(self) -> Node:
+        node = self._signed()
+        while operator := self._take("*", "/"):
+            node = (operator, node, self._signed())
+        return node
+
+    def _signed(self) -> Node:
+        minus = False
+        while operator := self._take("+", "-"):
+            minus ^= operator == "-"
+        node = self._power()
+        return ("neg", node) if minus else node
+
+    def _power(self) -> Node:
+        base = self._atom()
+        if not self._take("**"):
+            return base
+        kind, text, _ = self.tokens[self.next]
+        after = self.tokens[self.next + 1][1] if kind == "number" else ""
+        if kind == "number" and text.isdigit() and 2 <= int(text[:4]) <= LARGEST_POWER and after != "**":
+            self.next += 1
+            return ("power", base, int(text))
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise self._error(f"nested more than {DEEPEST} deep", self.tokens[self.next][2])
+        node = ("power", base, self._signed())
+        self.depth -= 1
+        return node
+
+    def _atom(self) -> Node:
+        kind, text, at = self.tokens[self.next]
+        self.next += 1
+        if kind == "number":
+            if not math.isfinite(float(text)):
+                raise self._error(f"{text} is larger than a double can hold", at)
+            return self._constant(float(text))
+        if kind == "name":
+            return self._name(text, at)
+        if text == "(":
+            node = self._sum()
+            if not self._take(")"):
+                raise self._error(f"the parenthesis opened at position {at + 1} is not closed", self.tokens[self.next][2])
+            return node
+        self.next -= 1
+        found = repr(text) if text else "the end"
+        raise self._error(f"{found} where a number, a name or a parenthesis is expected", at)
+
+    def _name(self, name: str, at: int) -> Node:
+        called = self.tokens[self.next][1] == "("
+        if name in FUNCTIONS:
+            if not self._take("("):
+                raise self._error(f"function {name!r} needs an argument in parentheses", at)
+            argument = self._sum()
+            if not self._take(")"):
+                raise self._error(f"the argument of {name!r} is not closed", self.tokens[self.next][2])
+            return ("call", name, argument)
+        if called:
+            near = get_close_matches(name, FUNCTIONS, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(FUNCTIONS)}"
+            raise self._error(f"unknown function {name!r}{hint}", at)
+        if name == "t":
+            return ("time",)
+        if name in self.names:
+            return self._constant(float(self.names[name]))
+        if name == "pi":
+            return self._constant(math.pi)
+        near = get_close_matches(name, [*self.names, "t", "pi", *FUNCTIONS], n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else "; define it in [drive] constants"
+        raise self._error(f"unknown name {name!r}{hint}", at)

@@ -1,0 +1,193 @@
+"""From a law and what a scene needs to a loaded kernel.
+
+Input: a law, the scene's needs, a target. Output: a :class:`Kernel`. Two caches stand in between: manifests, from the
+request to the generated source, spare the derivation (and the import of sympy); entries, from the source to the
+compiled kernel, spare the compilation.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache as memoize
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import softdyn
+from softdyn import cache
+from softdyn.errors import SceneError
+from softdyn.laws import LawReference, digest, find
+from softdyn.targets import Functions
+
+TARGETS = ("c", "numba")
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A loaded kernel and what is known of it.
+
+    Attributes
+    ----------
+    law, target : str
+    parameters : tuple of str
+        What its array ``p`` holds.
+    outputs, inputs : tuple of str
+        What ``evaluate`` computes, and of what besides h and delta.
+    key : str
+        Its name in the cache.
+    path : Path
+        Its source.
+    compile_s : float
+        Time spent on deriving, building and loading it.
+    functions : Functions
+    ranges : dict
+        Open intervals within which some of the parameters must lie; others are positive, if ``positive`` names them.
+    """
+
+    law: str
+    target: str
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    key: str
+    path: Path
+    compile_s: float
+    functions: Functions
+    positive: tuple[str, ...]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+def choose_target(target: str) -> str:
+    """Resolve "auto": C where there is a compiler, else numba, which is said on stderr.
+
+    Raises
+    ------
+    SceneError
+        If the target is unknown.
+    """
+    if target in TARGETS:
+        return target
+    if target != "auto":
+        raise SceneError(f"unknown target {target!r}; there are auto, {', '.join(TARGETS)}")
+    from softdyn.targets import c
+
+    if c.available():
+        return "c"
+    print("softdyn: no C compiler found ($CC, cc, gcc, clang); using numba", file=sys.stderr)
+    return "numba"
+
+
+def get_kernel(
+    law: Any,
+    target: str = "auto",
+    *,
+    drive: str | tuple = "constant",
+    deflection: str = "either",
+    fixed: Mapping[str, str] | None = None,
+    outputs: tuple[str, ...] = ("a", "X"),
+) -> Kernel:
+    """Kernel of a law for a scene's needs, from the cache or made now.
+
+    Parameters
+    ----------
+    law : str, Path or ContactLaw
+        A stock law's name, a law file, or a law.
+    target : "auto", "c" or "numba"
+    drive, deflection, fixed, outputs
+        See :class:`softdyn.derive.specialise.Needs`.
+
+    Raises
+    ------
+    LawError, SceneError, CompileError
+    """
+    start = time.perf_counter()
+    target = choose_target(target)
+    needs = {"drive": drive, "deflection": deflection, "fixed": dict(fixed or {}), "outputs": outputs}
+    manifest = _manifest(find(law), target, needs)
+    back_end = importlib.import_module(f"softdyn.targets.{target}")
+    made_by = back_end.identity()
+    key = cache.key_of(manifest["source"], made_by)
+    entry = cache.read(target, key)
+    if entry is None:
+        files = back_end.build(manifest["name"], manifest["source"], made_by)
+        entry = cache.publish(target, key, files, {"made_by": made_by})
+    functions = back_end.load(entry, manifest)
+    return Kernel(
+        law=manifest["name"],
+        target=target,
+        parameters=tuple(manifest["parameters"]),
+        outputs=tuple(manifest["outputs"]),
+        inputs=tuple(manifest["inputs"]),
+        key=key,
+        path=entry / f"{manifest['name']}{back_end.SUFFIX}",
+        compile_s=time.perf_counter() - start,
+        functions=functions,
+        positive=tuple(manifest["positive"]),
+        ranges={name: (low, high) for name, (low, high) in manifest["ranges"].items()},
+    )
+
+
+@memoize
+def tool_digest() -> str:
+    """Digest of what writes kernels: the derivation stage, the templates, and the versions that matter."""
+    here = Path(__file__).parent
+    files = sorted([*(here / "derive").rglob("*.py"), *(here / "templates").rglob("*.j2")])
+    total = sha256(f"{softdyn.__version__} sympy {version('sympy')}".encode())
+    for file in files:
+        total.update(file.relative_to(here).as_posix().encode())
+        total.update(file.read_bytes())
+    return total.hexdigest()
+
+
+def _manifest(reference: LawReference, target: str, needs: dict[str, Any]) -> dict[str, Any]:
+    """Return the source of a kernel and what must be known to call it."""
+    if reference.law is not None:
+        from softdyn.derive.law import law_hash
+
+        identity = ["object", law_hash(reference.law)]
+    elif reference.path is not None:
+        identity = ["file", str(reference.path), reference.name]
+    else:
+        identity = ["stock", reference.name]
+    key = cache.key_of("manifest", identity, target, needs, tool_digest())
+    entry = cache.read("manifests", key)
+    if entry is not None:
+        manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
+        if all(digest(file) == expected for file, expected in manifest["depends"].items()):
+            return manifest
+        cache.discard("manifests", key)
+    manifest = make_manifest(reference, target, needs)
+    cache.publish("manifests", key, {"manifest.json": json.dumps(manifest).encode()})
+    return manifest
+
+
+def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
+    """Derive a kernel: the one place of the runtime that imports the derivation stage."""
+    from softdyn.derive.emit import emit
+    from softdyn.derive.kernel import kernel_ir
+    from softdyn.derive.law import parameters_of
+    from softdyn.derive.specialise import Needs
+    from softdyn.laws import load
+
+    law, depends = load(reference)
+    ir = kernel_ir(law, Needs(**needs))
+    return {
+        "name": ir.name,
+        "drive": ir.drive,
+        "constants": ir.constants,
+        "parameters": ir.parameters,
+        "outputs": ir.outputs,
+        "inputs": ir.inputs,
+        "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
+        "ranges": {symbol.name: [float(low), float(high)] for symbol, (low, high) in law.ranges.items()},
+        "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],
+        "operations": ir.operations,
+        "source": emit(ir, target),
+        "depends": depends,
+    }

@@ -1,0 +1,176 @@
+"""Finding a law: a stock law's name, ``path/law.py``, or ``path/law.py:name``.
+
+Finding one imports neither the law nor sympy; :func:`load` does.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from difflib import get_close_matches
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from softdyn.errors import LawError, SceneError
+
+if TYPE_CHECKING:
+    from softdyn.derive import ContactLaw
+
+STOCK_FOLDER = Path(__file__).parent / "derive" / "laws"
+
+
+@dataclass(frozen=True)
+class LawReference:
+    """Where a law is to be found.
+
+    Attributes
+    ----------
+    shown : str
+        As the user wrote it.
+    path : Path or None
+        A law file of the user's; None for a stock law or a law object.
+    name : str
+        A stock law's name, or the variable in a law file; empty if the file's only law is meant.
+    law : ContactLaw or None
+        The law itself, where it was handed over as an object.
+    """
+
+    shown: str
+    path: Path | None
+    name: str
+    law: Any = None
+
+
+def stock_laws() -> dict[str, str]:
+    """Return names and descriptions of the stock laws, read from their files without importing them."""
+    found = {}
+    for path in sorted(STOCK_FOLDER.glob("*.py")):
+        if path.stem != "__init__":
+            call = next(
+                node
+                for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "ContactLaw"
+            )
+            words = {keyword.arg: keyword.value for keyword in call.keywords}
+            found[path.stem] = ast.literal_eval(words["description"])
+    return found
+
+
+def find(law: Any) -> LawReference:
+    """Resolve what the user wrote, or handed over, to a reference.
+
+    Raises
+    ------
+    SceneError
+        If there is no such stock law or file.
+    """
+    if not isinstance(law, (str, Path)):
+        if type(law).__name__ != "ContactLaw":
+            raise SceneError(f"law must be a name, a path or a ContactLaw, not {law!r}")
+        return LawReference(law.name, None, law.name, law)
+    text = str(law)
+    file, _, name = text.rpartition(":") if ".py:" in text else (text, "", "")
+    if file.endswith(".py"):
+        path = Path(file).expanduser().resolve()
+        if not path.is_file():
+            raise SceneError(f"law {text!r}: there is no file {path}")
+        return LawReference(text, path, name)
+    known = [path.stem for path in STOCK_FOLDER.glob("*.py") if path.stem != "__init__"]
+    if text not in known:
+        near = get_close_matches(text, known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"the stock laws are {', '.join(sorted(known))}"
+        raise SceneError(f"unknown law {text!r}; {hint} A law of your own is path/law.py or path/law.py:name.")
+    return LawReference(text, None, text)
+
+
+def load(reference: LawReference) -> tuple[ContactLaw, dict[str, str]]:
+    """Import a law, and tell the files that it depends on, besides softdyn's own, with their digests.
+
+    A law file is Python: loading it runs it, with its folder on the import path.
+
+    Raises
+    ------
+    LawError
+        If the law is faulty.
+    SceneError
+        If the file does not define the law, or fails.
+    """
+    if reference.law is not None:
+        return reference.law, {}
+    if reference.path is None:
+        return importlib.import_module(f"softdyn.derive.laws.{reference.name}").law, {}
+    from softdyn.derive import ContactLaw
+
+    path = reference.path
+    with _folder_on_path(path.parent) as imported:
+        spec = importlib.util.spec_from_file_location(f"softdyn_law_{path.stem}", path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except (LawError, SceneError):
+            raise
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            where = _line_in(path, error)
+            raise SceneError(f"law file {path}{where}: {type(error).__name__}: {error}") from error
+        depends = {str(file): digest(file) for file in {path, *imported()}}
+    laws = {name: value for name, value in vars(module).items() if isinstance(value, ContactLaw)}
+    if reference.name:
+        if reference.name not in laws:
+            near = get_close_matches(reference.name, laws, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"its laws are {', '.join(laws) or 'none'}"
+            raise SceneError(f"{path} defines no law {reference.name!r}; {hint}")
+        return laws[reference.name], depends
+    distinct = {id(value): name for name, value in laws.items()}
+    if "law" in laws:
+        return laws["law"], depends
+    if len(distinct) != 1:
+        said = f"several laws, {', '.join(laws)}: name one" if laws else "no ContactLaw"
+        raise SceneError(f"{path} defines {said}, as in {path.name}:{next(iter(laws), 'name')}")
+    return next(iter(laws.values())), depends
+
+
+def digest(path: Path | str) -> str:
+    """SHA-256 of a file; empty if it cannot be read."""
+    try:
+        return sha256(Path(path).read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
+@contextmanager
+def _folder_on_path(folder: Path) -> Iterator[Any]:
+    """Import from a folder, and forget what was imported from it: next time its files may have changed."""
+    before = set(sys.modules)
+    sys.path.insert(0, str(folder))
+
+    def new() -> list[tuple[str, Path]]:
+        files = [(name, getattr(sys.modules[name], "__file__", None)) for name in set(sys.modules) - before]
+        return [(name, Path(file)) for name, file in files if file and Path(file).is_relative_to(folder)]
+
+    try:
+        yield lambda: [file for _, file in new()]
+    finally:
+        sys.path.remove(str(folder))
+        for name, _ in new():
+            del sys.modules[name]
+
+
+def _line_in(path: Path, error: BaseException) -> str:
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f", line {error.lineno}"
+    lines = []
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(path):
+            lines.append(trace.tb_lineno)
+        trace = trace.tb_next
+    return f", line {lines[-1]}" if lines else ""

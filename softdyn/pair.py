@@ -1,0 +1,294 @@
+"""The pair engine: two particles under a given force.
+
+The state is u = ln h. The force balance (eq. 1) gives the deflection at every gap and force, so delta is not integrated
+and cannot drift; at a jump of the force it moves at once, at fixed h, as it must. The distance of the centres,
+X = 2R + h - 2 delta (eq. 2), is an output only: integrating it would cancel.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.kernels import Kernel, get_kernel
+from softdyn.quadrature import integrate_constant_force
+from softdyn.results import PairResult
+from softdyn.scene import Drive, Scene, check_scene, drive_of, parameter_values
+
+Array = NDArray[np.float64]
+
+#: Steps between two looks at the progress, and at whether the user interrupts.
+CHUNK = 2048
+MOST_STEPS = 2_000_000
+#: Numbers that describe the dense output of a step: its start, its length, u at its start, 7 coefficients.
+WIDTH = 10
+
+Progress = Callable[[float, float], None]
+
+
+def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
+    """Integrate eq. 7 with the deflection from the force balance.
+
+    Parameters
+    ----------
+    scene : Scene
+    progress : function of (t, h), optional
+        Called now and then.
+
+    Raises
+    ------
+    SceneError
+        If the scene cannot be used.
+    IntegrationError
+        If it cannot be carried to its end at the asked accuracy.
+    """
+    check_scene(scene)
+    drive = drive_of(scene)
+    kernel = get_kernel(
+        scene.law, scene.target, drive=drive.shape, deflection=drive.deflection, outputs=_evaluated(scene)
+    )
+    p = parameter_values(scene, kernel.parameters, kernel.positive, kernel.ranges)
+    R = float(p[kernel.parameters.index("R")])
+    start = time.perf_counter()
+    if scene.until_t is not None and scene.until_t <= drive.start:
+        raise SceneError(f"[until] t = {scene.until_t:g} is not after the start, t = {drive.start:g}")
+
+    F0 = float(_force(kernel, drive, np.array([drive.start]))[0][0])
+    delta0 = _initial_deflection(scene, kernel, p, R, F0)
+    if scene.method == "quadrature":
+        if drive.shape != "constant":
+            raise SceneError("[accuracy] method = 'quadrature' is for a constant force; this one depends on time")
+        t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, F0)
+    else:
+        steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, progress)
+        t, h = _sample(scene, drive, steps, stopped_by)
+    F, dF_dt = _force(kernel, drive, t)
+    delta = deflection(kernel, h, F, p)
+    arrays = {"t": t, "h": h, "delta": delta}
+    values = evaluate(kernel, h, delta, F, dF_dt, p)
+    balanced = np.isfinite(values["F_ela"])
+    if not balanced.all():
+        at = int(np.argmin(balanced))
+        raise IntegrationError(f"the force balance has no solution at t={t[at]:g}, h={h[at]:g}, F={F[at]:g}")
+    for name in scene.quantities:
+        arrays[name] = {"F": F, "dF_dt": dF_dt}[name] if name in ("F", "dF_dt") else values[name]
+    largest = float(np.max(np.abs(F), initial=0.0))
+    residual = float(np.max(np.abs(values["F_ela"] - F), initial=0.0)) / largest if largest else 0.0
+    return PairResult(
+        law=kernel.law,
+        target=kernel.target,
+        parameters=dict(zip(kernel.parameters, p.tolist(), strict=True)),
+        arrays=arrays,
+        stopped_by=stopped_by,
+        stats={
+            **stats,
+            "force_residual": residual,
+            "wall_s": time.perf_counter() - start,
+            "compile_s": kernel.compile_s,
+            "kernel": kernel.key,
+        },
+        warnings=_warnings(kernel, p, delta, largest, R),
+    )
+
+
+def _evaluated(scene: Scene) -> tuple[str, ...]:
+    """What the kernel must output: what was asked for, and F_ela, to report the residual of the force balance."""
+    wanted = {*scene.quantities, "F_ela"} | ({"dh_dt"} if scene.method == "quadrature" else set())
+    return tuple(sorted(wanted - {"F", "dF_dt"}))
+
+
+def _force(kernel: Kernel, drive: Drive, t: Array) -> tuple[Array, Array]:
+    """External force and its rate of change at the times t."""
+    if kernel.functions.force is None:
+        return np.full(len(t), drive.constants[0]), np.zeros(len(t))
+    F, dF_dt = np.empty(len(t)), np.empty(len(t))
+    kernel.functions.force(len(t), t, *drive.arguments, F, dF_dt)
+    return F, dF_dt
+
+
+def deflection(kernel: Kernel, h: Array, F: Array, p: Array) -> Array:
+    """Deflection at each gap under each force (eq. 1); nan where there is none."""
+    delta = np.full(len(h), math.nan)
+    kernel.functions.solve_delta(len(h), h, F, p, delta)
+    return delta
+
+
+def evaluate(kernel: Kernel, h: Array, delta: Array, F: Array, dF_dt: Array, p: Array) -> dict[str, Array]:
+    """Return the kernel's outputs at each state."""
+    out = np.empty(len(kernel.outputs) * len(h))
+    inputs = {"F": F, "dF_dt": dF_dt}
+    kernel.functions.evaluate(len(h), h, delta, *(inputs[name] for name in kernel.inputs), p, out)
+    return dict(zip(kernel.outputs, out.reshape(len(kernel.outputs), len(h)), strict=True))
+
+
+def _initial_deflection(scene: Scene, kernel: Kernel, p: Array, R: float, F0: float) -> float:
+    """Deflection that balances the initial force, and agrees with X if that is given."""
+    if not math.isfinite(F0):
+        raise SceneError(f"[drive] force has no finite value at the start: {F0}")
+    h = float(scene.h)
+    delta = float(deflection(kernel, np.array([h]), np.array([F0]), p)[0])
+    if not math.isfinite(delta):
+        raise SceneError(f"no deflection balances the initial force F={F0:g} at h={h:g}")
+    if scene.X is not None:
+        given = (2 * R + h - float(scene.X)) / 2
+        # X determines delta up to the rounding of the difference that it is (eq. 2)
+        if abs(given - delta) > 1e-6 * abs(delta) + 8 * np.finfo(float).eps * (2 * R + h):
+            raise SceneError(
+                f"[pair] X = {scene.X:.15g} contradicts h = {h:g} and the initial force F = {F0:g}: they make "
+                f"delta = {delta:.6g} and X = {2 * R + h - 2 * delta:.15g}, while X and h make delta = {given:.6g}; "
+                "leave X out, or change the force"
+            )
+    return delta
+
+
+def _integrate(
+    scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, progress: Progress | None
+) -> tuple[Array, str, dict[str, Any]]:
+    """Run the kernel's integrator to the end; returns the dense output of its steps, shape (steps, WIDTH)."""
+    t_end = math.inf if scene.until_t is None else float(scene.until_t)
+    u_stop = math.nan if scene.until_h is None else math.log(scene.until_h)
+    state = np.zeros(11)
+    state[:3] = drive.start, math.log(scene.h), delta0
+    recorded: list[Array] = []
+    status = 2
+    while status == 2:
+        chunk = np.empty(CHUNK * WIDTH)
+        status = kernel.functions.integrate(t_end, u_stop, float(scene.rtol), p, *drive.arguments, CHUNK, state, chunk)
+        recorded.append(chunk[: int(state[10]) * WIDTH].reshape(-1, WIDTH))
+        if progress is not None:
+            progress(float(state[0]), math.exp(min(state[1], 700.0)))
+        if status == 2:
+            status = _stuck(scene, state)
+    if status not in (0, 1):
+        raise IntegrationError(_what_happened(status, scene, drive, state))
+    stats = {"method": "DOP853 in ln h", "steps": int(state[5]), "rejected": int(state[6]), "evaluations": int(state[7])}
+    return np.concatenate(recorded), "h" if status == 1 else "t", stats
+
+
+TOO_MANY, RUNAWAY = -10, -11
+
+
+def _stuck(scene: Scene, state: Array) -> int:
+    """Status of a run that has not ended: 2 to go on."""
+    if state[5] + state[6] > MOST_STEPS:
+        return TOO_MANY
+    # ln h at which h overflows, or vanishes, in double precision
+    return 2 if abs(state[1]) < 690 else RUNAWAY
+
+
+def _what_happened(status: int, scene: Scene, drive: Drive, state: Array) -> str:
+    t, u, delta = state[:3]
+    h = math.exp(min(max(u, -745.0), 709.0))
+    where = f"at t={t:.6g}, h={h:.6g}, delta={delta:.6g}"
+    toward = "" if scene.until_h is None else f" before the gap reached until.h = {scene.until_h:g}"
+    film = (
+        "if F_adh balances the force the gap settles on a film and never passes it: end the run by a time"
+        if scene.until_t is None
+        else "the equation is stiff there; ask for a shorter time or a larger rtol"
+    )
+    reasons = {
+        3: f"the force table ends {where}{toward}; extend it, or end the run earlier",
+        -1: f"the step fell below the rounding of t {where}: the tolerance rtol={scene.rtol:g} cannot be met, or the law "
+        "or the force has a singularity there",
+        -2: f"the gap no longer moves {where}{toward}: the force vanishes or is balanced; end the run by a time, until.t",
+        -3: f"the gap has no finite rate {where}: the force or the law has no value there",
+        TOO_MANY: f"{MOST_STEPS} steps were not enough, {where}{toward}; {film}",
+        RUNAWAY: f"the gap left the range of double precision {where}{toward}: the force moves it the other way",
+    }
+    return reasons[status]
+
+
+def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[Array, Array]:
+    """Times and gaps of the asked outputs, from the dense output of the steps."""
+    starts, lengths = steps[:, 0], steps[:, 1]
+    if stopped_by == "h":
+        theta = _crossing(steps[-1], math.log(float(scene.until_h or 0)))
+        end = starts[-1] + theta * lengths[-1]
+    else:
+        end = float(scene.until_t or 0)
+    if scene.gaps is not None:
+        return _at_gaps(scene, steps, end)
+    if scene.times is None:
+        t = np.append(starts, end)
+    elif isinstance(scene.times, (int, np.integer)):
+        t = np.linspace(drive.start, end, int(scene.times))
+    else:
+        t = np.array(scene.times, dtype=float)
+        if t[0] < drive.start or (scene.until_t is not None and t[-1] > scene.until_t):
+            raise SceneError(f"[output] times must lie within the run, {drive.start:g} .. {scene.until_t or end:g}")
+        t = t[t <= end]
+    index = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(starts) - 1)
+    h = np.exp(interpolate(steps[index], (t - starts[index]) / lengths[index]))
+    if stopped_by == "h" and len(t) and t[-1] == end:
+        h[-1] = float(scene.until_h or 0)
+    if len(t) and t[0] == drive.start:
+        h[0] = scene.h
+    return t, h
+
+
+def interpolate(steps: Array, theta: Array | float) -> Array:
+    """Dense output of DOP853, order 7: u at the fraction theta of each step (Hairer, Norsett & Wanner, II.6)."""
+    other = 1 - theta
+    total = steps[..., 9] * theta
+    for column in (8, 7, 6, 5, 4, 3):
+        total = (steps[..., column] + total) * (theta if column % 2 else other)
+    return steps[..., 2] + total
+
+
+def _crossing(step: Array, u: float) -> float:
+    """Fraction of a step at which it passes u, by bisection of its dense output."""
+    low, high = 0.0, 1.0
+    rising = float(interpolate(step, 1.0)) > float(interpolate(step, 0.0))
+    for _ in range(60):
+        middle = (low + high) / 2
+        if (float(interpolate(step, middle)) < u) == rising:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2
+
+
+def _at_gaps(scene: Scene, steps: Array, end: float) -> tuple[Array, Array]:
+    """Times at which the gaps are passed, each after the one before; gaps that are not passed are an error."""
+    if isinstance(scene.gaps, (int, np.integer)):
+        gaps = np.geomspace(scene.h, float(scene.until_h or 0), int(scene.gaps))
+    else:
+        gaps = np.array(scene.gaps, dtype=float)
+    u = np.append(steps[:, 2], steps[-1, 2] + steps[-1, 3])
+    times, at = [], 0
+    for gap in gaps:
+        target = math.log(gap)
+        if gap == scene.h and at == 0:
+            times.append(steps[0, 0])
+            continue
+        passed = np.flatnonzero((u[at:-1] - target) * (u[at + 1 :] - target) <= 0)
+        t = math.inf
+        if len(passed):
+            at += int(passed[0])
+            t = steps[at, 0] + _crossing(steps[at], target) * steps[at, 1]
+        # the last step may pass what lies beyond the end, and rounding the end itself
+        if t > end * (1 + 1e-14) and not (gap == scene.until_h and len(passed)):
+            reached = math.exp(float(np.min(u))), math.exp(float(np.max(u)))
+            raise SceneError(
+                f"[output] gaps: h = {gap:g} is not passed, in this order, before the run ends; "
+                f"the gap stays within {reached[0]:.6g} .. {reached[1]:.6g}"
+            )
+        times.append(min(t, end))
+    return np.array(times), gaps
+
+
+def _warnings(kernel: Kernel, p: Array, delta: Array, largest: float, R: float) -> tuple[str, ...]:
+    found = []
+    if "E" in kernel.parameters:
+        kappa = largest / (float(p[kernel.parameters.index("E")]) * R**2)
+        if kappa > 1:
+            found.append(f"kappa = F/(E R^2) reaches {kappa:.3g} > 1: outside the model, deflections are of the order of R")
+    if not found and np.max(np.abs(delta), initial=0.0) >= R:
+        found.append(f"the deflection reaches {np.max(np.abs(delta)) / R:.3g} R: outside the model")
+    return tuple(found)

@@ -1,0 +1,178 @@
+"""Results of a run: arrays, statistics, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SUFFIXES = (".json", ".npz", ".csv")
+
+
+@dataclass(frozen=True)
+class PairResult:
+    """What a run of two particles gave; all numbers in the units of the scene's parameters.
+
+    Attributes
+    ----------
+    law, target : str
+    parameters : mapping from str to float
+    arrays : mapping from str to array of shape (outputs,)
+        ``t`` (time), ``h`` (gap, length), ``delta`` (deflection, length), and the quantities asked for: ``X`` (distance
+        of the centres, length), ``a`` (contact radius, length), ``F`` (force), ``dF_dt`` (force/time), ``zeta`` and ``D``
+        (force time/length), ``C`` (force/length), ``F_adh`` (force), ``dh_dt``, ``ddelta_dt``, ``dX_dt`` (length/time),
+        ``lambda1`` and ``lambda2`` (dimensionless: local exponents of delta and dh/dt in h, at constant force).
+        Each is an attribute, too: ``result.h`` is ``result.arrays["h"]``.
+    stopped_by : str
+        "h" or "t": which end was reached.
+    stats : mapping
+        ``steps``, ``rejected``, ``evaluations`` (of dh/dt), ``force_residual`` (largest abs(F_ela - F_ext) relative to
+        the largest force), ``wall_s``, ``compile_s`` (deriving, compiling and loading), ``kernel`` (its key).
+    warnings : tuple of str
+    """
+
+    law: str
+    target: str
+    parameters: Mapping[str, float]
+    arrays: Mapping[str, NDArray[np.float64]]
+    stopped_by: str
+    stats: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
+
+    def __getattr__(self, name: str) -> NDArray[np.float64]:
+        if name != "arrays" and name in self.arrays:
+            return self.arrays[name]
+        there = ", ".join(self.arrays) if name != "arrays" else ""
+        raise AttributeError(f"the result has no {name!r}; its arrays are {there}")
+
+    def __len__(self) -> int:
+        return len(self.arrays["t"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data, the arrays as lists."""
+        return {
+            "status": "success",
+            "law": self.law,
+            "target": self.target,
+            "parameters": dict(self.parameters),
+            "stopped_by": self.stopped_by,
+            **{name: [_json_number(value) for value in values] for name, values in self.arrays.items()},
+            "stats": dict(self.stats),
+            "warnings": list(self.warnings),
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write to a .json, .npz or .csv file; see :func:`load_result`.
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, or the file cannot be written; then nothing is left behind.
+        """
+        path = Path(path)
+        if path.suffix not in SUFFIXES:
+            raise SceneError(f"cannot save to {path}: the ending must be one of {', '.join(SUFFIXES)}")
+        with written_whole(path) as temporary:
+            if path.suffix == ".json":
+                temporary.write_text(json.dumps(self.to_dict()) + "\n", encoding="utf-8")
+            elif path.suffix == ".npz":
+                about = {key: value for key, value in self.to_dict().items() if key not in self.arrays}
+                with temporary.open("wb") as file:
+                    np.savez(file, about=np.array(json.dumps(about)), **self.arrays)
+            else:
+                columns = np.column_stack(list(self.arrays.values()))
+                np.savetxt(temporary, columns, delimiter=",", header=",".join(self.arrays), comments="", fmt="%.17g")
+        return path
+
+    def plot(self) -> Figure:
+        """Draw the gap and the deflection against time, and the local exponents against the gap."""
+        from softdyn.plots import plot_pair
+
+        return plot_pair(self)
+
+
+def _json_number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+class written_whole:  # noqa: N801 - reads as a statement
+    """Context: a temporary file that takes the place of ``path`` once it is written without an error."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __enter__(self) -> Path:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            if self.path.is_dir():
+                raise IsADirectoryError(21, "it is a folder")
+            handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
+        except OSError as error:
+            raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
+        os.close(handle)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(name, 0o666 & ~umask)
+        self.temporary = Path(name)
+        return self.temporary
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        try:
+            if kind is None:
+                os.replace(self.temporary, self.path)
+        except OSError as failed:
+            error = failed
+        finally:
+            self.temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
+
+
+def load_result(path: str | Path) -> PairResult:
+    """Read a result saved as .json or .npz.
+
+    Raises
+    ------
+    SceneError
+        If the file is not such a result.
+    """
+    path = Path(path)
+    try:
+        if path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as stored:
+                about = json.loads(str(stored["about"]))
+                arrays = {name: stored[name] for name in stored.files if name != "about"}
+        else:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            arrays = {
+                name: np.array([math.nan if v is None else v for v in values], dtype=float)
+                for name, values in data.items()
+                if isinstance(values, list) and name != "warnings"
+            }
+            about = data
+        return PairResult(
+            law=about["law"],
+            target=about["target"],
+            parameters=about["parameters"],
+            arrays={"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays},
+            stopped_by=about["stopped_by"],
+            stats=about["stats"],
+            warnings=tuple(about["warnings"]),
+        )
+    except OSError as error:
+        raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError, EOFError) as error:
+        raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): {error}") from None

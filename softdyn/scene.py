@@ -1,0 +1,408 @@
+"""Scenes: what to simulate, from a TOML file or from keyword arguments, checked before anything runs."""
+
+from __future__ import annotations
+
+import csv
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.expression import Expression, parse
+from softdyn.expression import evaluate as evaluate_expression
+
+#: Quantities that a result can hold besides t, h and delta; F and dF_dt are the external force and its rate.
+QUANTITIES = ("X", "a", "F", "dF_dt", "zeta", "F_adh", "C", "D", "dh_dt", "ddelta_dt", "dX_dt", "lambda1", "lambda2")
+DEFAULT_QUANTITIES = ("X", "a", "F")
+METHODS = ("integrate", "quadrature")
+TARGETS = ("auto", "c", "numba")
+#: Below this, rounding of ln h is of the order of the tolerance.
+SMALLEST_RTOL = 1e-14
+LARGEST_COUNT = 10_000_000
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "pair": ("h", "X"),
+    "drive": ("force", "constants"),
+    "until": ("h", "t"),
+    "output": ("times", "gaps", "quantities"),
+    "accuracy": ("rtol", "method"),
+}
+TOP_LEVEL = ("law", "target", "parameters", *KEYS)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A force given at increasing times, linear in between: arrays of one length, times and forces."""
+
+    t: NDArray[np.float64]
+    F: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Two particles under a given force; all numbers in one consistent set of units.
+
+    Parameters
+    ----------
+    law : str, Path or ContactLaw
+        A stock law's name, ``path/law.py``, ``path/law.py:name``, or a law.
+    parameters : mapping from str to float
+        A value for each parameter of the law.
+    h : float
+        Initial gap, > 0.
+    force : float, str, Table, or a pair of arrays (t, F)
+        External force, > 0 pushes the particles together: a number, an expression of t, or a table.
+    constants : mapping from str to float
+        Named constants of the expression.
+    X : float, optional
+        Initial distance of the centres, which must agree with h and the force.
+    until_h, until_t : float, optional
+        The run ends when the gap passes until_h, or at the time until_t, whichever comes first.
+    times : int or sequence of float, optional
+        Output times: how many, evenly spaced over the run, or which.
+    gaps : int or sequence of float, optional
+        Output gaps instead: how many, evenly spaced in ln h between h and until_h, or which, in the order of passage.
+        Without times and gaps there is one output at every step taken.
+    quantities : sequence of str
+        What to output besides t, h and delta: of :data:`QUANTITIES`.
+    rtol : float
+        Relative error allowed in h at each step.
+    method : "integrate" or "quadrature"
+        Quadrature is exact for a constant force, and for that alone.
+    target : "auto", "c" or "numba"
+    """
+
+    law: Any
+    parameters: Mapping[str, float]
+    h: float
+    force: Any
+    constants: Mapping[str, float] = field(default_factory=dict)
+    X: float | None = None
+    until_h: float | None = None
+    until_t: float | None = None
+    times: int | Sequence[float] | None = None
+    gaps: int | Sequence[float] | None = None
+    quantities: Sequence[str] = DEFAULT_QUANTITIES
+    rtol: float = 1e-9
+    method: str = "integrate"
+    target: str = "auto"
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Read a scene file.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path} is not text in UTF-8: {error.reason} at byte {error.start}") from None
+    except OSError as error:
+        raise SceneError(f"cannot read the scene {path}: {error.strerror}") from None
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SceneError(f"{path} is not valid TOML: {error}") from None
+    try:
+        return scene_from(data, path.parent)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
+    """Scene from the content of a scene file; paths in it are relative to ``folder``."""
+    faults = _unknown(data, TOP_LEVEL, "")
+    for section, keys in KEYS.items():
+        content = data.get(section, {})
+        if not isinstance(content, Mapping):
+            faults.append(f"{section} must be a section, [{section}]")
+        else:
+            faults += _unknown(content, keys, f"[{section}] ")
+    missing = [key for key in ("law", "parameters", "pair", "drive", "until") if key not in data]
+    faults += [f"[{key}] is missing" if key != "law" else "law is missing: law = \"NAME\"" for key in missing]
+    for section, key in (("pair", "h"), ("drive", "force")):
+        if section not in missing and isinstance(data[section], Mapping) and key not in data[section]:
+            faults.append(f"[{section}] {key} is missing")
+    if faults:
+        raise SceneError(_listed(faults))
+    law = data["law"]
+    if isinstance(law, str) and ".py" in law:
+        law = str(folder / law)
+    force = data["drive"]["force"]
+    if isinstance(force, Mapping):
+        if set(force) != {"file"} or not isinstance(force["file"], str):
+            raise SceneError("[drive] force: a table is {file = \"force.csv\"}, with no other key")
+        force = read_table(folder / force["file"])
+    output, accuracy = data.get("output", {}), data.get("accuracy", {})
+    return Scene(
+        law=law,
+        target=data.get("target", "auto"),
+        parameters=data["parameters"],
+        h=data["pair"]["h"],
+        X=data["pair"].get("X"),
+        force=force,
+        constants=data["drive"].get("constants", {}),
+        until_h=data["until"].get("h"),
+        until_t=data["until"].get("t"),
+        **{key: output[key] for key in output},
+        **{key: accuracy[key] for key in accuracy},
+    )
+
+
+def _unknown(given: Iterable[str], allowed: Sequence[str], where: str) -> list[str]:
+    return [f"{where}unknown key {key!r}{suggestion(key, allowed)}" for key in given if key not in allowed]
+
+
+def suggestion(word: str, known: Sequence[str]) -> str:
+    """Words to add to a message about an unknown name."""
+    near = get_close_matches(str(word), list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(known)}"
+
+
+def _listed(faults: Sequence[str]) -> str:
+    return faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults)
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a force from a CSV file: two columns, time and force, with or without a line of headings.
+
+    Raises
+    ------
+    SceneError
+        Naming the line at fault.
+    """
+    path = Path(path)
+    times, forces = [], []
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            for number, row in enumerate(csv.reader(file), start=1):
+                if not row or not "".join(row).strip() or row[0].lstrip().startswith("#"):
+                    continue
+                try:
+                    t, F = (float(cell) for cell in row)
+                except ValueError:
+                    if not times and not any(_is_number(cell) for cell in row):
+                        continue  # headings
+                    raise SceneError(f"force table {path}, line {number}: two numbers are expected, not {row}") from None
+                if not (math.isfinite(t) and math.isfinite(F)):
+                    raise SceneError(f"force table {path}, line {number}: {row} is not finite")
+                if times and t <= times[-1]:
+                    raise SceneError(f"force table {path}, line {number}: time {t} does not come after {times[-1]}")
+                times.append(t)
+                forces.append(F)
+    except OSError as error:
+        raise SceneError(f"cannot read the force table {path}: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SceneError(f"the force table {path} is not CSV in UTF-8: {error}") from None
+    if len(times) < 2:
+        raise SceneError(f"force table {path}: at least two rows of time, force are needed, and {len(times)} found")
+    return Table(np.array(times), np.array(forces))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The external force in the form that a kernel takes.
+
+    Attributes
+    ----------
+    shape : "constant", "table" or the shape of an expression
+    constants : array
+        The force itself, or the constants of the expression.
+    table : Table or None
+    start : float
+        The time at which the run starts: 0, or the first of the table.
+    """
+
+    shape: str | tuple
+    constants: NDArray[np.float64]
+    table: Table | None = None
+    start: float = 0.0
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What a kernel's functions take for the drive."""
+        if self.table is not None:
+            return (self.table.t, self.table.F, len(self.table.t))
+        return (self.constants,)
+
+    @property
+    def deflection(self) -> str:
+        """The signs that the deflection can take, as far as the drive tells."""
+        forces = self.table.F if self.table is not None else self.constants if self.shape == "constant" else np.zeros(1)
+        return "compression" if np.all(forces > 0) else "tension" if np.all(forces < 0) else "either"
+
+
+def drive_of(scene: Scene) -> Drive:
+    """Drive of a scene.
+
+    Raises
+    ------
+    SceneError
+        If the force is neither a finite number, nor an expression, nor a table.
+    """
+    force = scene.force
+    if isinstance(force, str):
+        constants = _numbers("[drive] constants", scene.constants)
+        expression: Expression = parse(force, constants)
+        if expression.of_time:
+            return Drive(expression.shape, np.array(expression.constants or (0.0,)))
+        value = evaluate_expression(expression, 0.0)
+        if not math.isfinite(value):
+            raise SceneError(f"[drive] force = {force!r} has no finite value")
+        return Drive("constant", np.array([value]))
+    if scene.constants:
+        raise SceneError("[drive] constants belong to a force that is an expression, and this one is not")
+    if isinstance(force, (tuple, list)) and len(force) == 2:
+        force = _table_from(*force)
+    if isinstance(force, Table):
+        return Drive("table", np.zeros(1), force, float(force.t[0]))
+    return Drive("constant", np.array([_finite("force", force)]))
+
+
+def _table_from(t: Any, F: Any) -> Table:
+    try:
+        table = Table(np.array(t, dtype=float), np.array(F, dtype=float))
+    except (TypeError, ValueError):
+        raise SceneError("force: a table is a pair of arrays of numbers, (t, F)") from None
+    if table.t.ndim != 1 or table.t.shape != table.F.shape or len(table.t) < 2:
+        raise SceneError(f"force: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}")
+    if not (np.isfinite(table.t).all() and np.isfinite(table.F).all() and (np.diff(table.t) > 0).all()):
+        raise SceneError("force: a table's times must increase, and all its numbers be finite")
+    return table
+
+
+def _numbers(where: str, values: Any) -> dict[str, float]:
+    if not isinstance(values, Mapping):
+        raise SceneError(f"{where} must map names to numbers, not {values!r}")
+    return {str(name): _finite(f"{where}: {name}", value) for name, value in values.items()}
+
+
+def _finite(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise SceneError(f"{name} must be a number, not {value!r}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise SceneError(f"{name} must be finite, not {value!r}")
+    return number
+
+
+def _positive(name: str, value: Any) -> float:
+    number = _finite(name, value)
+    if number <= 0:
+        raise SceneError(f"{name} must be positive, not {value!r}")
+    if number < np.finfo(float).tiny:
+        raise SceneError(f"{name} = {value!r} is below the smallest normal double; choose other units")
+    return number
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse what is wrong with a scene whatever its law, all faults at once.
+
+    Raises
+    ------
+    SceneError
+    """
+    faults = []
+
+    def attempt(check: Any, *arguments: Any) -> Any:
+        try:
+            return check(*arguments)
+        except SceneError as error:
+            faults.append(str(error))
+            return None
+
+    h = attempt(_positive, "[pair] h", scene.h)
+    if scene.X is not None:
+        attempt(_finite, "[pair] X", scene.X)
+    until_h = attempt(_positive, "[until] h", scene.until_h) if scene.until_h is not None else None
+    if scene.until_t is not None:
+        attempt(_finite, "[until] t", scene.until_t)
+    if scene.until_h is None and scene.until_t is None:
+        faults.append("[until] needs h, t, or both: when does the run end?")
+    if scene.times is not None and scene.gaps is not None:
+        faults.append("[output] takes times or gaps, not both")
+    attempt(_outputs, "times", scene.times, _finite)
+    gaps = attempt(_outputs, "gaps", scene.gaps, _positive)
+    if isinstance(gaps, int) and until_h is None:
+        faults.append("[output] gaps = a count needs [until] h, to know where to")
+    if h is not None and until_h == h:
+        faults.append(f"[until] h is the initial gap, {h}: there is nothing to run")
+    for name in scene.quantities if not isinstance(scene.quantities, str) else [scene.quantities]:
+        if name not in QUANTITIES:
+            faults.append(f"[output] unknown quantity {name!r}{suggestion(name, QUANTITIES)}")
+    rtol = attempt(_positive, "[accuracy] rtol", scene.rtol)
+    if rtol is not None and not SMALLEST_RTOL <= rtol < 1:
+        faults.append(f"[accuracy] rtol must lie between {SMALLEST_RTOL:g}, where rounding sets in, and 1, not {rtol:g}")
+    if scene.method not in METHODS:
+        faults.append(f"[accuracy] unknown method {scene.method!r}{suggestion(scene.method, METHODS)}")
+    if scene.target not in TARGETS:
+        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
+    attempt(_numbers, "[parameters]", scene.parameters)
+    if faults:
+        raise SceneError(_listed(faults))
+
+
+def _outputs(name: str, value: Any, check: Any) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        if not 2 <= value <= LARGEST_COUNT:
+            raise SceneError(f"[output] {name} must be 2 to {LARGEST_COUNT}, or a list, not {value}")
+        return int(value)
+    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
+        raise SceneError(f"[output] {name} must be a count or a list of numbers, not {value!r}")
+    values = [check(f"[output] {name}", one) for one in value]
+    if not values:
+        raise SceneError(f"[output] {name} is an empty list")
+    if name == "times" and any(late <= early for early, late in zip(values, values[1:], strict=False)):
+        raise SceneError("[output] times must increase")
+    return values
+
+
+def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str], ranges: Mapping[str, Any]) -> NDArray:
+    """Values of a law's parameters, in its order.
+
+    Raises
+    ------
+    SceneError
+        Listing missing, unknown, non-positive and out-of-range parameters.
+    """
+    given = _numbers("[parameters]", scene.parameters)
+    faults = [
+        f"[parameters] {name!r} is not a parameter of the law{suggestion(name, names)}" for name in given if name not in names
+    ]
+    for name in names:
+        if name not in given:
+            faults.append(f"[parameters] {name} is missing; the law needs {', '.join(names)}")
+        elif name in ranges and not ranges[name][0] < given[name] < ranges[name][1]:
+            faults.append(f"[parameters] {name} = {given[name]:g} lies outside {ranges[name][0]:g} .. {ranges[name][1]:g}")
+        elif name in positive:
+            try:
+                _positive(f"[parameters] {name}", given[name])
+            except SceneError as error:
+                faults.append(str(error))
+    if faults:
+        raise SceneError(_listed(faults))
+    return np.array([given[name] for name in names])

@@ -1,0 +1,23 @@
+"""Building and loading a kernel's source: one module for each target, with the same functions.
+
+``identity()`` tells what, besides the source, the built kernel depends on; ``build(name, source, identity)`` makes the
+files of a cache entry; ``load(folder, manifest)`` returns the kernel's functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+
+class Functions(NamedTuple):
+    """The functions of a loaded kernel; arrays are contiguous and of doubles, and are passed as they are.
+
+    ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``, ``force(n, t, *drive, F, dF_dt)``
+    (None for a constant force) and ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``.
+    """
+
+    evaluate: Callable[..., Any]
+    solve_delta: Callable[..., Any]
+    force: Callable[..., Any] | None
+    integrate: Callable[..., int]

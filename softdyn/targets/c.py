@@ -1,0 +1,124 @@
+"""Target C: compile with the machine's compiler, load with ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softdyn.errors import CompileError, SceneError
+from softdyn.targets import Functions
+
+SUFFIX = ".c"
+#: IEEE arithmetic throughout: no -ffast-math. Contraction to fused operations is off, so that every machine and both
+#: targets round alike; math functions need not set errno.
+FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
+COMPILERS = ("cc", "gcc", "clang")
+TIMEOUT = 120
+
+
+@cache
+def compiler() -> tuple[str, ...] | None:
+    """Return the command of the C compiler, from $CC or the usual names; None if there is none."""
+    if os.environ.get("CC"):
+        command = shlex.split(os.environ["CC"])
+        return tuple(command) if shutil.which(command[0]) else None
+    if sys.platform == "win32":
+        return None  # the usual compilers there take other flags
+    found = next((path for name in COMPILERS if (path := shutil.which(name))), None)
+    return (found,) if found else None
+
+
+def available() -> bool:
+    """Whether this machine can build the target."""
+    return compiler() is not None
+
+
+def identity() -> dict[str, Any]:
+    """Return compiler, flags, ABI and the instruction set that they select.
+
+    The predefined macros name the compiler's version and every instruction set that -march=native turns on, so a
+    kernel built on one machine is not loaded on another that lacks an instruction.
+    """
+    command = compiler()
+    if command is None:
+        raise CompileError(
+            f"target 'c' needs a C compiler: none of {', '.join(COMPILERS)} is on PATH, and CC is "
+            f"{os.environ.get('CC') or 'not set'}; install one, or use target 'numba'"
+        )
+    for extra in (("-march=native",), ()):
+        flags = (*FLAGS, *extra)
+        probe = _run([*command, *(f for f in flags if f != "-shared"), "-dM", "-E", "-x", "c", os.devnull])
+        if probe.returncode == 0:
+            abi = [sys.platform, platform.machine(), ctypes.sizeof(ctypes.c_void_p)]
+            return {"command": list(command), "flags": list(flags), "abi": abi, "macros": probe.stdout}
+    raise CompileError(f"the C compiler does not work:\n  {shlex.join(probe.args)}\n{_words(probe)}")
+
+
+def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    try:
+        return subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT, stdin=subprocess.DEVNULL, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise CompileError(f"could not run the C compiler:\n  {shlex.join(command)}\n{error}") from None
+
+
+def _words(done: subprocess.CompletedProcess[str]) -> str:
+    return (done.stderr + done.stdout).strip() or f"(it printed nothing, and exited with {done.returncode})"
+
+
+def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes]:
+    """Compile a kernel.
+
+    Raises
+    ------
+    CompileError
+        With the command and the compiler's own words.
+    """
+    with tempfile.TemporaryDirectory(prefix="softdyn-") as scratch:
+        text, library = Path(scratch, f"{name}.c"), Path(scratch, f"{name}.so")
+        try:
+            text.write_text(source, encoding="utf-8")
+        except OSError as error:
+            raise CompileError(f"cannot write {text}: {error.strerror}") from None
+        command = [*made_by["command"], *made_by["flags"], "-o", str(library), str(text), "-lm"]
+        done = _run(command)
+        if done.returncode != 0 or not library.is_file():
+            raise CompileError(f"the C compiler failed:\n  {shlex.join(command)}\n{_words(done)}")
+        return {f"{name}.c": source.encode(), f"{name}.so": library.read_bytes()}
+
+
+def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
+    """Load a compiled kernel."""
+    name = manifest["name"]
+    try:
+        library = ctypes.CDLL(str(folder / f"{name}.so"))
+    except OSError as error:
+        raise SceneError(f"cannot load the kernel {folder / name}.so: {error}") from None
+    number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
+    drive = [array, array, integer] if manifest["drive"] == "table" else [array]
+
+    def function(suffix: str, *types: Any) -> Callable[..., Any]:
+        raw = getattr(library, f"{name}_{suffix}")
+        raw.argtypes, raw.restype = types, integer if suffix == "integrate" else None
+        return lambda *values: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in values))
+
+    states = [array] * (2 + len(manifest["inputs"]))
+    return Functions(
+        evaluate=function("evaluate", integer, *states, array, array),
+        solve_delta=function("solve_delta", integer, array, array, array, array),
+        force=None if manifest["drive"] == "constant" else function("force", integer, array, *drive, array, array),
+        integrate=function("integrate", number, number, number, array, *drive, integer, array, array),
+    )

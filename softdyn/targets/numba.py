@@ -1,0 +1,67 @@
+"""Target numba: a file that numba compiles at first use, and caches beside it."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softdyn.errors import CompileError
+from softdyn.targets import Functions
+
+SUFFIX = ".py"
+
+
+def available() -> bool:
+    """Whether numba is installed."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def identity() -> dict[str, Any]:
+    """Return versions; the machine's instruction set is part of numba's own key."""
+    try:
+        return {"numba": version("numba"), "python": sys.implementation.cache_tag}
+    except PackageNotFoundError:
+        raise CompileError("target 'numba' needs numba: pip install numba") from None
+
+
+def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes]:
+    """Nothing to do but to store the file: executed text cannot be cached, a file can."""
+    return {f"{name}.py": source.encode()}
+
+
+def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
+    """Import a kernel and compile it, or load what numba compiled before."""
+    name = manifest["name"]
+    path = folder / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"softdyn_kernel_{name}_{folder.name}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    functions = Functions(
+        evaluate=getattr(module, f"{name}_evaluate"),
+        solve_delta=getattr(module, f"{name}_solve_delta"),
+        force=getattr(module, f"{name}_force", None),
+        integrate=getattr(module, f"{name}_integrate"),
+    )
+    _compile(functions, manifest)
+    return functions
+
+
+def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
+    """Compile everything now, on no data, so that compiling is not taken for running."""
+    none, p = np.empty(0), np.ones(max(1, len(manifest["parameters"])))
+    table = manifest["drive"] == "table"
+    drive: tuple[Any, ...] = (np.zeros(2), np.zeros(2), 2) if table else (np.zeros(max(1, manifest["constants"])),)
+    functions.evaluate(0, none, none, *(none for _ in manifest["inputs"]), p, none)
+    functions.solve_delta(0, none, none, p, none)
+    if functions.force is not None:
+        functions.force(0, none, *drive, none, none)
+    state = np.zeros(11)
+    state[3] = 1.0
+    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, state, none)
