@@ -37,7 +37,8 @@ class Finding:
 
     Attributes
     ----------
-    limit, quantity : str
+    limit, ordering, quantity : str
+        The ordering in words, as "h << delta << R".
     claimed : Expr
     verdict : "proved", "disproved" or "undecided"
     ratio : Expr or None
@@ -49,6 +50,7 @@ class Finding:
     """
 
     limit: str
+    ordering: str
     quantity: str
     claimed: Expr
     verdict: Verdict
@@ -90,7 +92,8 @@ def _check_claim(limit: Limit, quantity: str, claimed: Expr, found: Expr, claim:
     quotient = (found / claim).subs(values)
 
     def finding(verdict: Verdict, ratio: Expr | None, reason: str, *certificate: tuple[float, float]) -> Finding:
-        return Finding(limit.name, quantity, claimed, verdict, ratio, reason, tuple(certificate))
+        ordering = " << ".join(str(length) for length in limit.order)
+        return Finding(limit.name, ordering, quantity, claimed, verdict, ratio, reason, tuple(certificate))
 
     if claimed == 0 or found == 0:
         equal = claimed == 0 and found == 0

@@ -125,7 +125,7 @@ def get_kernel(
         outputs=tuple(manifest["outputs"]),
         inputs=tuple(manifest["inputs"]),
         key=key,
-        path=entry / f"{manifest['name']}{back_end.SUFFIX}",
+        path=entry / f"{manifest['name']}{manifest['suffix']}",
         compile_s=time.perf_counter() - start,
         functions=functions,
         positive=tuple(manifest["positive"]),
@@ -169,7 +169,7 @@ def _manifest(reference: LawReference, target: str, needs: dict[str, Any]) -> di
 
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
     """Derive a kernel: the one place of the runtime that imports the derivation stage."""
-    from softdyn.derive.emit import emit
+    from softdyn.derive.emit import emit, suffix
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import parameters_of
     from softdyn.derive.specialise import Needs
@@ -189,5 +189,6 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],
         "operations": ir.operations,
         "source": emit(ir, target),
+        "suffix": suffix(target),
         "depends": depends,
     }

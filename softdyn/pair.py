@@ -50,9 +50,7 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
     """
     check_scene(scene)
     drive = drive_of(scene)
-    kernel = get_kernel(
-        scene.law, scene.target, drive=drive.shape, deflection=drive.deflection, outputs=_evaluated(scene)
-    )
+    kernel = get_kernel(scene.law, scene.target, **kernel_needs(scene, drive))
     p = parameter_values(scene, kernel.parameters, kernel.positive, kernel.ranges)
     R = float(p[kernel.parameters.index("R")])
     start = time.perf_counter()
@@ -93,14 +91,18 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
             "compile_s": kernel.compile_s,
             "kernel": kernel.key,
         },
-        warnings=_warnings(kernel, p, delta, largest, R),
+        warnings=(*_warnings(kernel, p, delta, largest, R), *_unreached(scene, t)),
     )
 
 
-def _evaluated(scene: Scene) -> tuple[str, ...]:
-    """What the kernel must output: what was asked for, and F_ela, to report the residual of the force balance."""
+def kernel_needs(scene: Scene, drive: Drive) -> dict[str, Any]:
+    """What a scene needs of its kernel: the outputs asked for, and F_ela, to report the residual of the force balance."""
     wanted = {*scene.quantities, "F_ela"} | ({"dh_dt"} if scene.method == "quadrature" else set())
-    return tuple(sorted(wanted - {"F", "dF_dt"}))
+    return {
+        "drive": drive.shape,
+        "deflection": drive.deflection,
+        "outputs": tuple(sorted(wanted - {"F", "dF_dt"})),
+    }
 
 
 def _force(kernel: Kernel, drive: Drive, t: Array) -> tuple[Array, Array]:
@@ -187,21 +189,29 @@ def _what_happened(status: int, scene: Scene, drive: Drive, state: Array) -> str
     h = math.exp(min(max(u, -745.0), 709.0))
     where = f"at t={t:.6g}, h={h:.6g}, delta={delta:.6g}"
     toward = "" if scene.until_h is None else f" before the gap reached until.h = {scene.until_h:g}"
-    film = (
-        "if F_adh balances the force the gap settles on a film and never passes it: end the run by a time"
+    long = (
+        "where F_adh balances the force the gap settles on a film, and under a force without mean it goes nowhere: "
+        "end the run by a time, until.t"
         if scene.until_t is None
-        else "the equation is stiff there; ask for a shorter time or a larger rtol"
+        else "the equation is stiff there, or the force varies fast; ask for a shorter time or a larger rtol"
     )
     reasons = {
         3: f"the force table ends {where}{toward}; extend it, or end the run earlier",
         -1: f"the step fell below the rounding of t {where}: the tolerance rtol={scene.rtol:g} cannot be met, or the law "
         "or the force has a singularity there",
-        -2: f"the gap no longer moves {where}{toward}: the force vanishes or is balanced; end the run by a time, until.t",
+        -2: f"the time overflows {where}{toward}: {_where_to(scene, h)}; end the run by a time, until.t",
         -3: f"the gap has no finite rate {where}: the force or the law has no value there",
-        TOO_MANY: f"{MOST_STEPS} steps were not enough, {where}{toward}; {film}",
-        RUNAWAY: f"the gap left the range of double precision {where}{toward}: the force moves it the other way",
+        TOO_MANY: f"{MOST_STEPS} steps were not enough, {where}{toward}; {long}",
+        RUNAWAY: f"the gap leaves the range of double precision {where}{toward}: {_where_to(scene, h)}",
     }
     return reasons[status]
+
+
+def _where_to(scene: Scene, h: float) -> str:
+    moved = math.log(h / scene.h)
+    if scene.until_h is not None and abs(moved) > 1e-6 and (moved > 0) != (scene.until_h > scene.h):
+        return "the force moves the gap the other way"
+    return "the gap hardly moves, since the force vanishes or is balanced, or the friction diverges"
 
 
 def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[Array, Array]:
@@ -281,6 +291,12 @@ def _at_gaps(scene: Scene, steps: Array, end: float) -> tuple[Array, Array]:
             )
         times.append(min(t, end))
     return np.array(times), gaps
+
+
+def _unreached(scene: Scene, t: Array) -> tuple[str, ...]:
+    if scene.times is None or isinstance(scene.times, (int, np.integer)) or len(t) == len(scene.times):
+        return ()
+    return (f"{len(scene.times) - len(t)} of the {len(scene.times)} output times lie after the end of the run",)
 
 
 def _warnings(kernel: Kernel, p: Array, delta: Array, largest: float, R: float) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ def _gauss() -> tuple[Array, Array]:
     return np.polynomial.legendre.leggauss(POINTS)
 
 
-def times_at_gaps(kernel: Kernel, p: Array, F: float, gaps: Array) -> Array:
+def times_at_gaps(kernel: Kernel, p: Array, F: float, gaps: Array) -> tuple[Array, int]:
     """Time at which each gap is reached, from the first on.
 
     Parameters
@@ -46,7 +46,9 @@ def times_at_gaps(kernel: Kernel, p: Array, F: float, gaps: Array) -> Array:
 
     Returns
     -------
-    array, shape (n,)
+    times : array, shape (n,)
+    evaluations : int
+        How many times dh/dt was evaluated.
 
     Raises
     ------
@@ -54,18 +56,21 @@ def times_at_gaps(kernel: Kernel, p: Array, F: float, gaps: Array) -> Array:
         If the gap does not move from each to the next, or if the integral does not converge.
     """
     u = np.log(gaps)
-    return np.concatenate([[0.0], np.cumsum([_between(kernel, p, F, a, b) for a, b in zip(u, u[1:], strict=False)])])
+    parts = [_between(kernel, p, F, start, end) for start, end in zip(u, u[1:], strict=False)]
+    times = np.concatenate([[0.0], np.cumsum([value for value, _ in parts])])
+    return times, sum(evaluations for _, evaluations in parts)
 
 
-def _between(kernel: Kernel, p: Array, F: float, start: float, end: float) -> float:
-    """Integral of dt = du/(du/dt), panels halved until it no longer changes."""
-    panels = max(1, math.ceil(abs(end - start) / PANEL))
+def _between(kernel: Kernel, p: Array, F: float, start: float, end: float) -> tuple[float, int]:
+    """Integral of dt = du/(du/dt), panels halved until it no longer changes, and how many rates that took."""
+    evaluations, panels = 0, max(1, math.ceil(abs(end - start) / PANEL))
     before = math.nan
     for _ in range(DOUBLINGS):
         value = _panels(kernel, p, F, start, end, panels)
+        evaluations += POINTS * panels
         # the sum of POINTS terms of one sign rounds by a few units in the last place
         if abs(value - before) <= 8 * np.finfo(float).eps * abs(value) * math.sqrt(panels):
-            return value
+            return value, evaluations
         before, panels = value, 2 * panels
     raise IntegrationError(
         f"the quadrature between h={math.exp(start):.6g} and h={math.exp(end):.6g} does not converge: "
@@ -104,9 +109,9 @@ def integrate_constant_force(scene: Scene, kernel: Kernel, p: Array, F: float) -
     else:
         gaps = np.array(scene.gaps, dtype=float)
     lead = gaps[0] != scene.h
-    t = times_at_gaps(kernel, p, F, np.concatenate([[scene.h], gaps]) if lead else gaps)
+    t, evaluations = times_at_gaps(kernel, p, F, np.concatenate([[scene.h], gaps]) if lead else gaps)
     t = t[1:] if lead else t
     if scene.until_t is not None and t[-1] > scene.until_t:
         raise SceneError(f"[until] t = {scene.until_t:g} ends the run before the gap h = {gaps[-1]:g}, at t = {t[-1]:g}")
-    stats = {"method": "Gauss-Legendre quadrature in ln h", "steps": len(gaps), "rejected": 0, "evaluations": 0}
+    stats = {"method": "Gauss-Legendre quadrature in ln h", "steps": len(gaps), "rejected": 0, "evaluations": evaluations}
     return t, gaps, "h", stats

@@ -20,7 +20,6 @@ import numpy as np
 from softdyn.errors import CompileError, SceneError
 from softdyn.targets import Functions
 
-SUFFIX = ".c"
 #: IEEE arithmetic throughout: no -ffast-math. Contraction to fused operations is off, so that every machine and both
 #: targets round alike; math functions need not set errno.
 FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")

@@ -14,7 +14,6 @@ import numpy as np
 from softdyn.errors import CompileError
 from softdyn.targets import Functions
 
-SUFFIX = ".py"
 
 
 def available() -> bool:

@@ -1,0 +1,7 @@
+"""``python -m softdyn`` is the command ``softdyn``."""
+
+import sys
+
+from softdyn.cli import main
+
+sys.exit(main())

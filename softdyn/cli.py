@@ -1,0 +1,296 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import softdyn
+from softdyn.errors import SceneError, SoftdynError
+
+EXAMPLES = """
+LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Python, and is run.
+
+examples:
+  softdyn reproduce                          the paper's figures 3 and 4, into softdyn-results/
+  softdyn laws                               the stock laws
+  softdyn derive rognon_gay                  C, D, dh/dt, dX/dt and the Jacobians, for any law and for this one
+  softdyn check my_law.py                    prove or disprove the limits that a law claims
+  softdyn generate rognon_gay --target c     the kernel's source, on the terminal
+  softdyn run scene.toml -o result.npz       simulate a scene
+  softdyn plot result.npz                    draw the result
+
+exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
+carried to its end, with the reason on stderr
+"""
+
+Command = Callable[[argparse.Namespace], int]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; errors of the user's input end with one message on stderr and exit status 2."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    command: Command = options.command
+    try:
+        status = command(options)
+        sys.stdout.flush()
+        return status
+    except SoftdynError as error:
+        print(f"softdyn: error: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: nothing to say
+        return 0
+    except OSError as error:
+        print(f"softdyn: error: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("softdyn: interrupted", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog="softdyn", description=(softdyn.__doc__ or "").splitlines()[0], epilog=EXAMPLES, formatter_class=raw)
+    parser.add_argument("--version", action="version", version=f"softdyn {softdyn.__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def add(name: str, command: Command, text: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        added.set_defaults(command=command)
+        return added
+
+    add("laws", _laws, "list the stock laws")
+
+    derive = add("derive", _derive, "derive a law's dynamics")
+    derive.add_argument("law", metavar="LAW")
+    derive.add_argument("--format", choices=("text", "latex", "json"), default="text", help="default: %(default)s")
+
+    check = add("check", _check, "prove or disprove the limits that a law claims")
+    check.add_argument("law", metavar="LAW")
+    check.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+    generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
+    generate.add_argument("law", metavar="LAW", nargs="?")
+    generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel")
+    generate.add_argument("--scene", type=Path, help="leave out what this scene does not need (default: leave nothing out)")
+    generate.add_argument(
+        "--fix", metavar="NAME=VALUE", action="append", default=[], help="put a number in the place of a parameter; repeatable"
+    )
+    generate.add_argument("-o", dest="folder", metavar="DIR", type=Path, help="folder to write to (default: the terminal)")
+    generate.add_argument("--stock", action="store_true", help="regenerate the files of generated/ instead")
+    generate.add_argument("--check", action="store_true", help="with --stock: write nothing, fail with a diff if a byte would change")
+
+    run = add("run", _run, "simulate a scene")
+    run.add_argument("scene", metavar="SCENE.toml", type=Path)
+    run.add_argument("-o", dest="output", metavar="FILE", type=Path, help="save the result: .json, .npz or .csv")
+    run.add_argument("--json", action="store_true", help="print the result as one JSON object")
+
+    plot = add("plot", _plot, "draw a saved result")
+    plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
+    plot.add_argument("-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)")
+
+    reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
+    reproduce.add_argument("-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s")
+    reproduce.add_argument("--target", choices=("auto", "c", "numba"), default="auto", help="default: %(default)s")
+    return parser
+
+
+def _laws(options: argparse.Namespace) -> int:
+    from softdyn.laws import stock_laws
+
+    laws = stock_laws()
+    width = max(len(name) for name in laws)
+    for name, description in laws.items():
+        print(f"{name:{width}}  {description}")
+    return 0
+
+
+def _law(text: str) -> Any:
+    from softdyn.laws import find, load
+
+    return load(find(text))[0]
+
+
+def _derive(options: argparse.Namespace) -> int:
+    law = _law(options.law)
+    from softdyn.derive.typeset import FORMATS
+
+    print(FORMATS[options.format](law), end="")
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    law = _law(options.law)
+    from softdyn.derive.limits import check_limits
+    from softdyn.stock import limits_text
+
+    findings = check_limits(law)
+    counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
+    if options.json:
+        listed = [
+            {
+                **{key: getattr(f, key) for key in ("limit", "ordering", "quantity", "verdict", "reason", "certificate")},
+                "claimed": str(f.claimed),
+                "ratio": None if f.ratio is None else str(f.ratio),
+            }
+            for f in findings
+        ]
+        print(json.dumps({"law": law.name, **counts, "limits": listed}, indent=2))
+    elif not findings:
+        print(f"{law.name} claims no limits")
+    else:
+        print(limits_text(law.name, findings), end="")
+        print(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))
+    return 0 if counts["proved"] == len(findings) else 1
+
+
+def _generate(options: argparse.Namespace) -> int:
+    if options.stock:
+        return _generate_stock(options)
+    if options.law is None or options.target is None or options.check:
+        raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
+    from softdyn.kernels import make_manifest
+    from softdyn.laws import find
+    from softdyn.results import written_whole
+    from softdyn.scene import QUANTITIES
+
+    needs: dict[str, Any] = {
+        "drive": "table",
+        "deflection": "either",
+        "outputs": tuple(name for name in QUANTITIES if name not in ("F", "dF_dt")),
+    }
+    if options.scene is not None:
+        from softdyn.pair import kernel_needs
+        from softdyn.scene import check_scene, drive_of, read_scene
+
+        scene = read_scene(options.scene)
+        check_scene(scene)
+        needs = kernel_needs(scene, drive_of(scene))
+    manifest = make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)})
+    text = sys.stderr if options.folder is None else sys.stdout
+    for rule, before, after in manifest["savings"]:
+        print(f"{rule}: {before} -> {after} operations, {before - after} saved", file=text)
+    if not manifest["savings"]:
+        print("nothing left out", file=text)
+    if options.folder is None:
+        print(manifest["source"], end="")
+        return 0
+    path = options.folder / f"{manifest['name']}{manifest['suffix']}"
+    with written_whole(path) as temporary:
+        temporary.write_text(manifest["source"], encoding="utf-8")
+    print(f"wrote {path}")
+    return 0
+
+
+def _fixed(pairs: Sequence[str]) -> dict[str, str]:
+    fixed = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        try:
+            good = bool(equals) and math.isfinite(float(value))
+        except ValueError:
+            good = False
+        if not good:
+            raise SceneError(f"--fix {pair}: NAME=VALUE is expected, with a decimal number")
+        fixed[name.strip()] = value.strip()
+    return fixed
+
+
+def _generate_stock(options: argparse.Namespace) -> int:
+    from softdyn.stock import stock_differences, write_stock
+
+    if options.law or options.target or options.scene or options.folder or options.fix:
+        raise SceneError("generate --stock takes --check and nothing else")
+    if options.check:
+        differences = stock_differences()
+        if differences:
+            print(differences, end="")
+            print("softdyn: generated/ is not what the tool would write; run softdyn generate --stock", file=sys.stderr)
+        return 1 if differences else 0
+    changed = write_stock()
+    print("\n".join(f"wrote generated/{name}" for name in changed) or "nothing changed")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from softdyn.pair import simulate_pair
+    from softdyn.results import SUFFIXES
+    from softdyn.scene import read_scene
+
+    if options.output is not None and options.output.suffix not in SUFFIXES:
+        raise SceneError(f"cannot save to {options.output}: the ending must be one of {', '.join(SUFFIXES)}")
+    scene = read_scene(options.scene)
+    with _progress_bar(scene) as progress:
+        result = simulate_pair(scene, progress)
+    for warning in result.warnings:
+        print(f"softdyn: warning: {warning}", file=sys.stderr)
+    if options.output is not None:
+        result.save(options.output)
+    if options.json:
+        print(json.dumps(result.to_dict()))
+        return 0
+    stats = result.stats
+    print(f"{result.law}, target {result.target}: {stats['method']}, {stats['steps']} steps, {stats['rejected']} rejected")
+    for name, values in result.arrays.items():
+        print(f"  {name:10} {values[0]: .6e} .. {values[-1]: .6e}")
+    print(f"  the force balance holds to {stats['force_residual']:.1e}; run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s")
+    if options.output is not None:
+        print(f"wrote {options.output}")
+    return 0
+
+
+class _progress_bar:  # noqa: N801 - reads as a statement
+    """Context: a progress callback that draws a bar on a terminal, and None elsewhere."""
+
+    def __init__(self, scene: Any) -> None:
+        self.scene, self.bar = scene, None
+
+    def __enter__(self) -> Callable[[float, float], None] | None:
+        if not sys.stderr.isatty():
+            return None
+        from tqdm import tqdm
+
+        self.bar = tqdm(total=1.0, delay=0.5, leave=False, bar_format="{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}")
+        return self.update
+
+    def update(self, t: float, h: float) -> None:
+        scene, parts = self.scene, [0.0]
+        if scene.until_t is not None:
+            parts.append(t / scene.until_t)
+        if scene.until_h is not None:
+            parts.append(math.log(scene.h / h) / math.log(scene.h / scene.until_h))
+        assert self.bar is not None
+        self.bar.n = min(1.0, max(parts))
+        self.bar.set_postfix_str(f"t={t:.3g} h={h:.3g}", refresh=True)
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from softdyn.results import load_result, written_whole
+
+    result = load_result(options.result)
+    picture: Path = options.picture or options.result.with_suffix(".png")
+    if picture.suffix not in (".png", ".svg", ".pdf"):
+        raise SceneError(f"cannot draw to {picture}: the ending must be .png, .svg or .pdf")
+    figure = result.plot()
+    with written_whole(picture) as temporary:
+        figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
+    print(f"wrote {picture}")
+    return 0
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from softdyn.reproduce import reproduce
+
+    return reproduce(options.folder, target=options.target)

@@ -1,0 +1,90 @@
+"""What ``generated/`` holds: the kernels and reports of the stock laws, regenerated to the byte."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Any
+
+from softdyn.errors import SceneError
+from softdyn.laws import find, load, stock_laws
+from softdyn.results import written_whole
+
+GENERATED = Path(__file__).parent / "generated"
+
+
+def generated_files() -> dict[str, str]:
+    """Path below ``generated/`` and text of every file that the tool writes there.
+
+    For each stock law: its derivation, the verdicts on its limits, and kernels for two kinds of scene on both targets:
+    ``approach`` (constant compressive force) and ``general`` (any force, as a table; every output).
+    """
+    from softdyn.derive.emit import TARGETS, emit, suffix
+    from softdyn.derive.kernel import kernel_ir
+    from softdyn.derive.limits import check_limits
+    from softdyn.derive.specialise import OUTPUTS, Needs
+    from softdyn.derive.typeset import as_text
+
+    kinds: dict[str, Any] = {
+        "approach": Needs(drive="constant", deflection="compression", outputs=("a", "X", "dh_dt")),
+        "general": Needs(drive="table", deflection="either", outputs=OUTPUTS),
+    }
+    files = {}
+    for name in stock_laws():
+        law, _ = load(find(name))
+        files[f"{name}/derivation.txt"] = as_text(law)
+        files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
+        for kind, needs in kinds.items():
+            ir = kernel_ir(law, needs)
+            for target in TARGETS:
+                files[f"{name}/{kind}{suffix(target)}"] = emit(ir, target)
+    return files
+
+
+def limits_text(name: str, findings: list[Any]) -> str:
+    """Verdicts on the claimed limits, a line each, with evidence below those that are not proved."""
+    lines = []
+    for limit in dict.fromkeys(finding.limit for finding in findings):
+        of_limit = [finding for finding in findings if finding.limit == limit]
+        lines.append(f"{name}, {limit}: {of_limit[0].ordering}")
+        for finding in of_limit:
+            lines.append(f"  {finding.verdict:10}{finding.quantity} ~ {finding.claimed}")
+            if finding.verdict == "proved":
+                lines[-1] += _certificate(finding)
+            else:
+                lines.append(f"    {finding.reason}{_certificate(finding)}")
+    return "\n".join(lines) + "\n"
+
+
+def _certificate(finding: Any) -> str:
+    if not finding.certificate:
+        return ""
+    eps, deviation = finding.certificate[-1]
+    return f"    [within {deviation:.0e} of it at eps = {eps:.0e}]"
+
+
+def write_stock() -> list[str]:
+    """Rewrite the files of ``generated/`` that changed; returns their names."""
+    changed = []
+    for name, text in generated_files().items():
+        path = GENERATED / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            with written_whole(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+            changed.append(name)
+    return changed
+
+
+def stock_differences() -> str:
+    """Unified diff between what is in ``generated/`` and what would be written; empty if nothing would change."""
+    found = []
+    for name, text in generated_files().items():
+        path = GENERATED / name
+        try:
+            old = path.read_text(encoding="utf-8") if path.is_file() else ""
+        except OSError as error:
+            raise SceneError(f"cannot read {path}: {error.strerror}") from None
+        found += difflib.unified_diff(
+            old.splitlines(keepends=True), text.splitlines(keepends=True), f"generated/{name}", f"regenerated/{name}"
+        )
+    return "".join(found)

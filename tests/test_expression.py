@@ -1,0 +1,99 @@
+"""Expressions of time: a grammar of their own, hostile text refused with the position, nothing evaluated as code."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from softdyn.errors import SceneError
+from softdyn.expression import FUNCTIONS, evaluate, parse
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1e-2*(1 + 0.5*sin(w*t))", 1e-2 * (1 + 0.5 * math.sin(3 * 2.0))),
+        ("-t**2", -4.0),
+        ("2**-t", 0.25),
+        ("2**t**2", 16.0),
+        ("(2**t)**2", 16.0),
+        ("1 - 2 - 3", -4.0),
+        ("8/4/2", 1.0),
+        ("--t", 2.0),
+        ("- + -t", 2.0),
+        ("2*-t", -4.0),
+        (".5 + 1. + 1E1", 11.5),
+        ("abs(-t)*pi", 2 * math.pi),
+    ],
+)
+def test_the_grammar_means_what_it_means_in_python(text: str, expected: float) -> None:
+    assert evaluate(parse(text, {"w": 3.0}), 2.0) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "message"),
+    [
+        ("1e-2*sin(w t)", 12, "not closed"),
+        ("1 +", 4, "the end"),
+        ("2*(t", 5, "opened at position 3 is not closed"),
+        ("sin t", 1, "argument in parentheses"),
+        ("sine(t)", 1, "did you mean 'sin'"),
+        ("t + omga", 5, "did you mean 'omega'"),
+        ("t @ 2", 3, "'@' is not part of the grammar"),
+        ("t.real", 2, "'.' is not part of the grammar"),
+        ("__import__('os')", 12, "not part of the grammar"),
+        ("__import__(t)", 1, "unknown function"),
+        ("(lambda: 1)()", 8, "not part of the grammar"),
+        ("t[0]", 2, "not part of the grammar"),
+        ("1e999", 1, "larger than a double"),
+        ("", 1, "the end"),
+        ("t t", 3, "does not belong here"),
+        ("1_000", 2, "does not belong here"),
+    ],
+)
+def test_text_outside_the_grammar_is_refused_with_its_position(text: str, position: int, message: str) -> None:
+    with pytest.raises(SceneError) as refusal:
+        parse(text, {"w": 1.0, "omega": 1.0})
+    assert f"position {position}:" in str(refusal.value)
+    assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize("text", ["(" * 5000 + "t", "-" * 9000 + "t", "2**" * 3000 + "t", "t+" * 6000 + "t", "9**9**9**9**9"])
+def test_deep_long_or_huge_text_neither_crashes_nor_hangs(text: str) -> None:
+    try:
+        evaluate(parse(text), 1.0)
+    except SceneError as refusal:
+        assert len(str(refusal)) < 400  # a hostile text is not echoed whole
+
+
+def test_numbers_are_kept_apart_from_the_shape() -> None:
+    """One kernel serves all expressions of a shape, whatever the numbers."""
+    one, other = parse("1e-2*sin(w*t)", {"w": 1.0}), parse("3*sin(7*t)")
+    assert one.shape == other.shape
+    assert one.constants == (1e-2, 1.0)
+    assert other.constants == (3.0, 7.0)
+
+
+numbers = st.floats(0.1, 9.0).map(lambda x: f"{x:.3f}")
+expressions = st.recursive(
+    numbers | st.just("t"),
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from(["+", "-", "*", "/"]), inner).map(lambda x: f"({x[0]} {x[1]} {x[2]})"),
+        st.tuples(st.sampled_from(["sin", "cos", "atan", "tanh", "abs"]), inner).map(lambda x: f"{x[0]}({x[1]})"),
+        inner.map(lambda x: f"-{x}"),
+        inner.map(lambda x: f"({x})**2"),
+    ),
+    max_leaves=12,
+)
+
+
+@given(expressions, st.floats(0.1, 5.0))
+def test_random_expressions_agree_with_python(text: str, t: float) -> None:
+    """Python's own evaluation is the reference here, on text that hypothesis made and not a user."""
+    found = evaluate(parse(text), t)
+    try:
+        expected = float(eval(text, {"__builtins__": {}}, {**FUNCTIONS, "t": t}))  # noqa: S307
+    except (ZeroDivisionError, OverflowError):
+        expected = math.nan
+    np.testing.assert_allclose(found, expected, rtol=1e-14)

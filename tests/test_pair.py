@@ -1,0 +1,331 @@
+"""The pair engine, against references computed another way."""
+
+import json
+import math
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+import softdyn
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from softdyn.derive import FORCE, LENGTH, ContactLaw, a, eta, h
+from softdyn.derive.laws.rognon_gay import hbar, law
+from softdyn.errors import IntegrationError, SceneError
+from sympy import Symbol, exp, pi
+
+UNIT = {"R": 1.0, "E": 1.0, "eta": 1.0}
+REFERENCE = json.loads((Path(__file__).parent / "data" / "pair_constant_force.json").read_text())["rows"]
+ALL = ("X", "a", "F", "dh_dt", "lambda1", "lambda2")
+
+A, lam = Symbol("A", positive=True), Symbol("lam", positive=True)
+film = ContactLaw(
+    name="film",
+    a=law.a,
+    F_ela=law.F_ela,
+    zeta=3 * pi * eta * a**4 / (2 * hbar**3),
+    F_adh=A * exp(-h / lam),
+    parameters={A: FORCE, lam: LENGTH},
+)
+
+
+def run(**changes: object) -> softdyn.PairResult:
+    scene = {"law": "rognon_gay", "parameters": UNIT, "h": 100.0, "force": 1e-2, "until_h": 1e-3, **changes}
+    return softdyn.simulate(**scene)
+
+
+@pytest.mark.parametrize("kappa", sorted({row["kappa"] for row in REFERENCE}))
+def test_constant_force_against_twenty_digit_values(kappa: str) -> None:
+    """Within 1e-10 at rtol 1e-11; the exponents are given to 12 digits."""
+    rows = [row for row in REFERENCE if row["kappa"] == kappa]
+    result = run(force=float(kappa), gaps=[float(row["h"]) for row in rows], quantities=ALL, rtol=1e-11)
+    for name, key in (("t", "t"), ("delta", "delta"), ("X", "X"), ("dh_dt", "hdot")):
+        np.testing.assert_allclose(result.arrays[name], [float(row[key]) for row in rows], rtol=1e-10)
+    for name in ("lambda1", "lambda2"):
+        np.testing.assert_allclose(result.arrays[name], [float(row[name]) for row in rows], rtol=1e-10)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("kappa", [1e-12, 1e-6, 1e-2, 0.3])
+def test_the_integrator_keeps_its_tolerance_against_quadrature(kappa: float, rtol: float) -> None:
+    """An error of rtol in ln h at each step, over a hundred steps at most, and times that go as a power of h below 2."""
+    gaps = np.geomspace(100, 1e-4, 40)
+    integrated = run(force=kappa, until_h=1e-4, gaps=list(gaps), rtol=rtol)
+    exact = run(force=kappa, until_h=1e-4, gaps=list(gaps), method="quadrature")
+    np.testing.assert_allclose(integrated.t[1:], exact.t[1:], rtol=100 * rtol)
+
+
+def test_quadrature_against_mpmath() -> None:
+    """t(h) = integral of zeta/F dh at delta(h), in 30 digits, from the law as printed in the paper."""
+    F = mpmath.mpf("0.01")
+
+    def slowness(u: mpmath.mpf) -> mpmath.mpf:
+        gap = mpmath.exp(u)
+        bar = gap / (1 + gap)
+        force = lambda d: mpmath.mpf(4) / 9 * mpmath.sqrt(2 * (bar + d)) * d - F  # noqa: E731
+        d = mpmath.findroot(force, (mpmath.mpf("1e-3"), mpmath.mpf("0.1")), solver="anderson", tol=1e-50)
+        return 3 * mpmath.pi * (2 * (bar + d)) ** 2 / (2 * bar**3) / F * gap
+
+    with mpmath.workdps(30):
+        expected = mpmath.quad(slowness, [mpmath.log(x) for x in ("0.001", "0.01", "0.1", "1", "10", "100")])
+    found = run(method="quadrature", gaps=[1e-3]).t[0]
+    assert found == pytest.approx(float(expected), rel=5e-15)  # a sum of some hundred terms of one sign
+
+
+def scipy_gaps(force: object, h0: float, times: np.ndarray, kinks: list[float]) -> np.ndarray:
+    """The same equations, written anew and integrated by scipy from kink to kink of the force."""
+
+    def rhs(t: float, y: np.ndarray) -> list[float]:
+        gap, F = math.exp(y[0]), force(t)
+        bar = gap / (1 + gap)
+        d = brentq(lambda d: 4 / 9 * math.sqrt(2 * (bar + d)) * d - abs(F), 0, 10, xtol=1e-300, rtol=1e-15) if F else 0.0
+        return [-F / (1.5 * math.pi * (2 * (bar + d)) ** 2 / bar**3) / gap]
+
+    y, gaps, edges = math.log(h0), [h0], [times[0], *kinks, times[-1]]
+    for start, end in zip(edges, edges[1:], strict=False):
+        inside = [t for t in times if start < t <= end]
+        stops = inside if end in inside else [*inside, end]
+        solution = solve_ivp(rhs, (start, end), [y], method="DOP853", rtol=1e-12, atol=1e-13, t_eval=stops)
+        y = solution.y[0, -1]
+        gaps += list(np.exp(solution.y[0, : len(inside)]))
+    return np.array(gaps)
+
+
+def test_a_sinusoidal_force_that_crosses_zero_against_scipy() -> None:
+    """The law has a kink where F crosses zero: without a restart there the errors stay above 1e-10."""
+    times, w = np.linspace(0, 3e5, 16), 1e-4
+    zeros = [k * math.pi / w for k in range(1, 10)]
+    expected = scipy_gaps(lambda t: 1e-2 * math.sin(w * t), 0.1, times, zeros)
+    for rtol in (1e-6, 1e-9, 1e-11):
+        found = run(h=0.1, force="1e-2*sin(w*t)", constants={"w": w}, until_h=None, until_t=3e5, times=list(times), rtol=rtol)
+        np.testing.assert_allclose(found.h, expected, rtol=30 * rtol)
+
+
+def test_a_force_table_against_scipy() -> None:
+    """Kinks at the breakpoints of the table, a change of sign between two of them."""
+    t, F = np.array([0.0, 2e4, 5e4, 9e4, 2e5]), np.array([1e-2, 5e-2, -1e-2, 2e-2, 0.1])
+    times = np.linspace(0, 2e5, 21)
+    sign_changes = [5e4 - 3e4 / 6, 5e4 + 4e4 / 3]
+    kinks = sorted([2e4, 5e4, 9e4, *sign_changes])
+    expected = scipy_gaps(lambda x: float(np.interp(x, t, F)), 1.0, times, kinks)
+    found = run(h=1.0, force=(t, F), until_h=None, until_t=2e5, times=list(times), rtol=1e-11)
+    np.testing.assert_allclose(found.h, expected, rtol=3e-10)
+    np.testing.assert_allclose(found.F, np.interp(times, t, F), rtol=1e-14)
+
+
+def test_an_expression_and_a_number_of_the_same_value_agree() -> None:
+    number, expression = run(gaps=20), run(gaps=20, force="1e-2 + 0*t")
+    np.testing.assert_allclose(number.t, expression.t, rtol=1e-9)
+    np.testing.assert_allclose(number.delta, expression.delta, rtol=1e-14)
+
+
+def test_the_error_falls_in_proportion_to_the_tolerance() -> None:
+    """The error per step is rtol and the number of steps goes as rtol^(-1/8), so the error as rtol^(7/8).
+
+    Single errors are noisy about that line, since a step's error can vanish; the mean over forces less so.
+    """
+    tolerances, kappas = np.geomspace(1e-3, 1e-11, 9), (1e-8, 1e-5, 1e-3, 1e-2, 0.1)
+    errors = []
+    for kappa in kappas:
+        exact = run(force=kappa, method="quadrature", gaps=[1e-3]).t[0]
+        errors.append([abs(run(force=kappa, gaps=[1e-3], rtol=rtol).t[0] / exact - 1) for rtol in tolerances])
+    slope = np.polyfit(np.log(tolerances), np.mean(np.log(errors), axis=0), 1)[0]
+    assert abs(slope - 7 / 8) < 0.15
+
+
+def test_a_step_that_fools_the_error_estimators_is_rejected() -> None:
+    """From h = 5e-4 at kappa = 1e-6 a step six times too long once passed the estimators: 8e-6 off at rtol 1e-9."""
+    gaps = np.geomspace(100, 1e-4, 40)
+    found = run(force=1e-6, until_h=1e-4, gaps=list(gaps), rtol=1e-9)
+    exact = run(force=1e-6, until_h=1e-4, gaps=list(gaps), method="quadrature")
+    np.testing.assert_allclose(found.t[1:], exact.t[1:], rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_thousand_random_approaches_keep_their_tolerance() -> None:
+    """At every output, in h: ten times rtol, and the rounding of t and of ln h at each step.
+
+    A relative error eps of t moves h by eps t abs(dh/dt)/h; one of ln h early on grows as much until late.
+    """
+    random = np.random.default_rng(20261122)
+    for _ in range(1000):
+        kappa, start, fall = 10 ** random.uniform(-12, -0.5), 10 ** random.uniform(-4, 3), 10 ** random.uniform(-6, -0.5)
+        rtol = 10 ** random.uniform(-12, -3)
+        end = start * fall
+        gaps = [*np.geomspace(start, end, 15)[1:-1], end]
+        scene = {"force": kappa, "h": start, "until_h": end, "gaps": gaps}
+        found = run(**scene, rtol=rtol)
+        exact = run(**scene, method="quadrature", quantities=("dh_dt",))
+        rate = np.abs(exact.dh_dt / exact.h)
+        rounding = found.stats["steps"] * np.finfo(float).eps * (1 + abs(math.log(start))) * rate * exact.t
+        assert np.all(np.abs(found.t - exact.t) * rate < 10 * rtol + rounding), (kappa, start, end, rtol)
+
+
+def test_the_gap_settles_on_a_film_where_the_remote_force_balances() -> None:
+    parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
+    result = softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_t=1e12, times=3)
+    assert result.h[-1] == pytest.approx(1e-4, rel=1e-9)  # A exp(-h/lam) = F at h = 10 lam
+    with pytest.raises(IntegrationError, match=r"moves by dh/dt"):
+        softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_h=9e-5, gaps=5, method="quadrature")
+
+
+@pytest.mark.slow
+def test_a_film_that_is_never_passed_ends_with_the_reason() -> None:
+    parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
+    with pytest.raises(IntegrationError, match=r"steps were not enough, at t=.*h=0\.0001.*settles on a film"):
+        softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_h=9e-5)
+
+
+@given(
+    kappa=st.floats(-12, -0.5).map(lambda x: 10**x),
+    length=st.floats(-9, 3).map(lambda x: 10**x),
+    modulus=st.floats(-3, 11).map(lambda x: 10**x),
+    viscosity=st.floats(-5, 3).map(lambda x: 10**x),
+)
+@settings(max_examples=40, deadline=None)
+def test_units_do_not_matter(kappa: float, length: float, modulus: float, viscosity: float) -> None:
+    """t scales with eta/E, lengths with R; the gaps are asked for, so all that is left is rounding, n eps over n steps."""
+    twin = run(force=kappa, gaps=[1.0, 1e-2, 1e-3], rtol=1e-10)
+    scaled = softdyn.simulate(
+        law="rognon_gay",
+        parameters={"R": length, "E": modulus, "eta": viscosity},
+        h=100 * length,
+        force=kappa * modulus * length**2,
+        until_h=1e-3 * length,
+        gaps=[length, 1e-2 * length, 1e-3 * length],
+        rtol=1e-10,
+    )
+    np.testing.assert_allclose(scaled.t * modulus / viscosity, twin.t, rtol=1e-9)
+    np.testing.assert_allclose(scaled.delta / length, twin.delta, rtol=1e-13)
+
+
+@given(kappa=st.floats(-12, -0.5).map(lambda x: 10**x), start=st.floats(-6, 2).map(lambda x: 10**x))
+@settings(max_examples=40, deadline=None)
+def test_under_a_constant_push_the_gap_falls_and_never_vanishes(kappa: float, start: float) -> None:
+    result = run(force=kappa, h=start, until_h=start * 1e-6, rtol=1e-4)
+    assert np.all(np.diff(result.h) < 0)
+    assert np.all(result.h > 0)
+    assert np.all(np.diff(result.delta) > 0)
+    assert result.h[-1] == start * 1e-6
+
+
+@given(kappa=st.floats(-10, -0.5).map(lambda x: 10**x), gap=st.floats(-8, 3).map(lambda x: 10**x))
+@settings(max_examples=40, deadline=None)
+def test_reversing_the_force_at_a_gap_reverses_its_rate(kappa: float, gap: float) -> None:
+    push = run(h=gap, force=kappa, until_h=None, until_t=1e-30, times=2, quantities=("dh_dt",))
+    pull = run(h=gap, force=-kappa, until_h=None, until_t=1e-30, times=2, quantities=("dh_dt",))
+    assert push.dh_dt[0] == -pull.dh_dt[0]
+    assert push.delta[0] == -pull.delta[0]
+
+
+@pytest.mark.parametrize("force", [1e-2, "1e-2*(1 + 0.5*sin(1e-5*t))"])
+def test_the_energy_balance_of_the_four_terms(force: object) -> None:
+    """-int F dX = [U] - int U_h dh + int zeta (dh/dt)^2 dt, with U = int 2 F_ela d(delta) at fixed h.
+
+    For a^2 = 2R(hbar + delta), U = (8/9) E sqrt(2R) I(hbar, delta), I = (2/5) s^(5/2) - (2/3) hbar s^(3/2) from hbar to
+    s = hbar + delta. All integrals over time by the trapezium rule on n points: error of order 1/n^2.
+    """
+    n = 40_001
+    result = run(force=force, h=1.0, until_h=None, until_t=1e5, times=n, quantities=("X", "F", "zeta", "dh_dt"), rtol=1e-12)
+    bar = result.h / (1 + result.h)
+    s, c = bar + result.delta, 8 / 9 * math.sqrt(2)
+    antiderivative = lambda x, b: 2 / 5 * x**2.5 - 2 / 3 * b * x**1.5  # noqa: E731
+    U = c * (antiderivative(s, bar) - antiderivative(bar, bar))
+    # dU/dhbar at fixed delta, times dhbar/dh
+    U_h = c * ((s**1.5 - 2 / 3 * s**1.5 - bar * s**0.5) - (bar**1.5 - 2 / 3 * bar**1.5 - bar**1.5)) / (1 + result.h) ** 2
+    work = -np.trapezoid(result.F, result.X)
+    balance = U[-1] - U[0] - np.trapezoid(U_h, result.h) + np.trapezoid(result.zeta * result.dh_dt**2, result.t)
+    assert balance == pytest.approx(work, rel=1e-6)
+    without_U_h = U[-1] - U[0] + np.trapezoid(result.zeta * result.dh_dt**2, result.t)
+    assert abs(without_U_h / work - 1) > 1e-5  # the term is there: the law is not conservative
+
+
+def test_pull_off_from_a_tiny_gap_retraces_the_approach() -> None:
+    """zeta is even in delta: under -F the gap opens along the path that it closed along under F, backwards in time."""
+    gaps = np.geomspace(1e-8, 1.0, 30)
+    opening = run(h=1e-8, force=-1e-2, until_h=1.0, gaps=list(gaps), rtol=1e-10)
+    closing = run(h=1.0, force=1e-2, until_h=1e-8, gaps=list(gaps[::-1]), rtol=1e-10)
+    between = closing.t[-1] - closing.t[::-1]
+    # most of the time goes by at the smallest gaps: there closing.t[-1] - t cancels, so late times are compared
+    np.testing.assert_allclose(opening.t[1:], between[1:], rtol=1e-7)
+
+
+def test_no_force_no_motion() -> None:
+    result = run(force=0.0, until_h=None, until_t=1e9, times=5)
+    np.testing.assert_allclose(result.h, 100.0, rtol=1e-15)
+    assert np.all(result.delta == 0)
+    with pytest.raises(IntegrationError, match=r"hardly moves.*end the run by a time"):
+        run(force=0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"force": -1e-2}, IntegrationError, r"before the gap reached until.h = 0.001: the force moves the gap the other way"),
+        ({"X": 101.9}, SceneError, r"X = 101.9 contradicts h = 100 .* make\s+delta = 0.0158627"),
+        ({"force": "1/t"}, SceneError, r"force has no finite value at the start"),
+        ({"force": "log(1 - t)*1e-2", "until_h": None, "until_t": 2.0}, IntegrationError, r"at t=(1|0\.99).*singularity|no value"),
+        ({"force": ([0.0, 10.0], [1e-2, 1e-2])}, IntegrationError, r"the force table ends at t=10.*extend it"),
+        ({"gaps": [1.0, 10.0]}, SceneError, r"h = 10 is not passed, in this order"),
+        ({"gaps": [1e-9]}, SceneError, r"h = 1e-09 is not passed.*0\.000.* \.\. 100"),
+        ({"times": [-1.0, 1.0]}, SceneError, r"times must lie within the run"),
+        ({"force": "sqrt(-1 - t)"}, SceneError, r"force has no finite value at the start"),
+        ({"force": "1e-2 + t", "method": "quadrature"}, SceneError, r"for a constant force"),
+        ({"law": "rognon_gai"}, SceneError, r"did you mean 'rognon_gay'"),
+        ({"quantities": ("Y",)}, SceneError, r"unknown quantity 'Y'"),
+    ],
+)
+def test_what_cannot_be_run_says_why(changes: dict, error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        run(**changes)
+
+
+def test_initial_distance_that_agrees_is_accepted() -> None:
+    X = run(times=2).X[0]
+    assert run(X=X, times=2).X[0] == X
+
+
+def test_large_forces_are_warned_of() -> None:
+    assert "kappa = F/(E R^2) reaches 2 > 1" in run(force=2.0).warnings[0]
+    assert run(force=0.3).warnings == ()
+
+
+def test_outputs_are_those_asked_for() -> None:
+    assert list(run(gaps=5, quantities=("zeta",)).arrays) == ["t", "h", "delta", "zeta"]
+    steps = run()
+    assert len(steps) == steps.stats["steps"] + 1  # without times or gaps: each step taken
+    assert steps.stopped_by == "h"
+    late = run(times=[0.0, 1.0, 1e12])
+    assert len(late) == 2
+    assert "1 of the 3 output times lie after the end" in late.warnings[0]
+
+
+@pytest.mark.parametrize("suffix", [".json", ".npz"])
+def test_results_are_read_back_as_they_were(tmp_path: Path, suffix: str) -> None:
+    result = run(gaps=5)
+    again = softdyn.load_result(result.save(tmp_path / f"result{suffix}"))
+    for name, values in result.arrays.items():
+        np.testing.assert_array_equal(again.arrays[name], values)
+    assert again.stats == result.stats
+    with pytest.raises(AttributeError, match="its arrays are t, h, delta"):
+        _ = again.zeta
+
+
+def test_csv_holds_every_digit(tmp_path: Path) -> None:
+    result = run(gaps=5)
+    table = np.genfromtxt(result.save(tmp_path / "result.csv"), delimiter=",", names=True)
+    for name in ("t", "h", "delta", "X", "a", "F"):
+        np.testing.assert_array_equal(table[name], result.arrays[name])
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1, 2", '{"law": 1, "t": "x"}', "PK\x03\x04"])
+def test_what_is_no_result_is_refused(tmp_path: Path, content: str) -> None:
+    for suffix in (".json", ".npz"):
+        (tmp_path / f"bad{suffix}").write_text(content)
+        with pytest.raises(SceneError, match="is not a result saved by softdyn"):
+            softdyn.load_result(tmp_path / f"bad{suffix}")
+
+
