@@ -146,22 +146,23 @@ def test_a_step_that_fools_the_error_estimators_is_rejected() -> None:
 
 @pytest.mark.slow
 def test_a_thousand_random_approaches_keep_their_tolerance() -> None:
-    """At every output, in h: ten times rtol, and the rounding of t and of ln h at each step.
+    """At every output, in h: ten times rtol, times the growth of an early error, and the rounding of t and ln h.
 
-    A relative error eps of t moves h by eps t abs(dh/dt)/h; one of ln h early on grows as much until late.
+    Trajectories differ by a shift in time only, so an error of ln h grows as the rate d(ln h)/dt: as 1/h in Stokes'
+    regime, and not at all in Poiseuille's.
     """
     random = np.random.default_rng(20261122)
     for _ in range(1000):
         kappa, start, fall = 10 ** random.uniform(-12, -0.5), 10 ** random.uniform(-4, 3), 10 ** random.uniform(-6, -0.5)
         rtol = 10 ** random.uniform(-12, -3)
         end = start * fall
-        gaps = [*np.geomspace(start, end, 15)[1:-1], end]
-        scene = {"force": kappa, "h": start, "until_h": end, "gaps": gaps}
+        scene = {"force": kappa, "h": start, "until_h": end, "gaps": [*np.geomspace(start, end, 15)[:-1], end]}
         found = run(**scene, rtol=rtol)
         exact = run(**scene, method="quadrature", quantities=("dh_dt",))
         rate = np.abs(exact.dh_dt / exact.h)
-        rounding = found.stats["steps"] * np.finfo(float).eps * (1 + abs(math.log(start))) * rate * exact.t
-        assert np.all(np.abs(found.t - exact.t) * rate < 10 * rtol + rounding), (kappa, start, end, rtol)
+        growth = np.maximum(1, rate / rate[0])
+        rounding = found.stats["steps"] * np.finfo(float).eps * (1 + abs(math.log(start))) * (rate * exact.t + growth)
+        assert np.all(np.abs(found.t - exact.t) * rate <= 10 * rtol * growth + rounding), (kappa, start, end, rtol)
 
 
 def test_the_gap_settles_on_a_film_where_the_remote_force_balances() -> None:
