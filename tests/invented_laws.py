@@ -1,0 +1,58 @@
+"""Laws that no paper holds, each with something that the stock law lacks."""
+
+from __future__ import annotations
+
+from sympy import Abs, Max, Min, Piecewise, Rational, Symbol, exp, pi, sqrt, tanh
+
+from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.laws.rognon_gay import law as rognon_gay
+
+hbar = R * h / (R + h)
+
+A = Symbol("A", real=True)
+ell = Symbol("ell", positive=True)
+#: A remote force that decays with the gap; its sign is free.
+screened = ContactLaw(
+    name="screened",
+    a=sqrt(2 * R * (hbar + Abs(delta))),
+    F_ela=Rational(4, 9) * E * a * delta,
+    zeta=3 * pi * eta * a**4 / (2 * hbar**3),
+    F_adh=A * exp(-h / ell),
+    parameters={A: FORCE, ell: LENGTH},
+)
+
+c = Symbol("c", positive=True)
+#: a grows linearly with the deflection: a is no square root, and has a kink.
+cone = ContactLaw(
+    name="cone",
+    a=sqrt(2 * R * hbar) + c * Abs(delta),
+    F_ela=E * a * delta,
+    zeta=6 * pi * eta * a**4 / h**3,
+    parameters={c: DIMENSIONLESS},
+)
+
+b = Symbol("b", positive=True)
+#: A rim of fixed width b that knows nothing of R; a remote force that acts on the area pi a^2; broken powers.
+rimmed = ContactLaw(
+    name="rimmed",
+    a=b + sqrt(R * h) + sqrt(b**2 + delta**2),
+    F_ela=E * a ** Rational(1, 3) * delta * (b + Abs(delta)) ** Rational(2, 3) + E * a * delta,
+    zeta=eta * a**2 * (a / h) ** Rational(5, 4) / (a + h),
+    F_adh=E * a**2 * tanh(b / h) / 100,
+    parameters={b: LENGTH},
+)
+
+s = Symbol("s", positive=True)
+#: Branches: a brush of length s, touched below h = 2 s, a spring stiffer in compression, a friction with a floor.
+branched = ContactLaw(
+    name="branched",
+    a=sqrt(2 * R * h + delta**2),
+    F_ela=E * a * delta + Piecewise((E * delta**2, delta > 0), (0, True)),
+    zeta=eta * a * Max(R / h, 1) + eta * Min(a, R),
+    F_adh=Piecewise(
+        (E * s**2 * ((2 * s / h) ** Rational(9, 4) - (h / (2 * s)) ** Rational(3, 4)), h < 2 * s), (0, True)
+    ),
+    parameters={s: LENGTH},
+)
+
+LAWS = {law.name: law for law in (rognon_gay, screened, cone, rimmed, branched)}
