@@ -14,8 +14,36 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from sympy import (
-    Abs, Add, Expr, Max, Min, Mul, Pow, Rational, S, Symbol, acosh, asin, asinh, atan, atanh, binomial, cos, cosh,
-    erf, erfc, exp, expand_log, factorial, log, sign, simplify, sin, sinh, tan, tanh,
+    Abs,
+    Add,
+    Expr,
+    Max,
+    Min,
+    Mul,
+    Pow,
+    Rational,
+    S,
+    Symbol,
+    acosh,
+    asin,
+    asinh,
+    atan,
+    atanh,
+    binomial,
+    cos,
+    cosh,
+    erf,
+    erfc,
+    exp,
+    expand_log,
+    factorial,
+    log,
+    sign,
+    simplify,
+    sin,
+    sinh,
+    tan,
+    tanh,
 )
 
 Exponents = tuple[Rational, ...]
@@ -132,9 +160,7 @@ def _is_zero(coefficient: Expr) -> bool:
 def _cut(series: Series) -> Series:
     """Drop terms below the remainder; move those beyond the KEPT largest into it."""
     remainder = minimal(series.remainder)
-    known = {
-        e: c for e, c in series.terms.items() if not any(e == r or negligible(e, r) for r in remainder)
-    }
+    known = {e: c for e, c in series.terms.items() if not any(e == r or negligible(e, r) for r in remainder)}
     # whatever is moved must not leave behind a term that it dominates: sorting by degree ensures it
     ordered = sorted(known, key=lambda e: (sum(e), e))
     moved = ordered[KEPT:]
@@ -254,4 +280,3 @@ def _analytic(expr: Expr, argument: Series, ratios: tuple[Symbol, ...]) -> Serie
         function = function.diff(x)
     small = Series({e: c for e, c in argument.terms.items() if e != zero}, argument.remainder)
     return _compose(small, derivatives, len(ratios))
-

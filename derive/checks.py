@@ -20,8 +20,6 @@ from sympy import (
     Dummy,
     Expr,
     Float,
-    Function,
-    Integer,
     Max,
     Min,
     Mul,
@@ -29,8 +27,8 @@ from sympy import (
     Pow,
     Rational,
     Symbol,
-    acosh,
     acos,
+    acosh,
     asin,
     asinh,
     atan,
@@ -49,13 +47,13 @@ from sympy import (
     tan,
     tanh,
 )
-from sympy.core.numbers import Exp1 as EulerNumber
-from sympy.core.numbers import ImaginaryUnit, Infinity, NaN, NegativeInfinity, ComplexInfinity
 from sympy.core.function import AppliedUndef
+from sympy.core.numbers import ComplexInfinity, ImaginaryUnit, Infinity, NaN, NegativeInfinity
+from sympy.core.numbers import Exp1 as EulerNumber
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
-from softdyn.derive.dimensions import DIMENSIONLESS, FORCE, FRICTION, LENGTH, DimensionMismatchError, dimension_of
+from softdyn.derive.dimensions import FORCE, FRICTION, LENGTH, DimensionMismatchError, dimension_of
 from softdyn.derive.soundness import tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, R, a, delta, eta, h
 
@@ -123,8 +121,8 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
             faults.append(f"parameters: {symbol.name!r} cannot name a variable of the generated code")
         elif not symbol.is_real:
             faults.append(
-                f"parameters: {symbol.name!r} may be complex as declared; write Symbol({symbol.name!r}, positive=True), "
-                "or real=True if it may be negative"
+                f"parameters: {symbol.name!r} may be complex as declared; write Symbol({symbol.name!r}, positive=True),"
+                " or real=True if it may be negative"
             )
     for symbol, bounds in law.ranges.items():
         if symbol not in law.parameters:
@@ -171,7 +169,7 @@ def _node_faults(name: str, expr: Expr) -> list[str]:
     for number in sorted(expr.atoms(Float), key=str):
         exact = nsimplify(number, rational=True)
         faults.append(
-            f"{name}: {number} is inexact; numbers stay exact in a law: write Rational({str(exact.p)}, {str(exact.q)})"
+            f"{name}: {number} is inexact; numbers stay exact in a law: write Rational({exact.p!s}, {exact.q!s})"
         )
     for node in _unprintable(expr):
         near = get_close_matches(type(node).__name__, [f.__name__ for f in PRINTABLE], n=1, cutoff=0.5)
@@ -187,7 +185,7 @@ def _unprintable(expr: Expr) -> list[Basic]:
         return [bad for argument in expr.args for bad in _unprintable(argument)]
     if isinstance(expr, (ImaginaryUnit, Infinity, NegativeInfinity, ComplexInfinity, NaN)):
         return [expr]
-    if expr.is_Symbol or expr.is_number or isinstance(expr, BooleanAtom) or isinstance(expr, AppliedUndef):
+    if expr.is_Symbol or expr.is_number or isinstance(expr, (BooleanAtom, AppliedUndef)):
         return []
     if type(expr).__name__ == "ExprCondPair":
         return [bad for argument in expr.args for bad in _unprintable(argument)]
@@ -215,7 +213,7 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
         where = f"limit {limit.name!r}"
         if {abs(length) for length in limit.order} != {abs(h), abs(delta), abs(R)} or len(limit.order) != 3:
             faults.append(
-                f"{where}: order must hold h, delta (or -delta) and R, from the smallest to the largest, not {limit.order}"
+                f"{where}: order must hold h, delta (or -delta) and R, from smallest to largest, not {limit.order}"
             )
         for quantity, form in limit.claims.items():
             if quantity not in CLAIMABLE:
@@ -230,7 +228,7 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
 
 
 def _positivity_faults(law: ContactLaw) -> list[str]:
-    """Radius, stiffness and friction must be positive for h > 0 and abs(delta) < R; a witness is given where they are not."""
+    """Radius, stiffness and friction must be positive for h > 0, abs(delta) < R; a witness shows where they are not."""
     from softdyn.derive.dynamics import law_quantities
 
     quantities = law_quantities(law)
@@ -286,7 +284,10 @@ def _nonpositive_witness(expr: Expr, size: Symbol, law: ContactLaw) -> tuple[str
 
 def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:
     if symbol in law.ranges:
-        low, high = (mpmath.mpf(str(Rational(bound))) if isinstance(bound, (int, Rational)) else mpmath.mpf(float(bound)) for bound in law.ranges[symbol])
+        low, high = (
+            mpmath.mpf(str(Rational(bound))) if isinstance(bound, (int, Rational)) else mpmath.mpf(float(bound))
+            for bound in law.ranges[symbol]
+        )
         return [low + (high - low) * mpmath.mpf(part) / 10 for part in (1, 5, 9)]
     positive = [mpmath.mpf(10) ** k for k in (-3, 0, 3)]
     return positive if symbol.is_positive else [-positive[1], positive[0], positive[1]]

@@ -122,7 +122,8 @@ def generic_dynamics() -> GenericDynamics:
     # Jacobians, in terms of the rates themselves: d(dh/dt) and d(d(delta)/dt) by h and by delta
     gap_by = {x: (total(F_adh, x) - dh_dt * total(zeta, x)) / zeta for x in (h, delta)}
     deflection_by = {
-        x: -(total(F_a * a_h, x) * dh_dt + F_a * a_h * gap_by[x] + total(F_a * a_delta + F_delta, x) * ddelta_dt) / (2 * C)
+        x: -(total(F_a * a_h, x) * dh_dt + F_a * a_h * gap_by[x] + total(F_a * a_delta + F_delta, x) * ddelta_dt)
+        / (2 * C)
         for x in (h, delta)
     }
     # along delta(h) at constant force, d(delta)/dh = -F_a a_h/(2 C)
@@ -168,8 +169,7 @@ def partials(law: ContactLaw) -> dict[Symbol, Expr]:
         if len(variables) > 1:
             first, second = variables
             through = (
-                diff(a_root, first, second) / 2
-                - (diff(a_root, first) / (2 * a)) * (diff(a_root, second) / (2 * a))
+                diff(a_root, first, second) / 2 - (diff(a_root, first) / (2 * a)) * (diff(a_root, second) / (2 * a))
             ) / a
         else:
             through = diff(a_root, *variables) / (2 * a)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Integer, Rational, S, Symbol, diff
+from sympy import Expr, Integer, Rational, Symbol, diff
 
 from softdyn.derive.law import law_hash, parameters_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
@@ -165,15 +165,24 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         savings=tuple(savings),
         operations={
             part: operations(lines)
-            for part, lines in (("balance", balance), ("gap_rate", gap_rate), ("quantities", quantities), ("force", force))
+            for part, lines in (
+                ("balance", balance),
+                ("gap_rate", gap_rate),
+                ("quantities", quantities),
+                ("force", force),
+            )
         },
         sympy_version=sympy.__version__,
     )
 
 
 def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
-    faults = [f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names]
-    faults += [f"{name!r} is no output; there are {', '.join(OUTPUTS)}" for name in needs.outputs if name not in OUTPUTS]
+    faults = [
+        f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names
+    ]
+    faults += [
+        f"{name!r} is no output; there are {', '.join(OUTPUTS)}" for name in needs.outputs if name not in OUTPUTS
+    ]
     if faults:
         raise LawError(law.name, tuple(faults))
 

@@ -11,7 +11,7 @@ ratio is evaluated in high precision along several scalings, down to eps = 1e-30
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Literal
 
 import mpmath
@@ -101,7 +101,10 @@ def _check_claim(limit: Limit, quantity: str, claimed: Expr, found: Expr, claim:
     try:
         top = expand(found.subs(values), ratios)
         bottom = expand(claim.subs(values), ratios)
-        (exponents, numerator), (others, denominator) = leading(top, quantity), leading(bottom, f"the claim for {quantity}")
+        (exponents, numerator), (others, denominator) = (
+            leading(top, quantity),
+            leading(bottom, f"the claim for {quantity}"),
+        )
     except UndecidedError as reason:
         return finding("undecided", None, str(reason))
     powers = [x - y for x, y in zip(exponents, others, strict=True)]
@@ -114,12 +117,17 @@ def _check_claim(limit: Limit, quantity: str, claimed: Expr, found: Expr, claim:
     lengths = _back_to_lengths(ratio, ratios, limit)
     if not converges:
         return finding(
-            "undecided", lengths, f"the series gives the ratio {lengths}, but the numbers do not tend to it", *certificate
+            "undecided",
+            lengths,
+            f"the series gives the ratio {lengths}, but the numbers do not tend to it",
+            *certificate,
         )
     if ratio == 1:
         return finding("proved", S.One, "the leading terms are equal", *certificate)
     if any(powers):
-        tends = "infinity" if all(power <= 0 for power in powers) else "0" if all(p >= 0 for p in powers) else "no limit"
+        tends = (
+            "infinity" if all(power <= 0 for power in powers) else "0" if all(p >= 0 for p in powers) else "no limit"
+        )
         return finding("disproved", lengths, f"found/claimed = {lengths}, which tends to {tends}", *certificate)
     return finding("disproved", lengths, f"found/claimed tends to {lengths}, not to 1", *certificate)
 
@@ -177,8 +185,8 @@ def _falls(deviations: list[mpmath.mpf], predicted: float | None) -> bool:
     if predicted is None:  # no correction at all: exact, or smaller than any power
         return bool(deviations[-1] < mpmath.mpf(10) ** -30)
     for (early, late), (first, second) in zip(
-        zip(deviations, deviations[1:], strict=False),
-        zip(CERTIFICATE_SCALES, CERTIFICATE_SCALES[1:], strict=False),
+        pairwise(deviations),
+        pairwise(CERTIFICATE_SCALES),
         strict=True,
     ):
         if late == 0:
@@ -187,4 +195,3 @@ def _falls(deviations: list[mpmath.mpf], predicted: float | None) -> bool:
         if slope < 0.9 * predicted - 0.02:
             return False
     return True
-

@@ -10,9 +10,22 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterable, Mapping
 
-from sympy import Add, Expr, Integer, Mul, Pow, Rational, S, Symbol, cse, numbered_symbols, sign
-from sympy import Abs, Max, Min, Piecewise
-from sympy.codegen.cfunctions import expm1, log1p
+from sympy import (
+    Add,
+    Expr,
+    Integer,
+    Max,
+    Min,
+    Mul,
+    Piecewise,
+    Pow,
+    Rational,
+    S,
+    Symbol,
+    cse,
+    numbered_symbols,
+    sign,
+)
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import And, Not, Or
 
@@ -82,7 +95,7 @@ def _name_bases(pool: dict[Symbol, Expr], fresh: Iterable[Symbol]) -> dict[Symbo
 
 
 def _print_in_order(pool: dict[Symbol, Expr], order: list[Symbol]) -> list[Assignment]:
-    """Print each definition after those that it uses, and the powers of a name right after that name is first needed."""
+    """Print each definition after those that it uses, and the powers of a name right before their first use."""
     lines: list[Assignment] = []
     done: set[Symbol] = set()
     powers: set[tuple[str, int]] = set()
@@ -201,7 +214,11 @@ def _sum(expr: Add) -> str:
 
 def _product(expr: Expr) -> tuple[str, int]:
     """One fraction: constant first, then names, then roots gathered under one sqrt."""
-    number, above, below, root_above, root_below = S.One, [], [], [], []
+    number: Expr = S.One
+    above: list[str] = []
+    below: list[str] = []
+    root_above: list[Expr] = []
+    root_below: list[Expr] = []
     for factor in Mul.make_args(expr):
         base, power = factor.as_base_exp()
         if factor.is_number and power.q != 2:

@@ -7,6 +7,7 @@ meet, from the equality of their leading forms.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -121,11 +122,14 @@ def crossovers(law: ContactLaw) -> tuple[Crossover, ...]:
         for other in found[i + 1 :]
         if _neighbours(one.order, other.order)
     ]
-    return (*met, *(Crossover(one.name, "", _line(one.delta, S.One)) for one in found if (delta, R) in _pairs(one.order)))
+    return (
+        *met,
+        *(Crossover(one.name, "", _line(one.delta, S.One)) for one in found if (delta, R) in _pairs(one.order)),
+    )
 
 
 def _pairs(order: tuple[Expr, ...]) -> set[tuple[Expr, Expr]]:
-    return set(zip(order, order[1:], strict=False))
+    return set(itertools.pairwise(order))
 
 
 def _neighbours(one: tuple[Expr, ...], other: tuple[Expr, ...]) -> bool:

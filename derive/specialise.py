@@ -14,7 +14,7 @@ from sympy import Abs, Expr, Rational, S, Symbol, sign
 from sympy.core.relational import Relational
 
 from softdyn.derive import dynamics as d
-from softdyn.derive.dynamics import C, D, F_adh, F_ela, dF_dt, ddelta_dt, dh_dt, generic_dynamics, partials, zeta
+from softdyn.derive.dynamics import C, D, F_adh, F_ela, ddelta_dt, dF_dt, dh_dt, generic_dynamics, partials, zeta
 from softdyn.derive.soundness import sound
 from softdyn.derive.symbols import F, R, a, delta, h
 
@@ -32,10 +32,7 @@ dF_ddelta = Symbol("dF_ddelta", positive=True)
 dF_dh = Symbol("dF_dh", real=True)
 
 #: What a kernel can be asked for, at a state (h, delta) under the force F.
-OUTPUTS = tuple(
-    symbol.name
-    for symbol in (a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2)
-)
+OUTPUTS = tuple(symbol.name for symbol in (a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2))
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,9 @@ def _written_arrays(functions: list[ast.FunctionDef]) -> dict[str, list[bool]]:
             stored = {
                 node.value.id
                 for node in ast.walk(function)
-                if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name)
+                if isinstance(node, ast.Subscript)
+                and isinstance(node.ctx, ast.Store)
+                and isinstance(node.value, ast.Name)
             }
             for node in ast.walk(function):
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in result:
@@ -175,7 +177,8 @@ def _block(body: list[ast.stmt], state: _Function, comments: dict[int, str], dep
 
 
 def _comments_before(statement: ast.stmt, comments: dict[int, str]) -> list[str]:
-    found, line = [], statement.lineno - 1
+    found: list[str] = []
+    line = statement.lineno - 1
     while line in comments:
         found.insert(0, comments.pop(line))
         line -= 1

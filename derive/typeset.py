@@ -111,7 +111,9 @@ def as_latex(law: ContactLaw) -> str:
 def name_latex(name: str) -> str:
     """Typeset the name of a quantity; a state such as "ln h, delta" too."""
     words = name.split(" ")
-    return " ".join({"ln": r"\ln"}.get(w, LATEX_NAMES.get(w, w)) if len(words) < 4 else rf"\text{{{w} }}" for w in words)
+    return " ".join(
+        {"ln": r"\ln"}.get(w, LATEX_NAMES.get(w, w)) if len(words) < 4 else rf"\text{{{w} }}" for w in words
+    )
 
 
 def to_latex(expr: Expr | Eq | Matrix) -> str:

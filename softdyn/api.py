@@ -14,7 +14,9 @@ from softdyn.scene import Scene, Table, read_scene, suggestion
 __all__ = ["PairResult", "Scene", "Table", "load_result", "read_scene", "simulate"]
 
 
-def simulate(scene: Scene | str | Path | None = None, *, progress: Progress | None = None, **keywords: Any) -> PairResult:
+def simulate(
+    scene: Scene | str | Path | None = None, *, progress: Progress | None = None, **keywords: Any
+) -> PairResult:
     """Simulate a scene.
 
     Parameters

@@ -38,7 +38,9 @@ def folder() -> Path:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         owner = path.stat().st_uid
     except OSError as error:
-        raise SceneError(f"cannot make the kernel cache {path}: {error.strerror}; set {VARIABLE} to another folder") from None
+        raise SceneError(
+            f"cannot make the kernel cache {path}: {error.strerror}; set {VARIABLE} to another folder"
+        ) from None
     if hasattr(os, "getuid") and owner != os.getuid():
         raise SceneError(f"the kernel cache {path} belongs to another user; set {VARIABLE} to a folder of your own")
     return path
@@ -98,7 +100,9 @@ def publish(kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, 
         finally:
             shutil.rmtree(made, ignore_errors=True)
     except OSError as error:
-        raise SceneError(f"cannot write the kernel cache {parent}: {error.strerror}; set {VARIABLE} to another folder") from None
+        raise SceneError(
+            f"cannot write the kernel cache {parent}: {error.strerror}; set {VARIABLE} to another folder"
+        ) from None
     if read(kind, key) is None:
         raise SceneError(f"the kernel cache entry {target} could not be written whole")
     return target

@@ -49,7 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: nothing to say
         return 0
     except OSError as error:
-        print(f"softdyn: error: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", file=sys.stderr)
+        print(
+            f"softdyn: error: {error.strerror or error}{f': {error.filename}' if error.filename else ''}",
+            file=sys.stderr,
+        )
         return 2
     except KeyboardInterrupt:
         print("softdyn: interrupted", file=sys.stderr)
@@ -58,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     raw = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(prog="softdyn", description=(softdyn.__doc__ or "").splitlines()[0], epilog=EXAMPLES, formatter_class=raw)
+    parser = argparse.ArgumentParser(
+        prog="softdyn", description=(softdyn.__doc__ or "").splitlines()[0], epilog=EXAMPLES, formatter_class=raw
+    )
     parser.add_argument("--version", action="version", version=f"softdyn {softdyn.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
@@ -80,13 +85,23 @@ def _parser() -> argparse.ArgumentParser:
     generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
     generate.add_argument("law", metavar="LAW", nargs="?")
     generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel")
-    generate.add_argument("--scene", type=Path, help="leave out what this scene does not need (default: leave nothing out)")
     generate.add_argument(
-        "--fix", metavar="NAME=VALUE", action="append", default=[], help="put a number in the place of a parameter; repeatable"
+        "--scene", type=Path, help="leave out what this scene does not need (default: leave nothing out)"
     )
-    generate.add_argument("-o", dest="folder", metavar="DIR", type=Path, help="folder to write to (default: the terminal)")
+    generate.add_argument(
+        "--fix",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="put a number in the place of a parameter; repeatable",
+    )
+    generate.add_argument(
+        "-o", dest="folder", metavar="DIR", type=Path, help="folder to write to (default: the terminal)"
+    )
     generate.add_argument("--stock", action="store_true", help="regenerate the files of generated/ instead")
-    generate.add_argument("--check", action="store_true", help="with --stock: write nothing, fail with a diff if a byte would change")
+    generate.add_argument(
+        "--check", action="store_true", help="with --stock: write nothing, fail with a diff if a byte would change"
+    )
 
     run = add("run", _run, "simulate a scene")
     run.add_argument("scene", metavar="SCENE.toml", type=Path)
@@ -95,10 +110,14 @@ def _parser() -> argparse.ArgumentParser:
 
     plot = add("plot", _plot, "draw a saved result")
     plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
-    plot.add_argument("-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)")
+    plot.add_argument(
+        "-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)"
+    )
 
     reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
-    reproduce.add_argument("-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s")
+    reproduce.add_argument(
+        "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
+    )
     reproduce.add_argument("--target", choices=("auto", "c", "numba"), default="auto", help="default: %(default)s")
     return parser
 
@@ -137,7 +156,10 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         listed = [
             {
-                **{key: getattr(f, key) for key in ("limit", "ordering", "quantity", "verdict", "reason", "certificate")},
+                **{
+                    key: getattr(f, key)
+                    for key in ("limit", "ordering", "quantity", "verdict", "reason", "certificate")
+                },
                 "claimed": str(f.claimed),
                 "ratio": None if f.ratio is None else str(f.ratio),
             }
@@ -238,16 +260,21 @@ def _run(options: argparse.Namespace) -> int:
         print(json.dumps(result.to_dict()))
         return 0
     stats = result.stats
-    print(f"{result.law}, target {result.target}: {stats['method']}, {stats['steps']} steps, {stats['rejected']} rejected")
+    print(
+        f"{result.law}, target {result.target}: {stats['method']}, {stats['steps']} steps, {stats['rejected']} rejected"
+    )
     for name, values in result.arrays.items():
         print(f"  {name:10} {values[0]: .6e} .. {values[-1]: .6e}")
-    print(f"  the force balance holds to {stats['force_residual']:.1e}; run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s")
+    print(
+        f"  the force balance holds to {stats['force_residual']:.1e}; "
+        f"run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s"
+    )
     if options.output is not None:
         print(f"wrote {options.output}")
     return 0
 
 
-class _progress_bar:  # noqa: N801 - reads as a statement
+class _progress_bar:
     """Context: a progress callback that draws a bar on a terminal, and None elsewhere."""
 
     def __init__(self, scene: Any) -> None:
@@ -258,7 +285,9 @@ class _progress_bar:  # noqa: N801 - reads as a statement
             return None
         from tqdm import tqdm
 
-        self.bar = tqdm(total=1.0, delay=0.5, leave=False, bar_format="{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}")
+        self.bar = tqdm(
+            total=1.0, delay=0.5, leave=False, bar_format="{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
+        )
         return self.update
 
     def update(self, t: float, h: float) -> None:

@@ -8,21 +8,21 @@
     power   = atom [ "**" signed ]
     atom    = number | name | function "(" sum ")" | "(" sum ")"
 
-A name is ``t``, ``pi`` or one of the constants given with the expression; nothing is ever evaluated as code. Numbers and
-constants are kept apart from the shape of the expression, so that one kernel serves every expression of a shape.
+A name is ``t``, ``pi`` or one of the constants given with the expression; nothing is ever evaluated as code. Numbers
+and constants are kept apart from the shape of the expression, so that one kernel serves every expression of a shape.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 
 from softdyn.errors import SceneError
 
-FUNCTIONS = {
+FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sin": math.sin,
     "cos": math.cos,
     "tan": math.tan,
@@ -205,7 +205,9 @@ class _Parser:
         if text == "(":
             node = self._sum()
             if not self._take(")"):
-                raise self._error(f"the parenthesis opened at position {at + 1} is not closed", self.tokens[self.next][2])
+                raise self._error(
+                    f"the parenthesis opened at position {at + 1} is not closed", self.tokens[self.next][2]
+                )
             return node
         self.next -= 1
         found = repr(text) if text else "the end"

@@ -110,7 +110,8 @@ def load(reference: LawReference) -> tuple[ContactLaw, dict[str, str]]:
     path = reference.path
     with _folder_on_path(path.parent) as imported:
         spec = importlib.util.spec_from_file_location(f"softdyn_law_{path.stem}", path)
-        assert spec is not None and spec.loader is not None
+        assert spec is not None
+        assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         try:
             spec.loader.exec_module(module)

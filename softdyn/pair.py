@@ -96,7 +96,7 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
 
 
 def kernel_needs(scene: Scene, drive: Drive) -> dict[str, Any]:
-    """What a scene needs of its kernel: the outputs asked for, and F_ela, to report the residual of the force balance."""
+    """What a scene needs of its kernel: the outputs asked for, and F_ela, to report how the force balance holds."""
     wanted = {*scene.quantities, "F_ela"} | ({"dh_dt"} if scene.method == "quadrature" else set())
     return {
         "drive": drive.shape,
@@ -169,7 +169,12 @@ def _integrate(
             status = _stuck(scene, state)
     if status not in (0, 1):
         raise IntegrationError(_what_happened(status, scene, drive, state))
-    stats = {"method": "DOP853 in ln h", "steps": int(state[5]), "rejected": int(state[6]), "evaluations": int(state[7])}
+    stats = {
+        "method": "DOP853 in ln h",
+        "steps": int(state[5]),
+        "rejected": int(state[6]),
+        "evaluations": int(state[7]),
+    }
     return np.concatenate(recorded), "h" if status == 1 else "t", stats
 
 
@@ -189,29 +194,35 @@ def _what_happened(status: int, scene: Scene, drive: Drive, state: Array) -> str
     h = math.exp(min(max(u, -745.0), 709.0))
     where = f"at t={t:.6g}, h={h:.6g}, delta={delta:.6g}"
     toward = "" if scene.until_h is None else f" before the gap reached until.h = {scene.until_h:g}"
-    long = (
-        "where F_adh balances the force the gap settles on a film, and under a force without mean it goes nowhere: "
-        "end the run by a time, until.t"
-        if scene.until_t is None
-        else "the equation is stiff there, or the force varies fast; ask for a shorter time or a larger rtol"
-    )
+    away = _moves_away(scene, h)
+    end_by_time = "end the run by a time, until.t"
+    if away:
+        long = f"the force moves the gap the other way; {end_by_time}"
+    elif scene.until_t is None:
+        long = (
+            "where F_adh balances the force the gap settles on a film, and under a force without mean it goes nowhere: "
+            + end_by_time
+        )
+    else:
+        long = "the equation is stiff there, or the force varies fast; ask for a shorter time or a larger rtol"
+    slow = "the gap hardly moves, since the force vanishes or is balanced, or the friction diverges"
+    why = f"{'the force moves the gap the other way' if away else slow}; {end_by_time}"
     reasons = {
         3: f"the force table ends {where}{toward}; extend it, or end the run earlier",
-        -1: f"the step fell below the rounding of t {where}: the tolerance rtol={scene.rtol:g} cannot be met, or the law "
-        "or the force has a singularity there",
-        -2: f"the time overflows {where}{toward}: {_where_to(scene, h)}; end the run by a time, until.t",
+        -1: f"the step fell below the rounding of t {where}: the tolerance rtol={scene.rtol:g} cannot be met, or the "
+        "law or the force has a singularity there",
+        -2: f"the time overflows {where}{toward}: {why}",
         -3: f"the gap has no finite rate {where}: the force or the law has no value there",
         TOO_MANY: f"{MOST_STEPS} steps were not enough, {where}{toward}; {long}",
-        RUNAWAY: f"the gap leaves the range of double precision {where}{toward}: {_where_to(scene, h)}",
+        RUNAWAY: f"the gap leaves the range of double precision {where}{toward}: {why}",
     }
     return reasons[status]
 
 
-def _where_to(scene: Scene, h: float) -> str:
+def _moves_away(scene: Scene, h: float) -> bool:
+    """Whether the gap has moved away from the gap at which the run was to end."""
     moved = math.log(h / scene.h)
-    if scene.until_h is not None and abs(moved) > 1e-6 and (moved > 0) != (scene.until_h > scene.h):
-        return "the force moves the gap the other way"
-    return "the gap hardly moves, since the force vanishes or is balanced, or the friction diverges"
+    return scene.until_h is not None and abs(moved) > 1e-6 and (moved > 0) != (scene.until_h > scene.h)
 
 
 def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[Array, Array]:
@@ -304,7 +315,9 @@ def _warnings(kernel: Kernel, p: Array, delta: Array, largest: float, R: float) 
     if "E" in kernel.parameters:
         kappa = largest / (float(p[kernel.parameters.index("E")]) * R**2)
         if kappa > 1:
-            found.append(f"kappa = F/(E R^2) reaches {kappa:.3g} > 1: outside the model, deflections are of the order of R")
+            found.append(
+                f"kappa = F/(E R^2) reaches {kappa:.3g} > 1: outside the model, deflections are of the order of R"
+            )
     if not found and np.max(np.abs(delta), initial=0.0) >= R:
         found.append(f"the deflection reaches {np.max(np.abs(delta)) / R:.3g} R: outside the model")
     return tuple(found)

@@ -6,6 +6,7 @@ shares with the integrator the law, but neither a step nor an error estimate: it
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cache
 from typing import Any
@@ -56,7 +57,7 @@ def times_at_gaps(kernel: Kernel, p: Array, F: float, gaps: Array) -> tuple[Arra
         If the gap does not move from each to the next, or if the integral does not converge.
     """
     u = np.log(gaps)
-    parts = [_between(kernel, p, F, start, end) for start, end in zip(u, u[1:], strict=False)]
+    parts = [_between(kernel, p, F, start, end) for start, end in itertools.pairwise(u)]
     times = np.concatenate([[0.0], np.cumsum([value for value, _ in parts])])
     return times, sum(evaluations for _, evaluations in parts)
 
@@ -98,7 +99,9 @@ def _panels(kernel: Kernel, p: Array, F: float, start: float, end: float, panels
     return float(np.sum(half[:, None] * weights * (1 / rate).reshape(panels, -1)))
 
 
-def integrate_constant_force(scene: Scene, kernel: Kernel, p: Array, F: float) -> tuple[Array, Array, str, dict[str, Any]]:
+def integrate_constant_force(
+    scene: Scene, kernel: Kernel, p: Array, F: float
+) -> tuple[Array, Array, str, dict[str, Any]]:
     """Times and gaps of the asked outputs of a scene with constant force, by quadrature."""
     if scene.until_h is None or scene.times is not None:
         raise SceneError(
@@ -112,6 +115,13 @@ def integrate_constant_force(scene: Scene, kernel: Kernel, p: Array, F: float) -
     t, evaluations = times_at_gaps(kernel, p, F, np.concatenate([[scene.h], gaps]) if lead else gaps)
     t = t[1:] if lead else t
     if scene.until_t is not None and t[-1] > scene.until_t:
-        raise SceneError(f"[until] t = {scene.until_t:g} ends the run before the gap h = {gaps[-1]:g}, at t = {t[-1]:g}")
-    stats = {"method": "Gauss-Legendre quadrature in ln h", "steps": len(gaps), "rejected": 0, "evaluations": evaluations}
+        raise SceneError(
+            f"[until] t = {scene.until_t:g} ends the run before the gap h = {gaps[-1]:g}, at t = {t[-1]:g}"
+        )
+    stats = {
+        "method": "Gauss-Legendre quadrature in ln h",
+        "steps": len(gaps),
+        "rejected": 0,
+        "evaluations": evaluations,
+    }
     return t, gaps, "h", stats

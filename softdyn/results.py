@@ -33,8 +33,8 @@ class PairResult:
     parameters : mapping from str to float
     arrays : mapping from str to array of shape (outputs,)
         ``t`` (time), ``h`` (gap, length), ``delta`` (deflection, length), and the quantities asked for: ``X`` (distance
-        of the centres, length), ``a`` (contact radius, length), ``F`` (force), ``dF_dt`` (force/time), ``zeta`` and ``D``
-        (force time/length), ``C`` (force/length), ``F_adh`` (force), ``dh_dt``, ``ddelta_dt``, ``dX_dt`` (length/time),
+        of the centres, length), ``a`` (contact radius, length), ``F`` (force), ``dF_dt`` (force/time), ``zeta`` and
+        ``D`` (force time/length), ``C`` (force/length), ``F_adh`` (force), ``dh_dt``, ``ddelta_dt``, ``dX_dt`` (length/time),
         ``lambda1`` and ``lambda2`` (dimensionless: local exponents of delta and dh/dt in h, at constant force).
         Each is an attribute, too: ``result.h`` is ``result.arrays["h"]``.
     stopped_by : str
@@ -92,7 +92,7 @@ class PairResult:
             elif path.suffix == ".npz":
                 about = {key: value for key, value in self.to_dict().items() if key not in self.arrays}
                 with temporary.open("wb") as file:
-                    np.savez(file, about=np.array(json.dumps(about)), **self.arrays)
+                    np.savez(file, about=np.array(json.dumps(about)), **dict(self.arrays))  # type: ignore[arg-type]
             else:
                 columns = np.column_stack(list(self.arrays.values()))
                 np.savetxt(temporary, columns, delimiter=",", header=",".join(self.arrays), comments="", fmt="%.17g")
@@ -109,7 +109,7 @@ def _json_number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-class written_whole:  # noqa: N801 - reads as a statement
+class written_whole:
     """Context: a temporary file that takes the place of ``path`` once it is written without an error."""
 
     def __init__(self, path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -130,7 +131,7 @@ def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
         else:
             faults += _unknown(content, keys, f"[{section}] ")
     missing = [key for key in ("law", "parameters", "pair", "drive", "until") if key not in data]
-    faults += [f"[{key}] is missing" if key != "law" else "law is missing: law = \"NAME\"" for key in missing]
+    faults += [f"[{key}] is missing" if key != "law" else 'law is missing: law = "NAME"' for key in missing]
     for section, key in (("pair", "h"), ("drive", "force")):
         if section not in missing and isinstance(data[section], Mapping) and key not in data[section]:
             faults.append(f"[{section}] {key} is missing")
@@ -142,7 +143,7 @@ def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
     force = data["drive"]["force"]
     if isinstance(force, Mapping):
         if set(force) != {"file"} or not isinstance(force["file"], str):
-            raise SceneError("[drive] force: a table is {file = \"force.csv\"}, with no other key")
+            raise SceneError('[drive] force: a table is {file = "force.csv"}, with no other key')
         force = read_table(folder / force["file"])
     output, accuracy = data.get("output", {}), data.get("accuracy", {})
     return Scene(
@@ -183,7 +184,8 @@ def read_table(path: str | Path) -> Table:
         Naming the line at fault.
     """
     path = Path(path)
-    times, forces = [], []
+    times: list[float] = []
+    forces: list[float] = []
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             for number, row in enumerate(csv.reader(file), start=1):
@@ -194,7 +196,9 @@ def read_table(path: str | Path) -> Table:
                 except ValueError:
                     if not times and not any(_is_number(cell) for cell in row):
                         continue  # headings
-                    raise SceneError(f"force table {path}, line {number}: two numbers are expected, not {row}") from None
+                    raise SceneError(
+                        f"force table {path}, line {number}: two numbers are expected, not {row}"
+                    ) from None
                 if not (math.isfinite(t) and math.isfinite(F)):
                     raise SceneError(f"force table {path}, line {number}: {row} is not finite")
                 if times and t <= times[-1]:
@@ -284,7 +288,9 @@ def _table_from(t: Any, F: Any) -> Table:
     except (TypeError, ValueError):
         raise SceneError("force: a table is a pair of arrays of numbers, (t, F)") from None
     if table.t.ndim != 1 or table.t.shape != table.F.shape or len(table.t) < 2:
-        raise SceneError(f"force: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}")
+        raise SceneError(
+            f"force: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}"
+        )
     if not (np.isfinite(table.t).all() and np.isfinite(table.F).all() and (np.diff(table.t) > 0).all()):
         raise SceneError("force: a table's times must increase, and all its numbers be finite")
     return table
@@ -354,7 +360,9 @@ def check_scene(scene: Scene) -> None:
             faults.append(f"[output] unknown quantity {name!r}{suggestion(name, QUANTITIES)}")
     rtol = attempt(_positive, "[accuracy] rtol", scene.rtol)
     if rtol is not None and not SMALLEST_RTOL <= rtol < 1:
-        faults.append(f"[accuracy] rtol must lie between {SMALLEST_RTOL:g}, where rounding sets in, and 1, not {rtol:g}")
+        faults.append(
+            f"[accuracy] rtol must lie between {SMALLEST_RTOL:g}, where rounding sets in, and 1, not {rtol:g}"
+        )
     if scene.method not in METHODS:
         faults.append(f"[accuracy] unknown method {scene.method!r}{suggestion(scene.method, METHODS)}")
     if scene.target not in TARGETS:
@@ -376,7 +384,7 @@ def _outputs(name: str, value: Any, check: Any) -> Any:
     values = [check(f"[output] {name}", one) for one in value]
     if not values:
         raise SceneError(f"[output] {name} is an empty list")
-    if name == "times" and any(late <= early for early, late in zip(values, values[1:], strict=False)):
+    if name == "times" and any(late <= early for early, late in itertools.pairwise(values)):
         raise SceneError("[output] times must increase")
     return values
 
@@ -391,13 +399,17 @@ def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str]
     """
     given = _numbers("[parameters]", scene.parameters)
     faults = [
-        f"[parameters] {name!r} is not a parameter of the law{suggestion(name, names)}" for name in given if name not in names
+        f"[parameters] {name!r} is not a parameter of the law{suggestion(name, names)}"
+        for name in given
+        if name not in names
     ]
     for name in names:
         if name not in given:
             faults.append(f"[parameters] {name} is missing; the law needs {', '.join(names)}")
         elif name in ranges and not ranges[name][0] < given[name] < ranges[name][1]:
-            faults.append(f"[parameters] {name} = {given[name]:g} lies outside {ranges[name][0]:g} .. {ranges[name][1]:g}")
+            faults.append(
+                f"[parameters] {name} = {given[name]:g} lies outside {ranges[name][0]:g} .. {ranges[name][1]:g}"
+            )
         elif name in positive:
             try:
                 _positive(f"[parameters] {name}", given[name])

@@ -77,7 +77,7 @@ def write_stock() -> list[str]:
 
 def stock_differences() -> str:
     """Unified diff between what is in ``generated/`` and what would be written; empty if nothing would change."""
-    found = []
+    found: list[str] = []
     for name, text in generated_files().items():
         path = GENERATED / name
         try:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from softdyn.errors import SceneError
 from softdyn.expression import FUNCTIONS, evaluate, parse
 
@@ -59,12 +60,16 @@ def test_text_outside_the_grammar_is_refused_with_its_position(text: str, positi
     assert message in str(refusal.value)
 
 
-@pytest.mark.parametrize("text", ["(" * 5000 + "t", "-" * 9000 + "t", "2**" * 3000 + "t", "t+" * 6000 + "t", "9**9**9**9**9"])
+@pytest.mark.parametrize(
+    "text", ["(" * 5000 + "t", "-" * 9000 + "t", "2**" * 3000 + "t", "t+" * 6000 + "t", "9**9**9**9**9"]
+)
 def test_deep_long_or_huge_text_neither_crashes_nor_hangs(text: str) -> None:
+    said = ""
     try:
         evaluate(parse(text), 1.0)
     except SceneError as refusal:
-        assert len(str(refusal)) < 400  # a hostile text is not echoed whole
+        said = str(refusal)
+    assert len(said) < 400  # a hostile text is not echoed whole
 
 
 def test_numbers_are_kept_apart_from_the_shape() -> None:
@@ -93,7 +98,7 @@ def test_random_expressions_agree_with_python(text: str, t: float) -> None:
     """Python's own evaluation is the reference here, on text that hypothesis made and not a user."""
     found = evaluate(parse(text), t)
     try:
-        expected = float(eval(text, {"__builtins__": {}}, {**FUNCTIONS, "t": t}))  # noqa: S307
+        expected = float(eval(text, {"__builtins__": {}}, {**FUNCTIONS, "t": t}))
     except (ZeroDivisionError, OverflowError):
         expected = math.nan
     np.testing.assert_allclose(found, expected, rtol=1e-14)

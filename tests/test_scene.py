@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softdyn.errors import SceneError
 from softdyn.scene import Table, check_scene, drive_of, parameter_values, read_scene, read_table, scene_from
 
@@ -29,12 +30,17 @@ def write(folder: Path, text: str, name: str = "scene.toml") -> Path:
 
 
 def refusal(folder: Path, text: str) -> str:
+    path = write(folder, text)
     with pytest.raises(SceneError) as caught:
-        scene = read_scene(write(folder, text))
-        check_scene(scene)
-        drive_of(scene)
-        parameter_values(scene, ("R", "E", "eta"), ("R", "E", "eta"), {})
+        check(path)
     return str(caught.value)
+
+
+def check(path: Path) -> None:
+    scene = read_scene(path)
+    check_scene(scene)
+    drive_of(scene)
+    parameter_values(scene, ("R", "E", "eta"), ("R", "E", "eta"), {})
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from softdyn.errors import CompileError
 from softdyn.targets import Functions
 
 
-
 def available() -> bool:
     """Whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
@@ -39,7 +38,8 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     name = manifest["name"]
     path = folder / f"{name}.py"
     spec = importlib.util.spec_from_file_location(f"softdyn_kernel_{name}_{folder.name}", path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     functions = Functions(
