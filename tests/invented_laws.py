@@ -9,7 +9,7 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 
 hbar = R * h / (R + h)
 
-A = Symbol("A", real=True)
+A = Symbol("strength", real=True)
 ell = Symbol("ell", positive=True)
 #: A remote force that decays with the gap; its sign is free.
 screened = ContactLaw(
@@ -21,17 +21,17 @@ screened = ContactLaw(
     parameters={A: FORCE, ell: LENGTH},
 )
 
-c = Symbol("c", positive=True)
+tilt = Symbol("tilt", positive=True)
 #: a grows linearly with the deflection: a is no square root, and has a kink.
 cone = ContactLaw(
     name="cone",
-    a=sqrt(2 * R * hbar) + c * Abs(delta),
+    a=sqrt(2 * R * hbar) + tilt * Abs(delta),
     F_ela=E * a * delta,
     zeta=6 * pi * eta * a**4 / h**3,
-    parameters={c: DIMENSIONLESS},
+    parameters={tilt: DIMENSIONLESS},
 )
 
-b = Symbol("b", positive=True)
+b = Symbol("rim", positive=True)
 #: A rim of fixed width b that knows nothing of R; a remote force that acts on the area pi a^2; broken powers.
 rimmed = ContactLaw(
     name="rimmed",
@@ -42,7 +42,7 @@ rimmed = ContactLaw(
     parameters={b: LENGTH},
 )
 
-s = Symbol("s", positive=True)
+s = Symbol("brush", positive=True)
 #: Branches: a brush of length s, touched below h = 2 s, a spring stiffer in compression, a friction with a floor.
 branched = ContactLaw(
     name="branched",
