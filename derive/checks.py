@@ -74,11 +74,19 @@ PRINTABLE = (
     *(sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc, Min, Max, Piecewise),
 )
 
-#: Names that a target or the language of the kernels has taken.
+#: Names that the kernels, C, Python or numba have taken: a parameter's name becomes a variable of the generated code.
 RESERVED = frozenset(
-    "h delta a F X C D t zeta kappa n p out if else for while return int float double break continue and or not in is "
-    "def lambda pass long short char void static const sqrt exp log sin cos tan pow fabs abs min max".split()
+    """
+    h delta a F X C D t zeta kappa F_ela F_adh dF_dt dh_dt ddelta_dt dX_dt dF_ddelta dF_dh lambda1 lambda2 n i p c w out
+    and as assert async await auto bool break case char class const continue def default del do double elif else
+    enum except extern finally float for from global goto if import in inline int is lambda long nonlocal not or
+    pass raise register restrict return short signed sizeof static struct switch try typedef union unsigned void
+    volatile while with yield array empty inf isfinite jit nan numba sqrt fabs exp log expm1 log1p pow sin cos tan
+    asin acos atan sinh cosh tanh asinh acosh atanh erf erfc abs min max range
+    """.split()
 )
+#: Names that the code generator makes up: x0, x1, ... and powers of names.
+MADE_UP = re.compile(r"x\d+|\w+_p\d+")
 
 
 def faults_of(law: ContactLaw) -> list[str]:
@@ -99,7 +107,7 @@ def faults_of(law: ContactLaw) -> list[str]:
         sound = sound and not found
     faults += _limit_faults(law, known)
     if sound and not faults:
-        faults += _positivity_faults(law)
+        faults += _origin_faults(law) or _positivity_faults(law)
     return faults
 
 
@@ -117,7 +125,11 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
             faults.append(f"parameters: {symbol!r} is not a symbol; write Symbol({str(symbol)!r}, positive=True)")
         elif symbol.name in taken:
             faults.append(f"parameters: {symbol.name!r} is one of the paper's symbols; choose another name")
-        elif symbol.name in RESERVED or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", symbol.name):
+        elif (
+            symbol.name in RESERVED
+            or MADE_UP.fullmatch(symbol.name)
+            or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", symbol.name)
+        ):
             faults.append(f"parameters: {symbol.name!r} cannot name a variable of the generated code")
         elif not symbol.is_real:
             faults.append(
@@ -225,6 +237,12 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
             if strange:
                 faults.append(f"{where}, {quantity}: unknown symbol {', '.join(strange)}")
     return faults
+
+
+def _origin_faults(law: ContactLaw) -> list[str]:
+    """No deflection, no elastic force: what delta means, and what bounds the solution of the force balance."""
+    at_rest = law.F_ela.subs(delta, 0)
+    return [] if at_rest == 0 else [f"F_ela must vanish at delta = 0, where it is {at_rest}"]
 
 
 def _positivity_faults(law: ContactLaw) -> list[str]:

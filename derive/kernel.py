@@ -26,7 +26,7 @@ from softdyn.derive.specialise import (
     dF_dt,
     dh_dt,
 )
-from softdyn.derive.symbols import F, R
+from softdyn.derive.symbols import F
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ class KernelIR:
         What the array ``p`` holds, in order; R first unless it is fixed.
     fixed : tuple of (str, str)
         Parameters that are numbers in the text.
-    radius : Code
-        A deflection of order R, where Newton's iteration starts.
+    radius : str
+        R as text: where Newton's iteration starts if the linear response is larger.
     drive : "constant", "table" or "expression"
     drive_text : str
         The expression of the force, if it is one, with its constants named c0, c1, ...
@@ -94,7 +94,7 @@ class KernelIR:
     declaration: tuple[tuple[str, str], ...]
     parameters: tuple[str, ...]
     fixed: tuple[tuple[str, str], ...]
-    radius: Code
+    radius: str
     drive: str
     drive_text: str
     constants: int
@@ -150,7 +150,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         declaration=tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh")),
         parameters=parameters,
         fixed=tuple(sorted(needs.fixed.items())),
-        radius=code([("start", print_expression(Rational(needs.fixed["R"]) if "R" in needs.fixed else R))]),
+        radius=print_expression(Rational(needs.fixed["R"])) if "R" in needs.fixed else "p[0]",
         drive="expression" if expression else str(needs.drive),
         drive_text=drive_text,
         constants=constants,
@@ -180,6 +180,9 @@ def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
     faults = [
         f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names
     ]
+    for symbol in parameters_of(law):
+        if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
+            faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
     faults += [
         f"{name!r} is no output; there are {', '.join(OUTPUTS)}" for name in needs.outputs if name not in OUTPUTS
     ]

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 
 from sympy import (
     Add,
+    Basic,
     Expr,
     Integer,
     Max,
@@ -55,15 +56,20 @@ def straight_line(targets: Iterable[Symbol], definitions: Mapping[Symbol, Expr])
     taken = {symbol for expr in needed.values() for symbol in expr.free_symbols} | set(needed)
     fresh = numbered_symbols("x", exclude=taken, real=True)
     shared, reduced = cse(list(needed.values()), symbols=fresh, order="canonical")
-    # the powers of a name get names of their own below, and need none from cse
-    plain = {name: expr for name, expr in shared if _is_integer_power(expr)}
-    pool = {name: expr for name, expr in shared if name not in plain} | dict(zip(needed, reduced, strict=True))
-    pool = {name: expr.xreplace(plain) for name, expr in pool.items()}
+    # the powers of a name get names of their own below, and conditions are no numbers: both go back where they were
+    inlined: dict[Symbol, Basic] = {}
+    pool: dict[Symbol, Expr] = {}
+    for name, expr in [*shared, *zip(needed, reduced, strict=True)]:
+        back = expr.xreplace(inlined)
+        if _is_integer_power(back) or not isinstance(back, Expr):
+            inlined[name] = back
+        else:
+            pool[name] = back
     pool = _name_bases(pool, fresh)
     return _print_in_order(pool, list(needed))
 
 
-def _is_integer_power(expr: Expr) -> bool:
+def _is_integer_power(expr: Basic) -> bool:
     return isinstance(expr, Pow) and expr.base.is_Symbol and isinstance(expr.exp, Integer) and expr.exp > 1
 
 
@@ -221,7 +227,7 @@ def _product(expr: Expr) -> tuple[str, int]:
     root_below: list[Expr] = []
     for factor in Mul.make_args(expr):
         base, power = factor.as_base_exp()
-        if factor.is_number and power.q != 2:
+        if factor.is_number and getattr(power, "q", 1) != 2:
             number *= factor
         elif isinstance(power, Integer) or (isinstance(power, Rational) and power.q == 2):
             whole, half = divmod(abs(int(power.p)), int(power.q)) if power.q == 2 else (abs(int(power)), 0)
@@ -262,8 +268,6 @@ def _integer_power(base: Expr, power: int) -> str:
 
 
 def _general_power(base: Expr, power: Expr) -> str:
-    if power == Rational(1, 3):
-        return f"cbrt({_text(base)[0]})"
     return f"pow({_text(base)[0]}, {_text(power)[0]})"
 
 

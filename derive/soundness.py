@@ -7,7 +7,7 @@ real), so the choice is exact, and the same on every machine.
 
 from __future__ import annotations
 
-from sympy import Abs, Add, DiracDelta, Expr, Mul, Pow, S, factor, factor_terms, sign, together
+from sympy import Abs, Add, DiracDelta, Expr, Heaviside, Mul, Piecewise, Pow, S, factor, factor_terms, sign, together
 from sympy.codegen.rewriting import expm1_opt, log1p_opt, optimize
 
 #: Rewriting a larger expression takes long, and its expanded form is unreadable.
@@ -51,8 +51,12 @@ def cancelling_sums(expr: Expr) -> int:
 
 
 def tidy(expr: Expr) -> Expr:
-    """Write ``x sign(x)`` as ``abs(x)``, ``abs(x) sign(x)`` as ``x``, and drop the point mass at a kink of abs."""
+    """Write ``x sign(x)`` as ``abs(x)``, ``abs(x) sign(x)`` as ``x``, and what a kink leaves behind as a number.
+
+    The derivative of ``sign`` is dropped, that of ``Min`` and ``Max`` is 0 or 1.
+    """
     expr = expr.replace(DiracDelta, lambda *_: S.Zero)
+    expr = expr.replace(Heaviside, lambda x, *_: Piecewise((S.One, x > 0), (S.Zero, True)))
     return expr.replace(lambda node: isinstance(node, Mul) and node.has(sign), _merge_signs)
 
 

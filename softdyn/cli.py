@@ -217,11 +217,12 @@ def _fixed(pairs: Sequence[str]) -> dict[str, str]:
     for pair in pairs:
         name, equals, value = pair.partition("=")
         try:
-            good = bool(equals) and math.isfinite(float(value))
+            # exact arithmetic follows: an exponent beyond a double's would take for ever
+            good = bool(equals) and (float(value) == 0 or 1e-300 < abs(float(value)) < 1e300)
         except ValueError:
             good = False
         if not good:
-            raise SceneError(f"--fix {pair}: NAME=VALUE is expected, with a decimal number")
+            raise SceneError(f"--fix {pair}: NAME=VALUE is expected, with a decimal number (1e-300 to 1e300)")
         fixed[name.strip()] = value.strip()
     return fixed
 

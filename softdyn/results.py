@@ -32,10 +32,11 @@ class PairResult:
     law, target : str
     parameters : mapping from str to float
     arrays : mapping from str to array of shape (outputs,)
-        ``t`` (time), ``h`` (gap, length), ``delta`` (deflection, length), and the quantities asked for: ``X`` (distance
-        of the centres, length), ``a`` (contact radius, length), ``F`` (force), ``dF_dt`` (force/time), ``zeta`` and
-        ``D`` (force time/length), ``C`` (force/length), ``F_adh`` (force), ``dh_dt``, ``ddelta_dt``, ``dX_dt`` (length/time),
-        ``lambda1`` and ``lambda2`` (dimensionless: local exponents of delta and dh/dt in h, at constant force).
+        ``t`` (time), ``h`` (gap, length), ``delta`` (deflection, length), and the quantities asked for: ``X``
+        (distance of the centres, length), ``a`` (contact radius, length), ``F`` (force), ``dF_dt`` (force/time),
+        ``zeta`` and ``D`` (force time/length), ``C`` (force/length), ``F_adh`` (force), ``dh_dt``, ``ddelta_dt``,
+        ``dX_dt`` (length/time), ``lambda1`` and ``lambda2`` (dimensionless: local exponents of delta and dh/dt in h, at
+        constant force).
         Each is an attribute, too: ``result.h`` is ``result.arrays["h"]``.
     stopped_by : str
         "h" or "t": which end was reached.
@@ -92,7 +93,8 @@ class PairResult:
             elif path.suffix == ".npz":
                 about = {key: value for key, value in self.to_dict().items() if key not in self.arrays}
                 with temporary.open("wb") as file:
-                    np.savez(file, about=np.array(json.dumps(about)), **dict(self.arrays))  # type: ignore[arg-type]
+                    content: dict[str, Any] = {"about": np.array(json.dumps(about)), **self.arrays}
+                    np.savez(file, **content)
             else:
                 columns = np.column_stack(list(self.arrays.values()))
                 np.savetxt(temporary, columns, delimiter=",", header=",".join(self.arrays), comments="", fmt="%.17g")

@@ -200,7 +200,7 @@ def test_a_film_that_is_never_passed_ends_with_the_reason() -> None:
 )
 @settings(max_examples=40, deadline=None)
 def test_units_do_not_matter(kappa: float, length: float, modulus: float, viscosity: float) -> None:
-    """Times scale with eta/E, lengths with R: step for step, to the tolerance; what the force balance gives, to rounding."""
+    """Times scale with eta/E, lengths with R: to the tolerance; the force balance, to rounding."""
     twin = run(force=kappa, gaps=[1.0, 1e-2, 1e-3], rtol=1e-10)
     scaled = softdyn.simulate(
         law="rognon_gay",

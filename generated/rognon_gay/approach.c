@@ -100,7 +100,6 @@ static inline double _solve_delta(double h, double F, double guess, const double
     if (F == 0.0) {
         return 0.0;
     }
-    const double R = p[0];
     if (!(F > 0.0)) {
         return NAN;
     }
@@ -111,8 +110,8 @@ static inline double _solve_delta(double h, double F, double guess, const double
         /* start from the linear response, or from R where that is beyond R */
         _balance(h, 0.0, p, w);
         delta = F / w[1];
-        if (!(fabs(delta) < R)) {
-            delta = F > 0.0 ? R : -R;
+        if (!(fabs(delta) < p[0])) {
+            delta = F > 0.0 ? p[0] : -p[0];
         }
     }
     for (int64_t iteration = 0; iteration < 400; iteration++) {

@@ -99,7 +99,6 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
     """
     if F == 0.0:
         return 0.0
-    R = p[0]
     if not F > 0.0:
         return nan
     low = 0.0
@@ -109,8 +108,8 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
         # start from the linear response, or from R where that is beyond R
         _balance(h, 0.0, p, w)
         delta = F / w[1]
-        if not fabs(delta) < R:
-            delta = R if F > 0.0 else -R
+        if not fabs(delta) < p[0]:
+            delta = p[0] if F > 0.0 else -p[0]
     for iteration in range(400):
         _balance(h, delta, p, w)
         residual = w[0] - F

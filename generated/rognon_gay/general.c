@@ -127,7 +127,6 @@ static inline double _solve_delta(double h, double F, double guess, const double
     if (F == 0.0) {
         return 0.0;
     }
-    const double R = p[0];
     double low = F > 0.0 ? 0.0 : -INFINITY;
     double high = F > 0.0 ? INFINITY : 0.0;
     double delta = guess;
@@ -135,8 +134,8 @@ static inline double _solve_delta(double h, double F, double guess, const double
         /* start from the linear response, or from R where that is beyond R */
         _balance(h, 0.0, p, w);
         delta = F / w[1];
-        if (!(fabs(delta) < R)) {
-            delta = F > 0.0 ? R : -R;
+        if (!(fabs(delta) < p[0])) {
+            delta = F > 0.0 ? p[0] : -p[0];
         }
     }
     for (int64_t iteration = 0; iteration < 400; iteration++) {
