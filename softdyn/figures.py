@@ -7,6 +7,7 @@ from the equality of two leading forms.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -97,18 +98,20 @@ RANK = {name: i for i, name in enumerate(("pi", "eta", "E", "F", "R", "a", "h", 
 def mathtext(expr: Expr) -> str:
     """Mathtext of an expression, without the dollars; plain text where mathtext cannot set its LaTeX."""
     joined = expr.replace(lambda part: isinstance(part, Mul), join_roots)
-    text = latex(joined, symbol_names=_names(joined))
+    text = latex(joined, symbol_names=_names(joined), fold_frac_powers=True, mul_symbol=r"\,")
     # mathtext grows a bar with what it encloses, and ignores spaces
     text = text.replace(r"\left|{\delta}\right|", r"|\delta|").replace(r" \operatorname", r"\,\operatorname")
     return text if _parses(text) else r"\mathtt{" + _plain(str(expr)) + "}"
 
 
 def _names(expr: Expr) -> dict[Symbol, str]:
-    return {symbol: LATEX_NAMES[symbol.name] for symbol in expr.free_symbols if symbol.name in LATEX_NAMES}
+    """The paper's names, and words upright, so that they do not read as products."""
+    names = {symbol: LATEX_NAMES.get(symbol.name, latex(symbol)) for symbol in expr.free_symbols}
+    return {s: rf"\mathrm{{{name}}}" if name.isalpha() and len(name) > 1 else name for s, name in names.items()}
 
 
 def _plain(text: str) -> str:
-    return "".join(rf"\{c}" if c in "_^%$#&{}~" else c for c in text.replace("**", "^"))
+    return "".join(rf"\{c}" if c in " _%$#&{}" else c for c in text)
 
 
 def _parses(text: str) -> bool:
@@ -365,7 +368,8 @@ def draw_crossover(
     along = np.array([X[-1] - X[0], Y[-1] - Y[0]])
     across = np.array([-along[1], along[0]]) / np.hypot(*along)
     axes.text(
-        *(np.array([X[0], Y[0]]) + 0.3 * along + 0.1 * across), f"${crossover_text(line, unit)}$",
+        X[0] + 0.3 * along[0] + 0.1 * across[0], Y[0] + 0.3 * along[1] + 0.1 * across[1],
+        f"${crossover_text(line, unit)}$",
         rotation=math.degrees(math.atan2(along[1], along[0])), rotation_mode="anchor", transform_rotates_text=True,
         ha="center", va="bottom", zorder=3, path_effects=HALO, fontsize=9.5,
     )  # fmt: skip
@@ -523,7 +527,19 @@ def figure4(law: ContactLaw) -> Figure:
 
 def formula(name: str, expr: Expr) -> str:
     """Mathtext of "name = expression", in the form that is easiest to read."""
-    return f"{name} = {product_text(expr)}".replace(r"\frac", r"\dfrac")
+    return f"{name} = {large_fractions(product_text(expr))}"
+
+
+def large_fractions(text: str) -> str:
+    """Set the fractions of a mathtext in full size, but for those in exponents."""
+    pieces, exponents = [], [False]
+    for piece in re.split(r"(\^?\{|\}|\\frac)", text):
+        if piece.endswith("{"):
+            exponents.append(exponents[-1] or piece == "^{")
+        elif piece == "}":
+            exponents.pop()
+        pieces.append(r"\dfrac" if piece == r"\frac" and not exponents[-1] else piece)
+    return "".join(pieces)
 
 
 def box(
@@ -549,12 +565,10 @@ def box(
     rows = math.ceil(len(formulas) / columns)
     cell = (width / columns, height / rows)
     sizes = [fitting_size(text, cell[0] - 16, cell[1] - 4) for text in formulas]
-    # one size in a box, unless a formula is much longer than the others
-    common = min((size for size in sizes if size >= SMALLEST), default=SMALLEST)
     for i, (text, size) in enumerate(zip(formulas, sizes, strict=True)):
         at = (left + (i % columns + 0.5) * cell[0], bottom + height - (i // columns + 0.5) * cell[1])
         if size >= SMALLEST:
-            axes.text(*at, f"${text}$", ha="center", va="center", fontsize=common)
+            axes.text(*at, f"${text}$", ha="center", va="center", fontsize=size)
         else:
             axes.text(*at, f"${text.partition(' = ')[0]}$: too long to be shown here", ha="center", va="center")
 
@@ -562,7 +576,8 @@ def box(
 def fitting_size(text: str, width: float, height: float) -> float:
     """Return the font size, in points, at which mathtext fits into a box in points; at most LARGEST."""
     parsed = MathTextParser("path").parse(f"${text}$", dpi=72, prop=FontProperties(size=LARGEST))
-    return LARGEST * min(1.0, width / parsed.width, height / (parsed.height + parsed.depth))
+    # the height of what is parsed includes its depth
+    return LARGEST * min(1.0, width / parsed.width, height / parsed.height)
 
 
 def arrow(

@@ -115,8 +115,6 @@ def scale_for(values: NDArray[np.float64]) -> tuple[str, dict[str, float]]:
     both_signs = bool(np.any(values > 0) and np.any(values < 0))
     if len(sizes) == 0 or both_signs or float(np.median(np.abs(values))) * CROWDED > sizes.max():
         return "linear", {}
-    return (
-        ("log", {})
-        if np.all(values > 0)
-        else ("symlog", {"linthresh": max(float(sizes.min()), float(SMALLEST * sizes.max()))})
-    )
+    if np.all(values > 0):
+        return "log", {}
+    return "symlog", {"linthresh": max(float(sizes.min()), SMALLEST * float(sizes.max()))}

@@ -157,7 +157,7 @@ def derivation_lines(findings: Sequence[Finding]) -> Iterator[str]:
             yield f"  {equation.lhs} = {equation.rhs}    [{name}]"
     yield "\nlimits claimed"
     for finding in findings:
-        yield f"  {finding.limit:<12}{finding.quantity:<8}{finding.verdict:<10}{finding.reason}"
+        yield (f"  {finding.limit:<12}{finding.ordering:<18}{finding.quantity:<8}{finding.verdict:<10}{finding.reason}")
 
 
 def run(target: str = "auto", progress: bool = False) -> Study:
