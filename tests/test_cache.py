@@ -1,0 +1,543 @@
+"""The kernel cache: whole entries or none, whoever races, whatever was left behind, and keys that forget nothing."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import stat
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from softdyn import cache, kernels
+from softdyn.errors import CompileError, SceneError
+from softdyn.kernels import Kernel, choose_target, get_kernel
+from softdyn.targets import c as c_target
+
+LAW = """
+from sympy import Abs, sqrt
+from softdyn.derive import ContactLaw, E, R, a, delta, eta, h
+{imports}
+law = ContactLaw("{name}", a=sqrt(2*R*(h + Abs(delta))), F_ela={factor}*E*a*delta, zeta=6*eta*R**2/h)
+"""
+
+
+@pytest.fixture
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a test a cache of its own."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv(cache.VARIABLE, str(folder))
+    return folder
+
+
+@pytest.fixture
+def forget_compiler() -> Iterator[None]:
+    """Let the compiler be looked for anew, before and after a test that changes it."""
+    c_target.compiler.cache_clear()
+    yield
+    c_target.compiler.cache_clear()
+
+
+def write_law(folder: Path, factor: str = "1", imports: str = "", name: str = "mine") -> Path:
+    """Write a law file."""
+    path = folder / "law.py"
+    path.write_text(LAW.format(factor=factor, imports=imports, name=name), encoding="utf-8")
+    return path
+
+
+def force_at_one(kernel: Kernel) -> float:
+    """Return F_ela at h = delta = R = E = 1, which is 2 times the law's factor."""
+    out = np.empty(len(kernel.outputs))
+    one = np.ones(1)
+    kernel.functions.evaluate(1, one, one, *(one for _ in kernel.inputs), np.ones(len(kernel.parameters)), out)
+    return float(out[kernel.outputs.index("F_ela")])
+
+
+def build(law: Any, target: str = "c") -> Kernel:
+    """Return a law's kernel with F_ela among its outputs."""
+    return get_kernel(law, target, outputs=("F_ela",))
+
+
+def entries(folder: Path, kind: str) -> list[Path]:
+    """Return what is in one part of a cache, hidden files included."""
+    return sorted((folder / kind).iterdir()) if (folder / kind).is_dir() else []
+
+
+# ---------------------------------------------------------------- entries
+
+
+def test_what_is_published_is_read_back_whole(empty_cache: Path) -> None:
+    files = {"one.txt": b"one", "two.bin": bytes(range(256))}
+    path = cache.publish("things", "key", files, {"note": 1})
+    assert cache.read("things", "key") == path == empty_cache / "things" / "key"
+    assert {name: (path / name).read_bytes() for name in files} == files
+    assert json.loads((path / "entry.json").read_text())["note"] == 1
+    assert cache.read("things", "another") is None
+    assert cache.read("other", "key") is None
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "truncated": lambda path: (path / "one.txt").write_bytes(b"o"),
+    "altered": lambda path: (path / "one.txt").write_bytes(b"two"),
+    "emptied": lambda path: (path / "one.txt").write_bytes(b""),
+    "file missing": lambda path: (path / "one.txt").unlink(),
+    "no index": lambda path: (path / "entry.json").unlink(),
+    "half an index": lambda path: (path / "entry.json").write_text('{"digests": {"one'),
+    "foreign index": lambda path: (path / "entry.json").write_text("[1, 2]"),
+    "foreign digests": lambda path: (path / "entry.json").write_text('{"digests": [1]}'),
+    "index is no text": lambda path: (path / "entry.json").write_bytes(b"\xff\xfe\x00"),
+}
+
+
+@pytest.mark.parametrize("damage", list(DAMAGES))
+def test_a_damaged_entry_is_a_miss_and_is_replaced(damage: str, empty_cache: Path) -> None:
+    path = cache.publish("things", "key", {"one.txt": b"one"})
+    DAMAGES[damage](path)
+    assert cache.read("things", "key") is None
+    assert cache.publish("things", "key", {"one.txt": b"one"}) == path
+    assert cache.read("things", "key") == path
+    assert (path / "one.txt").read_bytes() == b"one"
+    assert entries(empty_cache, "things") == [path], "nothing is left of the damaged entry"
+
+
+def test_a_file_in_the_place_of_an_entry_is_a_miss(empty_cache: Path) -> None:
+    (empty_cache / "things").mkdir(parents=True)
+    (empty_cache / "things" / "key").write_text("not a folder")
+    assert cache.read("things", "key") is None
+    path = cache.publish("things", "key", {"one.txt": b"one"})
+    assert (path / "one.txt").read_bytes() == b"one"
+
+
+def test_a_process_that_died_while_writing_leaves_no_entry(empty_cache: Path) -> None:
+    """It leaves a folder under another name, which is nobody's entry."""
+    unfinished = empty_cache / "things" / ".abandoned"
+    unfinished.mkdir(parents=True)
+    (unfinished / "one.txt").write_text("on")
+    assert cache.read("things", "key") is None
+    cache.publish("things", "key", {"one.txt": b"one"})
+    assert cache.read("things", "key") is not None
+
+
+def test_the_faster_of_two_is_kept(empty_cache: Path) -> None:
+    first = cache.publish("things", "key", {"one.txt": b"first"})
+    second = cache.publish("things", "key", {"one.txt": b"second"})
+    assert first == second
+    assert (first / "one.txt").read_bytes() == b"first"
+
+
+def test_a_discarded_entry_is_gone(empty_cache: Path) -> None:
+    cache.publish("things", "key", {"one.txt": b"one"})
+    cache.discard("things", "key")
+    cache.discard("things", "key")
+    assert cache.read("things", "key") is None
+
+
+@given(st.lists(st.one_of(st.text(), st.integers(), st.lists(st.text())), min_size=1, max_size=3), st.integers(0, 2))
+def test_a_key_changes_with_every_part(parts: list[Any], which: int) -> None:
+    changed = list(parts)
+    changed[which % len(parts)] = [changed[which % len(parts)]]
+    assert cache.key_of(*parts) != cache.key_of(*changed)
+    assert cache.key_of(*parts) == cache.key_of(*parts)
+    assert cache.key_of(*parts, "") != cache.key_of(*parts)
+
+
+def test_a_key_does_not_depend_on_the_order_of_a_mapping() -> None:
+    assert cache.key_of({"a": 1, "b": 2}) == cache.key_of({"b": 2, "a": 1})
+
+
+# ---------------------------------------------------------------- the folder
+
+
+def test_the_folder_is_the_users_alone(empty_cache: Path) -> None:
+    mask = os.umask(0)
+    try:
+        cache.publish("things", "key", {"one.txt": b"one"})
+    finally:
+        os.umask(mask)
+    for folder in (empty_cache, empty_cache / "things", empty_cache / "things" / "key"):
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700, folder
+
+
+def test_a_folder_of_somebody_else_is_refused(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loading code that another user put there would run it."""
+    empty_cache.mkdir()
+    monkeypatch.setattr(os, "getuid", lambda: empty_cache.stat().st_uid + 1)
+    with pytest.raises(SceneError, match="belongs to another user; set SOFTDYN_CACHE_DIR"):
+        cache.folder()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file" / "cache"))
+    with pytest.raises(SceneError, match=r"cannot make the kernel cache .*file/cache.*set SOFTDYN_CACHE_DIR"):
+        cache.folder()
+
+
+def test_without_the_variable_the_folder_is_that_of_the_platform(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(cache.VARIABLE)
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda *_, **__: tmp_path / "of the platform")
+    assert cache.folder() == tmp_path / "of the platform"
+
+
+# ---------------------------------------------------------------- kernels
+
+RACER = """
+import sys, time
+import numpy as np
+from softdyn.kernels import get_kernel
+while time.time() < float(sys.argv[3]):
+    pass
+kernel = get_kernel(sys.argv[1], sys.argv[2], outputs=("F_ela",))
+out, one = np.empty(1), np.ones(1)
+kernel.functions.evaluate(1, one, one, np.ones(3), out)
+print(kernel.key, out[0])
+"""
+
+
+def race(law: str, target: str, racers: int) -> list[tuple[str, str]]:
+    """Build one kernel in several processes at once; return key and value of each."""
+    import time
+
+    start = str(time.time() + 1.0)
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", RACER, law, target, start], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        for _ in range(racers)
+    ]
+    results = [process.communicate(timeout=200) for process in processes]
+    assert [process.returncode for process in processes] == [0] * racers, [err for _, err in results]
+    assert all(err == "" for _, err in results)
+    return [tuple(out.split()) for out, _ in results]  # type: ignore[misc]
+
+
+def test_racing_processes_leave_one_whole_entry(empty_cache: Path, tmp_path: Path) -> None:
+    law = str(write_law(tmp_path, factor="3"))
+    results = race(law, "c", 4)
+    assert len(set(results)) == 1
+    key, value = results[0]
+    assert float(value) == 6.0
+    assert [path.name for path in entries(empty_cache, "c")] == [key]
+    assert cache.read("c", key) is not None
+    assert len(entries(empty_cache, "manifests")) == 1
+
+
+@pytest.mark.slow
+def test_racing_processes_share_a_numba_kernel(empty_cache: Path, tmp_path: Path) -> None:
+    law = str(write_law(tmp_path, factor="3"))
+    results = race(law, "numba", 4)
+    assert len(set(results)) == 1
+    assert float(results[0][1]) == 6.0
+    assert [path.name for path in entries(empty_cache, "numba")] == [results[0][0]]
+
+
+def test_racing_with_a_damaged_entry_in_the_way(empty_cache: Path, tmp_path: Path) -> None:
+    law = str(write_law(tmp_path, factor="3"))
+    kernel = build(law)
+    (kernel.path.parent / "mine.so").write_bytes(b"not a library")
+    results = race(law, "c", 3)
+    assert {float(value) for _, value in results} == {6.0}
+    assert [path.name for path in entries(empty_cache, "c")] == [kernel.key]
+    assert cache.read("c", kernel.key) is not None
+
+
+@pytest.mark.parametrize("part", ["manifests", "c"])
+@pytest.mark.parametrize("damage", ["truncated", "emptied", "removed", "index removed"])
+def test_a_damaged_kernel_is_built_anew(damage: str, part: str, empty_cache: Path, tmp_path: Path) -> None:
+    law = write_law(tmp_path, factor="5")
+    first = build(law)
+    # a library in use must not be truncated in place: give the damage to a copy, as a crashed disk would leave it
+    (entry,) = entries(empty_cache, part)
+    victim = entry / ("manifest.json" if part == "manifests" else "mine.so")
+    content = victim.read_bytes()
+    victim.unlink()
+    if damage == "truncated":
+        victim.write_bytes(content[: len(content) // 2])
+    elif damage == "emptied":
+        victim.write_bytes(b"")
+    elif damage == "index removed":
+        victim.write_bytes(content)
+        (entry / "entry.json").unlink()
+    again = build(law)
+    assert again.key == first.key
+    assert force_at_one(again) == 10.0
+    assert cache.read("c", again.key) is not None
+
+
+def test_a_cached_kernel_is_neither_derived_nor_compiled_again(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = write_law(tmp_path)
+    first = build(law)
+    monkeypatch.setattr(kernels, "make_manifest", lambda *_: pytest.fail("derived again"))
+    monkeypatch.setattr(c_target, "build", lambda *_: pytest.fail("compiled again"))
+    assert build(law).key == first.key
+
+
+def test_a_cached_kernel_needs_no_sympy(empty_cache: Path, tmp_path: Path) -> None:
+    law = write_law(tmp_path)
+    build(law)
+    code = """
+    import sys
+    from softdyn.kernels import get_kernel
+    get_kernel(sys.argv[1], "c", outputs=("F_ela",))
+    print([name for name in ("sympy", "jinja2", "mpmath", "matplotlib", "numba", "scipy") if name in sys.modules])
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code), str(law)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+# ---------------------------------------------------------------- laws that change
+
+
+def test_an_edited_law_is_derived_anew(empty_cache: Path, tmp_path: Path) -> None:
+    assert force_at_one(build(write_law(tmp_path, factor="1"))) == 2.0
+    assert force_at_one(build(write_law(tmp_path, factor="7"))) == 14.0
+    assert force_at_one(build(write_law(tmp_path, factor="1"))) == 2.0
+
+
+def test_an_edited_module_that_a_law_imports_is_noticed(empty_cache: Path, tmp_path: Path) -> None:
+    law = write_law(tmp_path, factor="helper.FACTOR", imports="import helper")
+    helper = tmp_path / "helper.py"
+    for factor in (2, 3):
+        # same length, same second: only the content tells
+        helper.write_text(f"FACTOR = {factor}\n")
+        os.utime(helper, (1e9, 1e9))
+        assert force_at_one(build(law)) == 2.0 * factor
+    assert "helper" not in sys.modules
+
+
+def test_an_edited_module_that_an_imported_module_imports_is_noticed(empty_cache: Path, tmp_path: Path) -> None:
+    law = write_law(tmp_path, factor="helper.FACTOR", imports="import helper")
+    (tmp_path / "helper.py").write_text("from deep.numbers import FACTOR\n")
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "__init__.py").write_text("")
+    for factor in (2, 30):
+        (tmp_path / "deep" / "numbers.py").write_text(f"FACTOR = {factor}\n")
+        assert force_at_one(build(law)) == 2.0 * factor
+
+
+def test_two_laws_of_one_name_do_not_meet(empty_cache: Path, tmp_path: Path) -> None:
+    values = []
+    for factor in ("2", "3"):
+        folder = tmp_path / factor
+        folder.mkdir()
+        values.append(build(write_law(folder, factor=factor)))
+    assert [force_at_one(kernel) for kernel in values] == [4.0, 6.0]
+    assert values[0].key != values[1].key
+
+
+# ---------------------------------------------------------------- keys
+
+
+def test_each_need_has_its_kernel(empty_cache: Path) -> None:
+    keys = {
+        get_kernel("rognon_gay", "c", **needs).key  # type: ignore[arg-type]
+        for needs in (
+            {},
+            {"deflection": "compression"},
+            {"drive": "table"},
+            {"outputs": ("X", "a")},
+            {"fixed": {"R": "1"}},
+            {"fixed": {"R": "2"}},
+        )
+    }
+    assert len(keys) == 6
+
+
+@pytest.fixture
+def other_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forget_compiler: None) -> Callable[[str], None]:
+    """Set $CC to a script that does something before, or in the place of, the real compiler."""
+    real = c_target.compiler()
+    assert real is not None
+
+    def use(text: str) -> None:
+        path = tmp_path / "cc-script"
+        path.write_text(f"#!/bin/sh\n{text.replace('REAL', ' '.join(real))}\n")
+        path.chmod(0o755)
+        monkeypatch.setenv("CC", str(path))
+        c_target.compiler.cache_clear()
+
+    return use
+
+
+def test_another_compiler_makes_another_kernel(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    """The compiler's version is in what its preprocessor predefines."""
+    law = write_law(tmp_path)
+    plain = build(law)
+    other_compiler('exec REAL "$@"')
+    same_by_script = build(law)
+    other_compiler('exec REAL -D__VERSION_OF_TOMORROW__=1 "$@"')
+    newer = build(law)
+    assert len({plain.key, same_by_script.key, newer.key}) == 3
+    assert {force_at_one(kernel) for kernel in (plain, same_by_script, newer)} == {2.0}
+
+
+def test_other_flags_make_another_kernel(empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    law = write_law(tmp_path)
+    plain = build(law)
+    monkeypatch.setattr(c_target, "FLAGS", tuple(flag.replace("-O3", "-O1") for flag in c_target.FLAGS))
+    assert build(law).key != plain.key
+
+
+def test_the_flags_keep_ieee_arithmetic() -> None:
+    made_by = c_target.identity()
+    assert "-ffp-contract=off" in made_by["flags"]
+    assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(made_by["flags"])
+    assert "__FAST_MATH__" not in made_by["macros"]
+
+
+# ---------------------------------------------------------------- compilers that fail
+
+
+def test_a_compile_error_carries_the_command_and_the_compilers_words(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    other_compiler(
+        'for x in "$@"; do [ "$x" = -E ] && exec REAL "$@"; done\necho "kernel.c:7: error: flux capacitor" >&2; exit 3'
+    )
+    with pytest.raises(CompileError) as failed:
+        build(write_law(tmp_path))
+    text = str(failed.value)
+    assert "kernel.c:7: error: flux capacitor" in text
+    assert f"{tmp_path}/cc-script -std=c99 -O3" in text
+    assert "mine.c -lm" in text
+    assert entries(empty_cache, "c") == []
+
+
+def test_a_silent_failure_is_told_by_its_exit_status(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    other_compiler('for x in "$@"; do [ "$x" = -E ] && exec REAL "$@"; done\nexit 41')
+    with pytest.raises(CompileError, match="it printed nothing, and exited with 41"):
+        build(write_law(tmp_path))
+
+
+def test_a_compiler_that_makes_nothing_has_failed(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    """Success without a library is none."""
+    other_compiler('for x in "$@"; do [ "$x" = -E ] && exec REAL "$@"; done\nexit 0')
+    with pytest.raises(CompileError, match="the C compiler failed"):
+        build(write_law(tmp_path))
+
+
+def test_a_compiler_that_does_not_work_at_all_is_named(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    other_compiler('echo "license expired" >&2; exit 1')
+    with pytest.raises(CompileError, match=r"(?s)does not work:.*cc-script.*license expired"):
+        build(write_law(tmp_path))
+
+
+def test_a_compiler_that_hangs_is_given_up(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(c_target, "TIMEOUT", 0.5)
+    other_compiler("exec sleep 30")
+    with pytest.raises(CompileError, match=r"(?s)could not run the C compiler:.*timed out"):
+        build(write_law(tmp_path))
+
+
+def test_a_compiler_without_march_native_is_used_without(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    other_compiler('for x in "$@"; do [ "$x" = -march=native ] && exit 1; done\nexec REAL "$@"')
+    assert "-march=native" not in c_target.identity()["flags"]
+    assert force_at_one(build(write_law(tmp_path))) == 2.0
+
+
+@pytest.fixture
+def no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forget_compiler: None) -> None:
+    """Leave no compiler on PATH."""
+    monkeypatch.delenv("CC", raising=False)
+    (tmp_path / "nothing").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
+    c_target.compiler.cache_clear()
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_without_a_compiler_target_c_is_refused(empty_cache: Path, tmp_path: Path) -> None:
+    with pytest.raises(CompileError) as refused:
+        build(write_law(tmp_path))
+    assert str(refused.value) == (
+        "target 'c' needs a C compiler: none of cc, gcc, clang is on PATH, and CC is not set; "
+        "install one, or use target 'numba'"
+    )
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_without_a_compiler_auto_is_numba_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert choose_target("auto") == "numba"
+    said = capsys.readouterr()
+    assert said.err == "softdyn: no C compiler found ($CC, cc, gcc, clang); using numba\n"
+    assert said.out == ""
+
+
+def test_with_a_compiler_auto_is_c_and_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert choose_target("auto") == "c"
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_failing_compiler_is_an_error_under_auto_too(
+    empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The target never changes after a failure, in silence or otherwise."""
+    other_compiler("exit 1")
+    with pytest.raises(CompileError):
+        build(write_law(tmp_path), "auto")
+    assert "numba" not in capsys.readouterr().err
+
+
+def test_an_unknown_target_is_refused() -> None:
+    with pytest.raises(SceneError, match="unknown target 'fortran'; there are auto, c, numba"):
+        choose_target("fortran")
+
+
+@pytest.mark.usefixtures("forget_compiler")
+def test_a_compiler_that_CC_names_wrongly_is_reported(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler --flag")
+    c_target.compiler.cache_clear()
+    with pytest.raises(CompileError, match="CC is no-such-compiler --flag"):
+        build(write_law(tmp_path))
+
+
+# ---------------------------------------------------------------- what is loaded
+
+
+def test_the_library_is_what_was_compiled(empty_cache: Path, tmp_path: Path) -> None:
+    """The entry holds source and library; the C API of its head works from ctypes alone."""
+    kernel = build(write_law(tmp_path, factor="4"))
+    assert sorted(path.name for path in kernel.path.parent.iterdir()) == ["entry.json", "mine.c", "mine.so"]
+    assert kernel.path.name == "mine.c"
+    library = ctypes.CDLL(str(kernel.path.with_suffix(".so")))
+    one, p, out = np.ones(1), np.ones(3), np.empty(1)
+    library.mine_evaluate(ctypes.c_int64(1), *(ctypes.c_void_p(x.ctypes.data) for x in (one, one, p, out)))
+    # a = sqrt(2 (1 + 1)) = 2 exactly
+    assert out[0] == 8.0
+
+
+def test_numba_kernels_keep_their_flags_in_their_text(empty_cache: Path, tmp_path: Path) -> None:
+    """Numba's own cache would not notice other flags; the text is the key."""
+    kernel = build(write_law(tmp_path), "numba")
+    text = kernel.path.read_text(encoding="utf-8")
+    assert 'numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)' in text
+    assert any(path.suffix == ".nbi" for path in kernel.path.parent.rglob("*"))
+    assert force_at_one(kernel) == 2.0
