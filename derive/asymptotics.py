@@ -45,6 +45,7 @@ from sympy import (
     tan,
     tanh,
 )
+from sympy.codegen.cfunctions import expm1, log1p
 
 Exponents = tuple[Rational, ...]
 
@@ -126,6 +127,8 @@ def expand(expr: Expr, ratios: tuple[Symbol, ...]) -> Series:
         for factor in expr.args:
             product = _product(product, expand(factor, ratios))
         return product
+    if isinstance(expr, Pow) and expr.exp.is_negative and _grows_exponentially(expr.base, ratios):
+        return Series()  # smaller than any power of the ratios
     if isinstance(expr, Pow) and isinstance(expr.exp, Rational):
         return _power(expand(expr.base, ratios), expr.exp, expr.base)
     if isinstance(expr, (Abs, sign)):
@@ -134,6 +137,8 @@ def expand(expr: Expr, ratios: tuple[Symbol, ...]) -> Series:
         return Series({zero: S(side)}) if isinstance(expr, sign) else _scaled(argument, S(side))
     if isinstance(expr, (Min, Max)):
         return _extremum(expr, ratios)
+    if isinstance(expr, (log1p, expm1)):
+        return expand(expr.expand(func=True), ratios)
     if isinstance(expr, log):
         return _logarithm(expand(expr.args[0], ratios), expr, ratios)
     if isinstance(expr, (exp, *ANALYTIC)):
@@ -254,6 +259,15 @@ def _logarithm(argument: Series, what: Expr, ratios: tuple[Symbol, ...]) -> Seri
     return _cut(_sum([Series({zero: slow} if slow != 0 else {}), corrections]))
 
 
+def _grows_exponentially(expr: Expr, ratios: tuple[Symbol, ...]) -> bool:
+    """Whether an expression is exp, sinh or cosh of an argument that grows as a power of the ratios."""
+    if not isinstance(expr, (exp, sinh, cosh)):
+        return False
+    dominant, coefficient = leading(expand(expr.args[0], ratios), expr.args[0])
+    zero: Exponents = (S.Zero,) * len(ratios)
+    return negligible(zero, dominant) and (isinstance(expr, cosh) or _sign(coefficient, expr.args[0]) > 0)
+
+
 def slow_logarithm(ratio: Symbol) -> Symbol:
     """Return L = log(1/r), which grows more slowly than any power of r."""
     return Symbol(f"L_{ratio.name}", positive=True)
@@ -263,8 +277,9 @@ def _analytic(expr: Expr, argument: Series, ratios: tuple[Symbol, ...]) -> Serie
     zero: Exponents = (S.Zero,) * len(ratios)
     large = [e for e in argument.terms if e != zero and not negligible(e, zero)]
     if large or not all(negligible(r, zero) for r in argument.remainder):
-        if isinstance(expr, (sinh, cosh, tanh)):
-            return expand(expr.rewrite(exp), ratios)
+        if isinstance(expr, tanh):
+            side = _sign(leading(argument, expr.args[0])[1], expr.args[0])
+            return Series({zero: S(side)})  # up to less than any power of the ratios
         dominant, coefficient = leading(argument, expr.args[0])
         if isinstance(expr, exp) and negligible(zero, dominant) and _sign(coefficient, expr.args[0]) < 0:
             return Series()  # smaller than any power of the ratios

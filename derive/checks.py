@@ -53,8 +53,8 @@ from sympy.core.numbers import Exp1 as EulerNumber
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
-from softdyn.derive.dimensions import FORCE, FRICTION, LENGTH, DimensionMismatchError, dimension_of
-from softdyn.derive.soundness import tidy
+from softdyn.derive.dimensions import FORCE, FRICTION, LENGTH, Dimension, DimensionMismatchError, dimension_of
+from softdyn.derive.soundness import rewritable, tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, R, a, delta, eta, h
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ PRINTABLE = (
 RESERVED = frozenset(
     """
     h delta a F X C D t zeta kappa F_ela F_adh dF_dt dh_dt ddelta_dt dX_dt dF_ddelta dF_dh lambda1 lambda2 n i p c w out
+    a_h a_delta a_hh a_hdelta a_deltadelta F_a F_delta F_aa F_adelta F_deltadelta zeta_a zeta_h F_adh_a F_adh_h
     and as assert async await auto bool break case char class const continue def default del do double elif else
     enum except extern finally float for from global goto if import in inline int is lambda long nonlocal not or
     pass raise register restrict return short signed sizeof static struct switch try typedef union unsigned void
@@ -92,6 +93,8 @@ MADE_UP = re.compile(r"x\d+|\w+_p\d+")
 def faults_of(law: ContactLaw) -> list[str]:
     """Every fault of a law, as messages for its author; an empty list if there are none."""
     faults = _name_faults(law.name) + _parameter_faults(law)
+    if not all(isinstance(symbol, Symbol) and isinstance(d, Dimension) for symbol, d in law.parameters.items()):
+        return faults  # what follows relies on them
     known = {symbol.name: symbol for symbol in (*DIMENSIONS, *law.parameters)}
     sound = True
     for name, (arguments, dimension) in SIGNATURES.items():
@@ -123,6 +126,11 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
     for symbol in law.parameters:
         if not isinstance(symbol, Symbol):
             faults.append(f"parameters: {symbol!r} is not a symbol; write Symbol({str(symbol)!r}, positive=True)")
+        elif not isinstance(law.parameters[symbol], Dimension):
+            faults.append(
+                f"parameters: the dimension of {symbol} is {law.parameters[symbol]!r}; write one of softdyn.derive's, "
+                "such as LENGTH or FORCE / LENGTH, or DIMENSIONLESS"
+            )
         elif symbol.name in taken:
             faults.append(f"parameters: {symbol.name!r} is one of the paper's symbols; choose another name")
         elif (
@@ -260,12 +268,12 @@ def _positivity_faults(law: ContactLaw) -> list[str]:
                 continue
             witness = _nonpositive_witness(expr, size, law)
             if witness is not None:
-                point, found = witness
-                if value:
-                    point = point.replace("d=", "delta=" if value > 0 else "delta=-")
+                gap, deflection, own, found = witness
+                at = {"h": gap, **({"delta": value * deflection} if value else {}), **own}
+                point = ", ".join(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in at.items())
                 faults.append(
-                    f"{name} must be positive for h > 0 and |delta| < R, but at {point} ({side}) it is {found}; "
-                    f"{name} = {quantities[name]}"
+                    f"{name} must be positive for h > 0 and |delta| < R, but at {point} (R = E = eta = 1) ({side}) it "
+                    f"is {mpmath.nstr(found, 6)}; {name} = {quantities[name]}"
                 )
                 break
     return faults
@@ -273,30 +281,29 @@ def _positivity_faults(law: ContactLaw) -> list[str]:
 
 def proved_positive(expr: Expr) -> bool:
     """Whether positivity follows from the signs of the symbols alone."""
-    return bool(expr.is_positive) or bool(expr.factor().is_positive)
+    return bool(expr.is_positive) or (rewritable(expr) and bool(expr.factor().is_positive))
 
 
-def _nonpositive_witness(expr: Expr, size: Symbol, law: ContactLaw) -> tuple[str, str] | None:
-    """Search a point of the physical domain where expr <= 0, or show the first one found."""
+def _nonpositive_witness(
+    expr: Expr, size: Symbol, law: ContactLaw
+) -> tuple[mpmath.mpf, mpmath.mpf, dict[str, mpmath.mpf], mpmath.mpf] | None:
+    """Gap, size of the deflection, own parameters and value where expr <= 0 in the physical domain, if found."""
     from softdyn.derive.law import parameters_of
 
     own = [symbol for symbol in parameters_of(law) if symbol in law.parameters]
-    symbols = [h, size, *own]
-    function = lambdify(symbols, expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath")
+    function = lambdify([h, size, *own], expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath")
     gaps = [mpmath.mpf(10) ** k for k in (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)]
     sizes = [mpmath.mpf(10) ** k for k in (-14, -9, -6, -4, -2, -1)] + [mpmath.mpf(1) / 2, mpmath.mpf(99) / 100]
     if size not in expr.free_symbols:
         sizes = sizes[:1]
     with mpmath.workdps(40):
-        for values in product(gaps, sizes, *(_samples(symbol, law) for symbol in own)):
+        for gap, deflection, *values in product(gaps, sizes, *(_samples(symbol, law) for symbol in own)):
             try:
-                found = function(*values)
+                found = function(gap, deflection, *values)
             except (ZeroDivisionError, ValueError, OverflowError):
                 continue
             if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
-                named = [("h", values[0]), ("d", values[1]), *zip([s.name for s in own], values[2:], strict=True)]
-                point = ", ".join(f"{name}={mpmath.nstr(value, 3)}" for name, value in named)
-                return f"{point} (R = E = eta = 1)", mpmath.nstr(found, 6)
+                return gap, deflection, {s.name: value for s, value in zip(own, values, strict=True)}, found
     return None
 
 

@@ -46,7 +46,9 @@ def kernel_body(ir: KernelIR) -> str:
 
 def render_template(name: str, ir: KernelIR, body: str) -> str:
     """Wrap a kernel's body into a target's template."""
-    return _environment().get_template(name).render(ir=ir, header=header(ir), body=body).rstrip() + "\n"
+    # what the law's author wrote must end neither a comment nor a docstring
+    safe = header(ir).replace("*/", "* /").replace("\\", "\\\\").replace('"""', "'''")
+    return _environment().get_template(name).render(ir=ir, header=safe, body=body).rstrip() + "\n"
 
 
 def header(ir: KernelIR) -> str:

@@ -39,6 +39,10 @@ class Limit:
     order: tuple[Expr, ...]
     claims: Mapping[str, Expr]
 
+    def __post_init__(self) -> None:
+        exact = {name: Integer(form) if isinstance(form, int) else form for name, form in self.claims.items()}
+        object.__setattr__(self, "claims", exact)
+
 
 @dataclass(frozen=True, eq=False)
 class ContactLaw:

@@ -24,6 +24,7 @@ from sympy import (
     S,
     Symbol,
     cse,
+    exp,
     numbered_symbols,
     sign,
 )
@@ -226,7 +227,8 @@ def _product(expr: Expr) -> tuple[str, int]:
     root_above: list[Expr] = []
     root_below: list[Expr] = []
     for factor in Mul.make_args(expr):
-        base, power = factor.as_base_exp()
+        # exp(x) is a function here, not the power that sympy takes it for
+        base, power = (factor, S.One) if isinstance(factor, exp) else factor.as_base_exp()
         if factor.is_number and getattr(power, "q", 1) != 2:
             number *= factor
         elif isinstance(power, Integer) or (isinstance(power, Rational) and power.q == 2):

@@ -7,17 +7,42 @@ real), so the choice is exact, and the same on every machine.
 
 from __future__ import annotations
 
-from sympy import Abs, Add, DiracDelta, Expr, Heaviside, Mul, Piecewise, Pow, S, factor, factor_terms, sign, together
-from sympy.codegen.rewriting import expm1_opt, log1p_opt, optimize
+from sympy import (
+    Abs,
+    Add,
+    DiracDelta,
+    Expr,
+    Function,
+    Heaviside,
+    Mul,
+    Piecewise,
+    Pow,
+    S,
+    Wild,
+    cosh,
+    factor,
+    factor_terms,
+    log,
+    sign,
+    tanh,
+    together,
+)
+from sympy.codegen.cfunctions import log1p
+from sympy.codegen.rewriting import expm1_opt, optimize
+
+_any = Wild("any")
 
 #: Rewriting a larger expression takes long, and its expanded form is unreadable.
 MOST_OPERATIONS = 120
+#: So does factoring a polynomial in more roots and functions than this.
+MOST_GENERATORS = 1
 
 
 def sound(*candidates: Expr) -> Expr:
     """Return the form of the candidates (equal expressions) with the fewest sums that may cancel.
 
-    Ties go to the fewest operations, then to the first. ``exp(x) - 1`` and ``log(1 + x)`` become ``expm1``, ``log1p``.
+    Ties go to the fewest operations, then to the first. ``exp(x) - 1`` and ``log(1 + x)`` become ``expm1`` and
+    ``log1p``, ``1 - tanh(x)**2`` becomes ``1/cosh(x)**2``.
 
     Examples
     --------
@@ -29,10 +54,18 @@ def sound(*candidates: Expr) -> Expr:
     for candidate in candidates:
         plain = tidy(candidate)
         forms.append(plain)
-        if plain.has(Add) and plain.count_ops() < MOST_OPERATIONS:
-            forms += [tidy(rewrite(plain)) for rewrite in (factor_terms, together, factor, _factor_terms_of_fraction)]
+        if plain.has(Add):
+            rewrites = [factor_terms, *([together, factor, _factor_terms_of_fraction] if rewritable(plain) else [])]
+            forms += [tidy(rewrite(plain)) for rewrite in rewrites]
     best = min(forms, key=lambda form: (cancelling_sums(form), form.count_ops(), forms.index(form)))
-    return optimize(best, [expm1_opt, log1p_opt])
+    return optimize(best, [expm1_opt])
+
+
+def rewritable(expr: Expr) -> bool:
+    """Whether an expression is small enough for sympy's polynomials: they factor it, and give up on no large one."""
+    roots = {node for node in expr.atoms(Pow) if not node.exp.is_Integer}
+    functions = {node for node in expr.atoms(Function) if not isinstance(node, (Abs, sign))}
+    return expr.count_ops() < MOST_OPERATIONS and len(roots | functions) <= MOST_GENERATORS
 
 
 def _factor_terms_of_fraction(expr: Expr) -> Expr:
@@ -55,9 +88,16 @@ def tidy(expr: Expr) -> Expr:
 
     The derivative of ``sign`` is dropped, that of ``Min`` and ``Max`` is 0 or 1.
     """
+    expr = expr.replace(1 - tanh(_any) ** 2, 1 / cosh(_any) ** 2).replace(tanh(_any) ** 2 - 1, -1 / cosh(_any) ** 2)
+    expr = expr.replace(_is_log_near_one, lambda node: log1p(node.args[0] - 1))
     expr = expr.replace(DiracDelta, lambda *_: S.Zero)
     expr = expr.replace(Heaviside, lambda x, *_: Piecewise((S.One, x > 0), (S.Zero, True)))
     return expr.replace(lambda node: isinstance(node, Mul) and node.has(sign), _merge_signs)
+
+
+def _is_log_near_one(node: Expr) -> bool:
+    """Whether a node is log(1 + x) with x > 0, which log1p takes without loss at small x."""
+    return isinstance(node, log) and isinstance(node.args[0], Add) and bool((node.args[0] - 1).is_positive)
 
 
 def _merge_signs(product: Expr) -> Expr:
