@@ -54,7 +54,7 @@ from softdyn.errors import LawError
 hbar = R * h / (R + h)
 GOOD: dict[str, Any] = {
     "name": "trial",
-    "a": sqrt(2 * R * (hbar + Abs(delta))),
+    "a": hbar + Abs(delta),
     "F_ela": E * a * delta,
     "zeta": eta * R**2 / h,
 }

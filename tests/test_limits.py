@@ -282,7 +282,7 @@ def test_a_law_without_abs_is_not_proved_in_tension() -> None:
 HALVES = st.integers(-6, 6).map(lambda i: Rational(i, 2))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     st.sampled_from(sorted(TABLE)),
     st.sampled_from(("a", "zeta")),
@@ -362,10 +362,9 @@ def test_the_ordering_that_must_be_split_is_decided_once_it_is() -> None:
 @pytest.mark.parametrize("order", [STOKES, HERTZ], ids=["far", "near"])
 def test_nothing_hangs_and_nothing_false_is_proved(zeta: Expr, order: tuple[Expr, ...]) -> None:
     """None of these tends to 7 eta R times a power of h."""
-    for power in (-1, 0, 1):
-        claim = 7 * eta * R * (h / R) ** power
-        (finding,) = findings(variant(SIMPLE, zeta=zeta), Limit("trial", order, {"zeta": claim})).values()
-        assert finding.verdict in ("disproved", "undecided")
+    limits = [Limit(str(power), order, {"zeta": 7 * eta * R * (h / R) ** power}) for power in (-1, 0, 1)]
+    found = findings(variant(SIMPLE, zeta=zeta), *limits)
+    assert {finding.verdict for finding in found.values()} <= {"disproved", "undecided"}
 
 
 @pytest.mark.parametrize(
