@@ -20,6 +20,7 @@ from sympy import (
     S,
     Wild,
     cosh,
+    exp,
     factor,
     factor_terms,
     log,
@@ -27,15 +28,14 @@ from sympy import (
     tanh,
     together,
 )
-from sympy.codegen.cfunctions import log1p
-from sympy.codegen.rewriting import expm1_opt, optimize
+from sympy.codegen.cfunctions import expm1, log1p
 
 _any = Wild("any")
 
 #: Rewriting a larger expression takes long, and its expanded form is unreadable.
 MOST_OPERATIONS = 120
 #: So does factoring a polynomial in more roots and functions than this.
-MOST_GENERATORS = 1
+MOST_GENERATORS = 3
 
 
 def sound(*candidates: Expr) -> Expr:
@@ -58,12 +58,12 @@ def sound(*candidates: Expr) -> Expr:
             rewrites = [factor_terms, *([together, factor, _factor_terms_of_fraction] if rewritable(plain) else [])]
             forms += [tidy(rewrite(plain)) for rewrite in rewrites]
     best = min(forms, key=lambda form: (cancelling_sums(form), form.count_ops(), forms.index(form)))
-    return optimize(best, [expm1_opt])
+    return best.replace(lambda node: isinstance(node, Add) and node.has(exp), _merge_exp_minus_one)
 
 
 def rewritable(expr: Expr) -> bool:
     """Whether an expression is small enough for sympy's polynomials: they factor it, and give up on no large one."""
-    roots = {node for node in expr.atoms(Pow) if not node.exp.is_Integer}
+    roots = {node.base for node in expr.atoms(Pow) if not node.exp.is_Integer}
     functions = {node for node in expr.atoms(Function) if not isinstance(node, (Abs, sign))}
     return expr.count_ops() < MOST_OPERATIONS and len(roots | functions) <= MOST_GENERATORS
 
@@ -98,6 +98,19 @@ def tidy(expr: Expr) -> Expr:
 def _is_log_near_one(node: Expr) -> bool:
     """Whether a node is log(1 + x) with x > 0, which log1p takes without loss at small x."""
     return isinstance(node, log) and isinstance(node.args[0], Add) and bool((node.args[0] - 1).is_positive)
+
+
+def _merge_exp_minus_one(total: Expr) -> Expr:
+    """Write ``c exp(x) - c`` within a sum as ``c expm1(x)``."""
+    terms = list(total.args)
+    for term in total.args:
+        for exponential in term.atoms(exp):
+            factor_ = term / exponential
+            if term in terms and -factor_ in terms and not factor_.has(exponential):
+                terms.remove(term)
+                terms.remove(-factor_)
+                terms.append(factor_ * expm1(exponential.args[0]))
+    return Add(*terms)
 
 
 def _merge_signs(product: Expr) -> Expr:
