@@ -255,12 +255,12 @@ def _origin_faults(law: ContactLaw) -> list[str]:
 
 def _positivity_faults(law: ContactLaw) -> list[str]:
     """Radius, stiffness and friction must be positive for h > 0, abs(delta) < R; a witness shows where they are not."""
-    from softdyn.derive.dynamics import law_quantities
+    from softdyn.derive.dynamics import stiffness_of
 
-    quantities = law_quantities(law)
+    quantities = {"a": law.a, "C": stiffness_of(law), "zeta": law.zeta}
     faults = []
-    for name in ("a", "C", "zeta"):
-        explicit = quantities[name].subs(a, law.a)
+    for name, quantity in quantities.items():
+        explicit = quantity.subs(a, law.a)
         for side, value in (("delta > 0", 1), ("delta < 0", -1), ("delta = 0", 0)):
             size = Dummy("d", positive=True)
             expr = tidy(explicit.subs(delta, value * size))
@@ -273,7 +273,7 @@ def _positivity_faults(law: ContactLaw) -> list[str]:
                 point = ", ".join(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in at.items())
                 faults.append(
                     f"{name} must be positive for h > 0 and |delta| < R, but at {point} (R = E = eta = 1) ({side}) it "
-                    f"is {mpmath.nstr(found, 6)}; {name} = {quantities[name]}"
+                    f"is {mpmath.nstr(found, 6)}; {name} = {quantity}"
                 )
                 break
     return faults

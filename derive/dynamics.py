@@ -8,7 +8,7 @@ first for undefined functions a, F_ela, zeta, F_adh, then for a law.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, simplify, solve
@@ -159,31 +159,43 @@ def generic_dynamics() -> GenericDynamics:
     )
 
 
+def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
+    """Candidates for a derivative of a: direct, and through a^2, which is simpler where a is a square root."""
+    square = law.a**2
+    direct = diff(law.a, *variables)
+    if len(variables) == 1:
+        return [direct, diff(square, *variables) / (2 * a)]
+    first, second = variables
+    slopes = diff(square, first) / (2 * a) * diff(square, second) / (2 * a)
+    return [direct, (diff(square, first, second) / 2 - slopes) / a]
+
+
+def stiffness_of(law: ContactLaw) -> Expr:
+    """C = (F_a a_delta + F_delta)/2 of a law, in a, h, delta and the parameters."""
+    known = {
+        F_a: diff(law.F_ela, a),
+        F_delta: diff(law.F_ela, delta),
+        a_delta: sound(*_derivatives_of_radius(law, delta)),
+    }
+    return sound(generic_dynamics().stiffness.subs(known))
+
+
+@lru_cache(maxsize=32)
 def partials(law: ContactLaw) -> dict[Symbol, Expr]:
     """Return the declared expressions and their partial derivatives, in (a, h, delta), sound in floating point."""
-    a_root = law.a**2
 
-    def radius(*variables: Symbol) -> list[Expr]:
-        """Candidates for a derivative of a: direct, and through a^2 where a is a square root."""
-        direct = diff(law.a, *variables)
-        if len(variables) > 1:
-            first, second = variables
-            through = (
-                diff(a_root, first, second) / 2 - (diff(a_root, first) / (2 * a)) * (diff(a_root, second) / (2 * a))
-            ) / a
-        else:
-            through = diff(a_root, *variables) / (2 * a)
-        return [direct, through]
+    def radius(*variables: Symbol) -> Expr:
+        return sound(*_derivatives_of_radius(law, *variables))
 
     return {
         F_ela: sound(law.F_ela),
         F_adh: sound(law.F_adh),
         zeta: sound(law.zeta),
-        a_h: sound(*radius(h)),
-        a_delta: sound(*radius(delta)),
-        a_hh: sound(*radius(h, h)),
-        a_hdelta: sound(*radius(h, delta)),
-        a_deltadelta: sound(*radius(delta, delta)),
+        a_h: radius(h),
+        a_delta: radius(delta),
+        a_hh: radius(h, h),
+        a_hdelta: radius(h, delta),
+        a_deltadelta: radius(delta, delta),
         F_a: sound(diff(law.F_ela, a)),
         F_delta: sound(diff(law.F_ela, delta)),
         F_aa: sound(diff(law.F_ela, a, a)),
