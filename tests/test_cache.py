@@ -238,6 +238,31 @@ def test_racing_processes_share_a_numba_kernel(empty_cache: Path, tmp_path: Path
     assert len(set(results)) == 1
     assert float(results[0][1]) == 6.0
     assert [path.name for path in entries(empty_cache, "numba")] == [results[0][0]]
+    # what the racers left in numba's own cache serves those who come later
+    assert race(law, "numba", 1) == results[:1]
+
+
+INTERRUPTED = """
+import sys
+import numpy as np
+from softdyn import kernels
+from softdyn.targets import numba as target
+def interrupted(functions, manifest):
+    none = np.empty(0)
+    functions.solve_delta(0, none, none, np.ones(3), none)
+    sys.exit(0)
+target._compile = interrupted
+kernels.get_kernel(sys.argv[1], "numba", outputs=("F_ela",))
+"""
+
+
+def test_a_numba_kernel_half_compiled_is_completed_and_kept(empty_cache: Path, tmp_path: Path) -> None:
+    """A process that ends while numba compiles leaves some functions in its cache: the rest builds on them."""
+    law = str(write_law(tmp_path, factor="3"))
+    subprocess.run([sys.executable, "-c", INTERRUPTED, law], check=True)
+    first = race(law, "numba", 1)
+    assert float(first[0][1]) == 6.0
+    assert race(law, "numba", 1) == first
 
 
 def test_racing_with_a_damaged_entry_in_the_way(empty_cache: Path, tmp_path: Path) -> None:
