@@ -2,20 +2,22 @@
 
 An ordering of lengths s0 << s1 << ... << R makes the ratios r1 = s0/s1, r2 = s1/s2, ... independent small variables.
 Every expression is then a series of monomials in them, exact in rationals. One monomial is negligible against another
-only if their quotient has no negative power of any ratio, that is, whatever the rates at which the ratios vanish:
-so what holds here holds in the whole cone of scalings that the ordering admits.
+only if their quotient has no negative power of any ratio, that is, whatever the powers with which the ratios vanish:
+so what holds here holds for every power-law scaling that the ordering admits.
 
-Logarithms grow more slowly than any power; they stay in the coefficients as L_i = log(1/r_i) > 0.
+Along such scalings logarithms grow more slowly than any power; they stay in the coefficients as L_i = log(1/r_i) > 0.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cache
 
 from sympy import (
     Abs,
     Add,
+    Dummy,
     Expr,
     Max,
     Min,
@@ -268,19 +270,19 @@ def _grows_exponentially(expr: Expr, ratios: tuple[Symbol, ...]) -> bool:
     return negligible(zero, dominant) and (isinstance(expr, cosh) or _sign(coefficient, expr.args[0]) > 0)
 
 
+@cache
 def slow_logarithm(ratio: Symbol) -> Symbol:
-    """Return L = log(1/r), which grows more slowly than any power of r."""
-    return Symbol(f"L_{ratio.name}", positive=True)
+    """Return L = log(1/r), which grows more slowly than any power of r: one symbol for each ratio, and no law's own."""
+    return Dummy(f"L_{ratio.name}", positive=True)
 
 
 def _analytic(expr: Expr, argument: Series, ratios: tuple[Symbol, ...]) -> Series:
     zero: Exponents = (S.Zero,) * len(ratios)
     large = [e for e in argument.terms if e != zero and not negligible(e, zero)]
     if large or not all(negligible(r, zero) for r in argument.remainder):
-        if isinstance(expr, tanh):
-            side = _sign(leading(argument, expr.args[0])[1], expr.args[0])
-            return Series({zero: S(side)})  # up to less than any power of the ratios
         dominant, coefficient = leading(argument, expr.args[0])
+        if isinstance(expr, tanh) and negligible(zero, dominant):
+            return Series({zero: S(_sign(coefficient, expr.args[0]))})  # up to less than any power of the ratios
         if isinstance(expr, exp) and negligible(zero, dominant) and _sign(coefficient, expr.args[0]) < 0:
             return Series()  # smaller than any power of the ratios
         raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")

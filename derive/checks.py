@@ -83,6 +83,7 @@ RESERVED = frozenset(
     enum except extern finally float for from global goto if import in inline int is lambda long nonlocal not or
     pass raise register restrict return short signed sizeof static struct switch try typedef union unsigned void
     volatile while with yield array empty inf isfinite jit nan numba sqrt fabs exp log expm1 log1p pow sin cos tan
+    NAN INFINITY HUGE_VAL None True False
     asin acos atan sinh cosh tanh asinh acosh atanh erf erfc abs min max range
     """.split()
 )
@@ -231,7 +232,7 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     allowed = set(known.values()) - {a}
     for limit in law.limits:
         where = f"limit {limit.name!r}"
-        if {abs(length) for length in limit.order} != {abs(h), abs(delta), abs(R)} or len(limit.order) != 3:
+        if set(limit.order) not in ({h, delta, R}, {h, -delta, R}) or len(limit.order) != 3:
             faults.append(
                 f"{where}: order must hold h, delta (or -delta) and R, from smallest to largest, not {limit.order}"
             )
@@ -241,6 +242,10 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
                 hint = f"; did you mean {near[0]!r}?" if near else ""
                 faults.append(f"{where}: cannot claim {quantity!r}; one can claim {', '.join(CLAIMABLE)}{hint}")
                 continue
+            if not isinstance(form, Expr):
+                faults.append(f"{where}, {quantity}: {form!r} is not a sympy expression")
+                continue
+            faults += _node_faults(f"{where}, {quantity}", form)
             strange = sorted(str(symbol) for symbol in form.free_symbols - allowed)
             if strange:
                 faults.append(f"{where}, {quantity}: unknown symbol {', '.join(strange)}")

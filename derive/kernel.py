@@ -14,7 +14,6 @@ from sympy import Expr, Integer, Rational, Symbol, diff
 
 from softdyn.derive.law import law_hash, parameters_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
-from softdyn.derive.soundness import sound
 from softdyn.derive.specialise import (
     OUTPUTS,
     RULES,
@@ -27,7 +26,7 @@ from softdyn.derive.specialise import (
     dh_dt,
 )
 from softdyn.derive.symbols import F
-from softdyn.errors import LawError
+from softdyn.errors import LawError, SceneError
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
@@ -180,6 +179,9 @@ def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
     faults = [
         f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names
     ]
+    for symbol, (low, high) in law.ranges.items():
+        if symbol.name in needs.fixed and not float(low) < float(needs.fixed[symbol.name]) < float(high):
+            faults.append(f"{symbol} must lie between {low} and {high}, and is {needs.fixed[symbol.name]}")
     for symbol in parameters_of(law):
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
             faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
@@ -211,8 +213,17 @@ def drive_code(parsed: tuple) -> tuple[list[Assignment], str, int]:
     expressions of one shape, and no hostile number is ever evaluated symbolically.
     """
     constants: list[Symbol] = []
-    force = _drive_expression(parsed, constants)
-    definitions = {F: sound(force), dF_dt: sound(diff(force, t))}
+    try:
+        return _drive_code(_drive_expression(parsed, constants), constants)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise SceneError(
+            f"the force cannot be differentiated and printed as it stands ({error}); write it otherwise"
+        ) from None
+
+
+def _drive_code(force: Expr, constants: list[Symbol]) -> tuple[list[Assignment], str, int]:
+    # as written: the author of an expression knows best in which form it neither overflows nor cancels
+    definitions = {F: force, dF_dt: diff(force, t)}
     unpacked = [(symbol.name, f"c[{index}]") for index, symbol in enumerate(constants)]
     lines = straight_line([F, dF_dt], definitions)
     used = _names_in(lines)

@@ -60,12 +60,11 @@ def straight_line(targets: Iterable[Symbol], definitions: Mapping[Symbol, Expr])
     # the powers of a name get names of their own below, and conditions are no numbers: both go back where they were
     inlined: dict[Symbol, Basic] = {}
     pool: dict[Symbol, Expr] = {}
-    for name, expr in [*shared, *zip(needed, reduced, strict=True)]:
+    for name, expr in shared:
         back = expr.xreplace(inlined)
-        if _is_integer_power(back) or not isinstance(back, Expr):
-            inlined[name] = back
-        else:
-            pool[name] = back
+        kept = inlined if _is_integer_power(back) or not isinstance(back, Expr) else pool
+        kept[name] = back
+    pool |= {name: expr.xreplace(inlined) for name, expr in zip(needed, reduced, strict=True)}
     pool = _name_bases(pool, fresh)
     return _print_in_order(pool, list(needed))
 
@@ -311,4 +310,8 @@ def operations(lines: Iterable[Assignment]) -> dict[str, int]:
 
 
 def _constant(node: ast.AST) -> bool:
+    if isinstance(node, ast.UnaryOp):
+        return _constant(node.operand)
+    if isinstance(node, ast.BinOp):
+        return _constant(node.left) and _constant(node.right)
     return isinstance(node, ast.Constant)

@@ -57,6 +57,9 @@ def sound(*candidates: Expr) -> Expr:
         if plain.has(Add):
             rewrites = [factor_terms, *([together, factor, _factor_terms_of_fraction] if rewritable(plain) else [])]
             forms += [tidy(rewrite(plain)) for rewrite in rewrites]
+    # exp(x - y) split into exp(x) exp(-y) overflows where the whole does not
+    whole = min(len(form.atoms(exp)) for form in forms)
+    forms = [form for form in forms if len(form.atoms(exp)) == whole]
     best = min(forms, key=lambda form: (cancelling_sums(form), form.count_ops(), forms.index(form)))
     return best.replace(lambda node: isinstance(node, Add) and node.has(exp), _merge_exp_minus_one)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Abs, Expr, Rational, S, Symbol, sign
+from sympy import Abs, Dummy, Expr, Rational, S, Symbol, sign
 from sympy.core.relational import Relational
 
 from softdyn.derive import dynamics as d
@@ -123,7 +123,7 @@ def _map(equations: Equations, change: Callable[[Expr], Expr]) -> Equations:
 
 def one_sign(equations: Equations, needs: Needs) -> Equations:
     """Without abs(delta) and sign(delta), nor the branches of the other sign."""
-    size = Symbol("delta_size", positive=True)
+    size = Dummy("delta", positive=True)
     side = 1 if needs.deflection == "compression" else -1
 
     def resolve(expr: Expr) -> Expr:
@@ -141,8 +141,7 @@ def constant_force(equations: Equations, needs: Needs) -> Equations:
 
 def no_remote_force(equations: Equations, needs: Needs) -> Equations:
     """Without F_adh."""
-    without = _map(equations, lambda expr: expr.subs(F_adh, 0))
-    return without
+    return _map(equations, lambda expr: expr.subs(F_adh, 0))
 
 
 def fixed_parameters(equations: Equations, needs: Needs) -> Equations:

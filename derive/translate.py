@@ -14,10 +14,14 @@ import tokenize
 from collections import Counter
 from dataclasses import dataclass, field
 
+from softdyn.derive.printing import MATH_FUNCTIONS
+
 C_TYPES = {"float": "double", "int": "int64_t"}
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
+#: Functions that C has under the same name, besides int, float, range and empty, which have a translation.
+KNOWN_FUNCTIONS = {*MATH_FUNCTIONS, "isfinite", "int", "float", "range", "empty"}
 PRECEDENCE = {ast.Add: 4, ast.Sub: 4, ast.Mult: 5, ast.Div: 5}
 
 
@@ -45,17 +49,78 @@ def to_c(text: str) -> str:
         Naming the line outside the subset.
     """
     module = ast.parse(text)
+    _require_subset(module)
     comments = _comments(text)
     functions = [node for node in module.body if isinstance(node, ast.FunctionDef)]
     written = _written_arrays(functions)
     return "\n\n".join(_function(node, comments, written) for node in functions) + "\n"
 
 
+def _harmless(text: str) -> str:
+    """Return text that ends no comment of C's early."""
+    return text.replace("*/", "* /")
+
+
+def _require_subset(module: ast.Module) -> None:
+    """Refuse, with its line, whatever has no counterpart in C or means something else there."""
+    functions = {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
+    for statement in module.body:
+        if not isinstance(statement, ast.FunctionDef):
+            raise TranslationError(f"line {statement.lineno}: a kernel holds functions only, not {_shown(statement)}")
+        signature = statement.args
+        if signature.defaults or signature.kwonlyargs or signature.posonlyargs or signature.vararg or signature.kwarg:
+            raise TranslationError(f"line {statement.lineno}: {statement.name} may take plain arguments only")
+        if statement.returns and ast.unparse(statement.returns) not in (*C_TYPES, "None"):
+            raise TranslationError(f"line {statement.lineno}: {statement.name} returns no type of C's")
+        for node in ast.walk(statement):
+            if not _translatable(node, functions):
+                line = getattr(node, "lineno", statement.lineno)
+                raise TranslationError(f"line {line}: cannot translate {_shown(node)}")
+
+
+def _shown(node: ast.AST) -> str:
+    return repr(ast.unparse(node))
+
+
+def _translatable(node: ast.AST, functions: set[str]) -> bool:
+    """Whether a node, its children apart, has the same meaning in C."""
+    if isinstance(node, ast.AugAssign):
+        return type(node.op) in BINARY
+    if isinstance(node, ast.AnnAssign):
+        return ast.unparse(node.annotation) in C_TYPES
+    if isinstance(node, ast.Compare):
+        return len(node.ops) == 1 and type(node.ops[0]) in COMPARE
+    if isinstance(node, ast.BoolOp):  # in Python the value of one of its terms, in C 0 or 1
+        return all(_is_condition(value) for value in node.values)
+    if isinstance(node, (ast.For, ast.While)):
+        return not node.orelse and (isinstance(node, ast.While) or _is_plain_range(node.iter))
+    if isinstance(node, ast.Call):
+        known = isinstance(node.func, ast.Name) and node.func.id in {*functions, *KNOWN_FUNCTIONS}
+        return known and not node.keywords
+    if isinstance(node, ast.Subscript):
+        return not isinstance(node.slice, (ast.UnaryOp, ast.Slice, ast.Tuple))
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
+        return abs(node.value) < (2**63 if isinstance(node.value, int) else float("inf"))
+    return True
+
+
+def _is_condition(node: ast.expr) -> bool:
+    if isinstance(node, ast.Call):
+        return isinstance(node.func, ast.Name) and node.func.id == "isfinite"
+    return isinstance(node, (ast.Compare, ast.BoolOp)) or (
+        isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+    )
+
+
+def _is_plain_range(node: ast.expr) -> bool:
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "range" and len(node.args) == 1
+
+
 def _comments(text: str) -> dict[int, str]:
     """Full-line comments, by line."""
     lines = text.splitlines()
     return {
-        token.start[0]: token.string.lstrip("# ")
+        token.start[0]: _harmless(token.string.lstrip("# "))
         for token in tokenize.generate_tokens(io.StringIO(text).readline)
         if token.type == tokenize.COMMENT and lines[token.start[0] - 1].strip().startswith("#")
     }
@@ -124,7 +189,7 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
 
 
 def _comment_block(text: str) -> list[str]:
-    first, *rest = text.splitlines()
+    first, *rest = _harmless(text).splitlines()
     block = [f"/* {first}", *(f"   {line}".rstrip() for line in rest)]
     block[-1] += " */"
     return block
@@ -245,6 +310,8 @@ def _text(node: ast.expr, state: _Function) -> tuple[str, int]:
         level = PRECEDENCE[type(node.op)]
         right_level = level + isinstance(node.op, (ast.Sub, ast.Div, ast.Mult, ast.Add))
         left, right = _at(node.left, state, level), _at(node.right, state, right_level)
+        if isinstance(node.op, ast.Div) and _is_integer(node.left, state) and _is_integer(node.right, state):
+            left = f"(double){_at(node.left, state, 6)}"  # C would cut the quotient
         return f"{left} {BINARY[type(node.op)]} {right}", level
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.Not)):
         return ("-" if isinstance(node.op, ast.USub) else "!") + _at(node.operand, state, 7), 6
@@ -265,6 +332,18 @@ def _text(node: ast.expr, state: _Function) -> tuple[str, int]:
     if isinstance(node, ast.Subscript):
         return f"{_expr(node.value, state)}[{_expr(node.slice, state)}]", 7
     raise TranslationError(f"line {node.lineno}: cannot translate {ast.unparse(node)!r}")
+
+
+def _is_integer(node: ast.expr, state: _Function) -> bool:
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, int)
+    if isinstance(node, ast.Name):
+        return state.types.get(node.id) == "int"
+    if isinstance(node, ast.UnaryOp):
+        return _is_integer(node.operand, state)
+    if isinstance(node, ast.BinOp):
+        return not isinstance(node.op, ast.Div) and _is_integer(node.left, state) and _is_integer(node.right, state)
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "int"
 
 
 def _at(node: ast.expr, state: _Function, level: int) -> str:

@@ -71,7 +71,8 @@ def _generic_results(generic: GenericDynamics) -> list[Line]:
 
 def as_text(law: ContactLaw) -> str:
     """Return the derivation to read on a terminal."""
-    lines = [f"{law.name}: {law.description}", f"source: {law.source}"]
+    lines = [f"{law.name}: {law.description}" if law.description else law.name]
+    lines += [f"source: {law.source}"] if law.source else []
     for title, entries in derivation(law).items():
         lines += ["", title]
         for name, value in entries:

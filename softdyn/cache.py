@@ -10,7 +10,8 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ def folder() -> Path:
     SceneError
         If it cannot be made or belongs to somebody else.
     """
-    if VARIABLE in os.environ:
+    if os.environ.get(VARIABLE):
         path = Path(os.environ[VARIABLE]).expanduser().absolute()
     else:
         import platformdirs
@@ -84,19 +85,10 @@ def publish(kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, 
             digests = {name: sha256(content).hexdigest() for name, content in files.items()}
             entry = {"digests": digests, **(note or {})}
             (made / "entry.json").write_text(json.dumps(entry, indent=1), encoding="utf-8")
-            for _ in range(3):
-                try:
-                    made.rename(target)
-                    break
-                except OSError:
-                    if read(kind, key) is not None:
-                        break
-                    # a damaged entry stands in the way: set it aside
-                    aside = Path(tempfile.mkdtemp(prefix=".", dir=parent))
-                    try:
-                        target.rename(aside / "damaged")
-                    finally:
-                        shutil.rmtree(aside, ignore_errors=True)
+            try:
+                made.rename(target)
+            except OSError:
+                _replace_unless_whole(kind, key, made)
         finally:
             shutil.rmtree(made, ignore_errors=True)
     except OSError as error:
@@ -106,6 +98,37 @@ def publish(kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, 
     if read(kind, key) is None:
         raise SceneError(f"the kernel cache entry {target} could not be written whole")
     return target
+
+
+def _replace_unless_whole(kind: str, key: str, made: Path) -> None:
+    """Put a new entry in the place of a damaged one; a whole one, of another process's, is never moved."""
+    parent = folder() / kind
+    with _locked(folder() / f"{kind}.lock"):
+        if read(kind, key) is not None:
+            return
+        aside = Path(tempfile.mkdtemp(prefix=".", dir=parent))
+        try:
+            with suppress(FileNotFoundError):  # discarded meanwhile
+                (parent / key).rename(aside / "damaged")
+            made.rename(parent / key)
+        except OSError:
+            if read(kind, key) is None:  # else it was published in this very moment
+                raise
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Only one process at a time, where the system has advisory locks."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with path.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def discard(kind: str, key: str) -> None:

@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
 
     generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
     generate.add_argument("law", metavar="LAW", nargs="?")
-    generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel")
+    generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel; needed unless --stock")
     generate.add_argument(
         "--scene", type=Path, help="leave out what this scene does not need (default: leave nothing out)"
     )
@@ -105,7 +105,13 @@ def _parser() -> argparse.ArgumentParser:
 
     run = add("run", _run, "simulate a scene")
     run.add_argument("scene", metavar="SCENE.toml", type=Path)
-    run.add_argument("-o", dest="output", metavar="FILE", type=Path, help="save the result: .json, .npz or .csv")
+    run.add_argument(
+        "-o",
+        dest="output",
+        metavar="FILE",
+        type=Path,
+        help="save the result: .json, .npz (both can be plotted) or .csv",
+    )
     run.add_argument("--json", action="store_true", help="print the result as one JSON object")
 
     plot = add("plot", _plot, "draw a saved result")

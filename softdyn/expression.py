@@ -126,7 +126,8 @@ class _Parser:
             match = _TOKEN.match(self.text, at)
             if match is None:
                 at += len(self.text[at:]) - len(self.text[at:].lstrip())
-                raise self._error(f"{self.text[at]!r} is not part of the grammar", at)
+                hint = "; a power is written **" if self.text[at] == "^" else ""
+                raise self._error(f"{self.text[at]!r} is not part of the grammar{hint}", at)
             kind = ("number", "name", "operator")[(match.lastindex or 1) - 1]
             tokens.append((kind, match.group(match.lastindex or 1), match.start(match.lastindex or 1)))
             at = match.end()

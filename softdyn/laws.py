@@ -84,8 +84,8 @@ def find(law: Any) -> LawReference:
     known = [path.stem for path in STOCK_FOLDER.glob("*.py") if path.stem != "__init__"]
     if text not in known:
         near = get_close_matches(text, known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"the stock laws are {', '.join(sorted(known))}"
-        raise SceneError(f"unknown law {text!r}; {hint} A law of your own is path/law.py or path/law.py:name.")
+        hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
+        raise SceneError(f"unknown law {text!r}; {hint} (a law of your own is path/law.py or path/law.py:name)")
     return LawReference(text, None, text)
 
 

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: Steps between two looks at the progress, and at whether the user interrupts.
 CHUNK = 2048
+#: A solved force balance holds to rounding times the stiffness of the law in delta.
+LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
 #: Numbers that describe the dense output of a step: its start, its length, u at its start, 7 coefficients.
 WIDTH = 10
@@ -78,6 +80,10 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
         arrays[name] = {"F": F, "dF_dt": dF_dt}[name] if name in ("F", "dF_dt") else values[name]
     largest = float(np.max(np.abs(F), initial=0.0))
     residual = float(np.max(np.abs(values["F_ela"] - F), initial=0.0)) / largest if largest else 0.0
+    if residual > LARGEST_RESIDUAL:
+        raise IntegrationError(
+            f"the force balance holds to {residual:.1e} only: the law is too stiff in delta to be solved"
+        )
     return PairResult(
         law=kernel.law,
         target=kernel.target,
@@ -244,6 +250,8 @@ def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[
         if t[0] < drive.start or (scene.until_t is not None and t[-1] > scene.until_t):
             raise SceneError(f"[output] times must lie within the run, {drive.start:g} .. {scene.until_t or end:g}")
         t = t[t <= end]
+        if not len(t):
+            raise SceneError(f"[output] none of the times lies within the run, {drive.start:g} .. {end:g}")
     index = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(starts) - 1)
     h = np.exp(interpolate(steps[index], (t - starts[index]) / lengths[index]))
     if stopped_by == "h" and len(t) and t[-1] == end:
@@ -294,8 +302,11 @@ def _at_gaps(scene: Scene, steps: Array, end: float) -> tuple[Array, Array]:
             at += int(passed[0])
             t = steps[at, 0] + _crossing(steps[at], target) * steps[at, 1]
         # the last step may pass what lies beyond the end, and rounding the end itself
-        if t > end * (1 + 1e-14) and not (gap == scene.until_h and len(passed)):
-            reached = math.exp(float(np.min(u))), math.exp(float(np.max(u)))
+        if times and t < times[-1]:
+            raise SceneError(f"[output] gaps must come in the order in which the run passes them; h = {gap:g} does not")
+        if t > end + 1e-14 * abs(end) and not (gap == scene.until_h and len(passed)):
+            inside = np.append(u[:-1], float(interpolate(steps[-1], (end - steps[-1, 0]) / steps[-1, 1])))
+            reached = math.exp(float(np.min(inside))), math.exp(float(np.max(inside)))
             raise SceneError(
                 f"[output] gaps: h = {gap:g} is not passed, in this order, before the run ends; "
                 f"the gap stays within {reached[0]:.6g} .. {reached[1]:.6g}"

@@ -153,6 +153,10 @@ def load_result(path: str | Path) -> PairResult:
         If the file is not such a result.
     """
     path = Path(path)
+    if path.suffix not in (".json", ".npz"):
+        raise SceneError(
+            f"cannot read {path}: results are read back from .json and .npz (a .csv holds the arrays alone)"
+        )
     try:
         if path.suffix == ".npz":
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:

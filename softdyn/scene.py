@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.expression import Expression, parse
+from softdyn.expression import FUNCTIONS, Expression, parse
 from softdyn.expression import evaluate as evaluate_expression
 
 #: Quantities that a result can hold besides t, h and delta; F and dF_dt are the external force and its rate.
@@ -266,7 +267,13 @@ def drive_of(scene: Scene) -> Drive:
     force = scene.force
     if isinstance(force, str):
         constants = _numbers("[drive] constants", scene.constants)
+        taken = [name for name in constants if name in ("t", "pi", *FUNCTIONS)]
+        if taken:
+            raise SceneError(f"[drive] constants: {', '.join(taken)} has a meaning of its own in an expression")
         expression: Expression = parse(force, constants)
+        unused = [name for name in constants if not re.search(rf"\b{re.escape(name)}\b", force)]
+        if unused:
+            raise SceneError(f"[drive] constants: {', '.join(unused)} does not appear in the force {force!r}")
         if expression.of_time:
             return Drive(expression.shape, np.array(expression.constants or (0.0,)))
         value = evaluate_expression(expression, 0.0)
@@ -275,9 +282,10 @@ def drive_of(scene: Scene) -> Drive:
         return Drive("constant", np.array([value]))
     if scene.constants:
         raise SceneError("[drive] constants belong to a force that is an expression, and this one is not")
+    if isinstance(force, Table):
+        force = (force.t, force.F)
     if isinstance(force, (tuple, list)) and len(force) == 2:
         force = _table_from(*force)
-    if isinstance(force, Table):
         return Drive("table", np.zeros(1), force, float(force.t[0]))
     return Drive("constant", np.array([_finite("force", force)]))
 
@@ -351,11 +359,19 @@ def check_scene(scene: Scene) -> None:
         faults.append("[output] takes times or gaps, not both")
     attempt(_outputs, "times", scene.times, _finite)
     gaps = attempt(_outputs, "gaps", scene.gaps, _positive)
-    if isinstance(gaps, int) and until_h is None:
-        faults.append("[output] gaps = a count needs [until] h, to know where to")
+    if isinstance(gaps, int) and scene.until_h is None:
+        faults.append("[output] gaps = a count needs [until] h, to know where they end")
     if h is not None and until_h == h:
         faults.append(f"[until] h is the initial gap, {h}: there is nothing to run")
-    for name in scene.quantities if not isinstance(scene.quantities, str) else [scene.quantities]:
+    if (
+        isinstance(scene.quantities, str)
+        or not isinstance(scene.quantities, Iterable)
+        or not all(isinstance(name, str) for name in scene.quantities)
+    ):
+        faults.append(f"[output] quantities must be a list of names, not {scene.quantities!r}")
+    for name in (
+        scene.quantities if isinstance(scene.quantities, Iterable) and not isinstance(scene.quantities, str) else ()
+    ):
         if name not in QUANTITIES:
             faults.append(f"[output] unknown quantity {name!r}{suggestion(name, QUANTITIES)}")
     rtol = attempt(_positive, "[accuracy] rtol", scene.rtol)

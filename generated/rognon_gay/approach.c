@@ -231,6 +231,10 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
             break;
         }
         if (step <= 4.5e-16 * fabs(t)) {
+            if (landing == 1.0) {
+                t = limit;
+                continue;
+            }
             status = -1;
             break;
         }

@@ -214,6 +214,9 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: 
             status = -2
             break
         if step <= 4.5e-16 * fabs(t):
+            if landing == 1.0:
+                t = limit
+                continue
             status = -1
             break
         guess = w[2]

@@ -262,6 +262,8 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
             }
             w[2] = state[2];
         }
+        _force(t, table_t, table_F, segment, w);
+        at_zero = w[0] == 0.0 ? 1.0 : 0.0;
     }
     if (!isfinite(k1)) {
         status = -3;
@@ -293,6 +295,10 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
             break;
         }
         if (step <= 4.5e-16 * fabs(t)) {
+            if (landing == 1.0) {
+                t = limit;
+                continue;
+            }
             status = -1;
             break;
         }

@@ -248,6 +248,8 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, tab
                 dt = 4.0 * dt
                 evaluations += 1.0
             w[2] = state[2]
+        _force(t, table_t, table_F, segment, w)
+        at_zero = 1.0 if w[0] == 0.0 else 0.0
     if not isfinite(k1):
         status = -3
     while status == 2 and stored < capacity:
@@ -272,6 +274,9 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, tab
             status = -2
             break
         if step <= 4.5e-16 * fabs(t):
+            if landing == 1.0:
+                t = limit
+                continue
             status = -1
             break
         guess = w[2]

@@ -41,6 +41,7 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # numba's cache refers to the functions of a kernel by the name of its module
     spec.loader.exec_module(module)
     functions = Functions(
         evaluate=getattr(module, f"{name}_evaluate"),
