@@ -68,8 +68,9 @@ def build(law: Any, target: str = "c") -> Kernel:
 
 
 def entries(folder: Path, kind: str) -> list[Path]:
-    """Return what is in one part of a cache, hidden files included."""
-    return sorted((folder / kind).iterdir()) if (folder / kind).is_dir() else []
+    """Return what is in one part of a cache, hidden files included, but for the lock."""
+    found = sorted((folder / kind).iterdir()) if (folder / kind).is_dir() else []
+    return [path for path in found if path.name != ".lock"]
 
 
 # ---------------------------------------------------------------- entries
