@@ -422,6 +422,18 @@ def test_half_powers_are_roots_and_exponentials_are_exponentials() -> None:
     assert "pow" not in printed(R * exp(-h / R) * exp(-a / R))
 
 
+@pytest.mark.parametrize("power", ["5/2", "-5/2", "3/2", "7/2", "2", "-3"])
+@pytest.mark.parametrize("base", [R + h, 1 + h**2, R * (R + h)], ids=str)
+def test_powers_of_sums_are_products_and_roots(base: Expr, power: str) -> None:
+    value, expr = Symbol("value", real=True), base ** Rational(power)
+    lines = straight_line([value], {value: expr})
+    assert "pow" not in " ".join(text for _, text in lines)
+    found = evaluate_lines(lines, {"R": 1.5, "h": 0.75})
+    # at most 8 products, a root and a quotient, of a base that three operations make, to the power 7/2
+    exact = float(expr.subs({R: Rational(3, 2), h: Rational(3, 4)}).evalf(30))
+    assert found["value"] == pytest.approx(exact, rel=24 * 2**-53)
+
+
 def test_numbers_are_exact_until_they_are_printed() -> None:
     value = Symbol("value", real=True)
     cases = {
