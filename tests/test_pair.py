@@ -182,9 +182,9 @@ def test_a_pulse_far_from_the_start_neither_overflows_nor_is_lost() -> None:
     scene = {"h": 1.0, "until_h": None, "until_t": 100.0, "times": 3, "quantities": ("F", "zeta"), "rtol": 1e-11}
     pulse = run(force="1e-6 + 1e-3*exp(-(t - 50)**2)", **scene)
     np.testing.assert_allclose(pulse.F, [1e-6, 1e-6 + 1e-3, 1e-6], rtol=1e-12)
-    # the gap falls by int F dt/zeta, zeta varying by a relative 1e-3 over so small a fall
+    # the gap falls by int F dt/zeta; during the pulse zeta grows with (hbar + delta)^2, by 2 delta/hbar = 0.008
     fall = (100 * 1e-6 + math.sqrt(math.pi) * 1e-3) / pulse.zeta[0]
-    assert 1.0 - pulse.h[-1] == pytest.approx(fall, rel=5e-3)
+    assert 1.0 - pulse.h[-1] == pytest.approx(fall, rel=1.2e-2)
 
 
 def test_the_gap_settles_on_a_film_where_the_remote_force_balances() -> None:
@@ -305,7 +305,7 @@ def test_no_force_no_motion() -> None:
         ),
         ({"force": ([0.0, 10.0], [1e-2, 1e-2])}, IntegrationError, r"the force table ends at t=10.*extend it"),
         ({"gaps": [1.0, 10.0]}, SceneError, r"h = 10 is not passed, in this order"),
-        ({"gaps": [1e-9]}, SceneError, r"h = 1e-09 is not passed.*0\.000.* \.\. 100"),
+        ({"gaps": [1e-9]}, SceneError, r"h = 1e-09 is not passed.*within 0\.001 \.\. 100"),
         ({"times": [-1.0, 1.0]}, SceneError, r"times must lie within the run"),
         ({"force": "sqrt(-1 - t)"}, SceneError, r"force has no finite value at the start"),
         ({"force": "1e-2 + t", "method": "quadrature"}, SceneError, r"for a constant force"),
