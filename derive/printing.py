@@ -69,6 +69,10 @@ def straight_line(targets: Iterable[Symbol], definitions: Mapping[Symbol, Expr])
     return _print_in_order(pool, list(needed))
 
 
+def _is_half_integer(power: Expr) -> bool:
+    return isinstance(power, Rational) and power.q in (1, 2)
+
+
 def _is_integer_power(expr: Basic) -> bool:
     return isinstance(expr, Pow) and expr.base.is_Symbol and isinstance(expr.exp, Integer) and expr.exp > 1
 
@@ -89,7 +93,7 @@ def _name_bases(pool: dict[Symbol, Expr], fresh: Iterable[Symbol]) -> dict[Symbo
         if not expr.args:
             return expr
         expr = expr.func(*(visit(argument) for argument in expr.args))
-        if isinstance(expr, Pow) and isinstance(expr.exp, Integer) and abs(expr.exp) > 1 and expr.base.args:
+        if isinstance(expr, Pow) and _is_half_integer(expr.exp) and abs(expr.exp) > 1 and expr.base.args:
             base = expr.base
             if base not in named:
                 named[base] = next(iter(fresh))

@@ -282,6 +282,7 @@ def test_a_law_without_abs_is_not_proved_in_tension() -> None:
 HALVES = st.integers(-6, 6).map(lambda i: Rational(i, 2))
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
     st.sampled_from(sorted(TABLE)),

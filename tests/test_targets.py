@@ -228,6 +228,7 @@ def invented_case(law_name: str) -> tuple[States, dict[str, Exact], dict[str, Ar
     return (states, *conditioned(law_name, states))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("law_name", list(OWN))
 def test_laws_with_exponentials_roots_and_branches(law_name: str, target: str, tmp_path: Path) -> None:
