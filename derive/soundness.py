@@ -91,7 +91,8 @@ def tidy(expr: Expr) -> Expr:
 
     The derivative of ``sign`` is dropped, that of ``Min`` and ``Max`` is 0 or 1.
     """
-    expr = expr.replace(1 - tanh(_any) ** 2, 1 / cosh(_any) ** 2).replace(tanh(_any) ** 2 - 1, -1 / cosh(_any) ** 2)
+    if expr.has(tanh):
+        expr = expr.replace(1 - tanh(_any) ** 2, 1 / cosh(_any) ** 2).replace(tanh(_any) ** 2 - 1, -1 / cosh(_any) ** 2)
     expr = expr.replace(_is_log_near_one, lambda node: log1p(node.args[0] - 1))
     expr = expr.replace(DiracDelta, lambda *_: S.Zero)
     expr = expr.replace(Heaviside, lambda x, *_: Piecewise((S.One, x > 0), (S.Zero, True)))
