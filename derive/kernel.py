@@ -154,7 +154,8 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         drive_text=drive_text,
         constants=constants,
         deflection=needs.deflection,
-        kinked=needs.drive != "constant" and any("fabs" in text or "if" in text for _, text in [*balance, *gap_rate]),
+        kinked=needs.drive != "constant"
+        and any("fabs(" in text or " if " in text for _, text in [*balance, *gap_rate]),
         outputs=needs.outputs,
         inputs=tuple(symbol.name for symbol in (F, dF_dt) if symbol.name in used),
         balance=code(balance),

@@ -11,7 +11,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -66,8 +66,12 @@ def read(kind: str, key: str) -> Path | None:
     return path
 
 
-def publish(kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, Any] | None = None) -> Path:
-    """Store an entry and return its folder; where another process was faster, its entry is kept.
+def publish(
+    kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, Any] | None = None, replace: bool = False
+) -> Path:
+    """Store an entry and return its folder.
+
+    Where another process was faster, its entry is kept, unless ``replace`` says that what is there is out of date.
 
     Raises
     ------
@@ -88,29 +92,26 @@ def publish(kind: str, key: str, files: Mapping[str, bytes], note: Mapping[str, 
             try:
                 made.rename(target)
             except OSError:
-                _replace_unless_whole(kind, key, made)
+                _put_in_place(kind, key, made, replace)
         finally:
             shutil.rmtree(made, ignore_errors=True)
     except OSError as error:
         raise SceneError(
             f"cannot write the kernel cache {parent}: {error.strerror}; set {VARIABLE} to another folder"
         ) from None
-    if read(kind, key) is None:
-        raise SceneError(f"the kernel cache entry {target} could not be written whole")
     return target
 
 
-def _replace_unless_whole(kind: str, key: str, made: Path) -> None:
-    """Put a new entry in the place of a damaged one; a whole one, of another process's, is never moved."""
-    parent = folder() / kind
+def _put_in_place(kind: str, key: str, made: Path, replace: bool) -> None:
+    """Put a new entry in the place of a damaged one, or of any; else a whole one, of another process's, stays."""
+    target = folder() / kind / key
     with _locked(folder() / f"{kind}.lock"):
-        if read(kind, key) is not None:
+        if not replace and read(kind, key) is not None:
             return
-        aside = Path(tempfile.mkdtemp(prefix=".", dir=parent))
+        aside = Path(tempfile.mkdtemp(prefix=".", dir=target.parent))
         try:
-            with suppress(FileNotFoundError):  # discarded meanwhile
-                (parent / key).rename(aside / "damaged")
-            made.rename(parent / key)
+            target.rename(aside / "old")
+            made.rename(target)
         except OSError:
             if read(kind, key) is None:  # else it was published in this very moment
                 raise
@@ -129,8 +130,3 @@ def _locked(path: Path) -> Iterator[None]:
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
-
-
-def discard(kind: str, key: str) -> None:
-    """Remove an entry that is out of date."""
-    shutil.rmtree(folder() / kind / key, ignore_errors=True)

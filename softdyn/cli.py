@@ -193,7 +193,7 @@ def _generate(options: argparse.Namespace) -> int:
     needs: dict[str, Any] = {
         "drive": "table",
         "deflection": "either",
-        "outputs": tuple(name for name in QUANTITIES if name not in ("F", "dF_dt")),
+        "outputs": ("F_ela", *(name for name in QUANTITIES if name not in ("F", "dF_dt"))),
     }
     if options.scene is not None:
         from softdyn.pair import kernel_needs

@@ -12,7 +12,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache as memoize
 from hashlib import sha256
@@ -159,14 +159,13 @@ def _manifest(reference: LawReference, target: str, needs: dict[str, Any]) -> di
     key = cache.key_of("manifest", identity, target, needs, tool_digest())
     entry = cache.read("manifests", key)
     if entry is not None:
-        with suppress(OSError):  # another process may find it out of date in this very moment
+        with suppress(OSError):  # another process may replace it in this very moment
             manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
             if all(digest(file) == expected for file, expected in manifest["depends"].items()):
                 return manifest
-        cache.discard("manifests", key)
     manifest = make_manifest(reference, target, needs)
-    with suppress(SceneError) if entry is not None else nullcontext():
-        cache.publish("manifests", key, {"manifest.json": json.dumps(manifest).encode()})
+    out_of_date = entry is not None
+    cache.publish("manifests", key, {"manifest.json": json.dumps(manifest).encode()}, replace=out_of_date)
     return manifest
 
 

@@ -363,17 +363,7 @@ def check_scene(scene: Scene) -> None:
         faults.append("[output] gaps = a count needs [until] h, to know where they end")
     if h is not None and until_h == h:
         faults.append(f"[until] h is the initial gap, {h}: there is nothing to run")
-    if (
-        isinstance(scene.quantities, str)
-        or not isinstance(scene.quantities, Iterable)
-        or not all(isinstance(name, str) for name in scene.quantities)
-    ):
-        faults.append(f"[output] quantities must be a list of names, not {scene.quantities!r}")
-    for name in (
-        scene.quantities if isinstance(scene.quantities, Iterable) and not isinstance(scene.quantities, str) else ()
-    ):
-        if name not in QUANTITIES:
-            faults.append(f"[output] unknown quantity {name!r}{suggestion(name, QUANTITIES)}")
+    faults += _quantity_faults(scene.quantities)
     rtol = attempt(_positive, "[accuracy] rtol", scene.rtol)
     if rtol is not None and not SMALLEST_RTOL <= rtol < 1:
         faults.append(
@@ -386,6 +376,14 @@ def check_scene(scene: Scene) -> None:
     attempt(_numbers, "[parameters]", scene.parameters)
     if faults:
         raise SceneError(_listed(faults))
+
+
+def _quantity_faults(quantities: Any) -> list[str]:
+    listed = isinstance(quantities, Iterable) and not isinstance(quantities, str)
+    if not listed or not all(isinstance(name, str) for name in quantities):
+        return [f"[output] quantities must be a list of names, not {quantities!r}"]
+    unknown = [name for name in quantities if name not in QUANTITIES]
+    return [f"[output] unknown quantity {name!r}{suggestion(name, QUANTITIES)}" for name in unknown]
 
 
 def _outputs(name: str, value: Any, check: Any) -> Any:

@@ -135,11 +135,11 @@ def test_the_faster_of_two_is_kept(empty_cache: Path) -> None:
     assert (first / "one.txt").read_bytes() == b"first"
 
 
-def test_a_discarded_entry_is_gone(empty_cache: Path) -> None:
+def test_an_entry_that_is_out_of_date_is_replaced(empty_cache: Path) -> None:
     cache.publish("things", "key", {"one.txt": b"one"})
-    cache.discard("things", "key")
-    cache.discard("things", "key")
-    assert cache.read("things", "key") is None
+    path = cache.publish("things", "key", {"two.txt": b"two"}, replace=True)
+    assert cache.read("things", "key") == path
+    assert sorted(file.name for file in path.iterdir()) == ["entry.json", "two.txt"]
 
 
 @given(st.lists(st.one_of(st.text(), st.integers(), st.lists(st.text())), min_size=1, max_size=3), st.integers(0, 2))

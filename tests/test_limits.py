@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from itertools import pairwise, product
 from typing import Any
@@ -37,10 +37,11 @@ from sympy import (
     tanh,
 )
 
-from softdyn.derive import ContactLaw, E, F, Limit, R, a, delta, eta, h, kappa
+from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, eta, h, kappa
 from softdyn.derive.asymptotics import Series, UndecidedError, expand, leading, slow_logarithm
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.limits import Finding, check_limits
+from softdyn.errors import LawError
 
 d = Symbol("delta", positive=True)  # the size of delta, as findings name it
 hbar = R * h / (R + h)
@@ -516,3 +517,46 @@ def test_known_series_start_as_they_do(expr: Expr, expected: Expr | None) -> Non
 def test_the_method_says_why_it_does_not_apply(expr: Expr, reason: str) -> None:
     with pytest.raises(UndecidedError, match=reason):
         leading(expand(expr, RATIOS))
+
+
+# ---------------------------------------------------------------- what once was proved falsely, or crashed
+
+
+def one_finding(zeta: Expr, order: tuple[Expr, ...], claim: Expr, **changes: object) -> Finding:
+    (finding,) = findings(variant(SIMPLE, zeta=zeta, **changes), Limit("trial", order, {"zeta": claim})).values()
+    return finding
+
+
+def test_a_saturated_function_needs_an_argument_that_is_large_throughout() -> None:
+    """The argument h R^9/a^10 is about r1/r2^4: large on some scalings of h << delta << R, small on others."""
+    law = {"a": sqrt(2 * R * (hbar + Abs(delta))), "F_ela": E * R * delta}
+    claim = 2 * eta * R
+    assert one_finding(eta * R * (1 + tanh(h * R**9 / a**10)), HERTZ, claim, **law).verdict == "undecided"
+
+
+@pytest.mark.parametrize("name", ["r1", "r2", "L_c", "L_r1"])
+def test_a_parameter_is_no_ratio_of_the_method_whatever_its_name(name: str) -> None:
+    own = Symbol(name, positive=True)
+    finding = one_finding(eta * R * (1 + own), HERTZ, eta * R, parameters={own: DIMENSIONLESS})
+    assert (finding.verdict, finding.ratio) == ("disproved", 1 + own)
+
+
+@pytest.mark.parametrize("order", [(-h, delta, R), (h, delta, -R), (h, delta, h)], ids=str)
+def test_only_the_deflection_can_be_negative_in_an_ordering(order: tuple[Expr, ...]) -> None:
+    with pytest.raises(LawError, match="order must hold h, delta"):
+        replace(rognon_gay, limits=(Limit("trial", order, {"a": R}),))
+
+
+def test_a_difference_by_logarithms_alone_is_not_called_wrong() -> None:
+    assert one_finding(eta * R * log(1 + 3 * R / h), HERTZ, eta * R * log(R / h)).verdict == "undecided"
+
+
+def test_a_claim_without_a_sign_is_undecided() -> None:
+    assert one_finding(eta * R, HERTZ, eta * R * log(R * h / delta**2)).verdict != "proved"
+
+
+def test_inexact_numbers_are_refused_in_claims_too() -> None:
+    with pytest.raises(LawError, match=r"is inexact.*Rational\(1, 2\)"):
+        replace(rognon_gay, limits=(Limit("trial", HERTZ, {"zeta": 0.5 * eta * R}),))
+    with pytest.raises(LawError, match=r"0\.5 is not a sympy expression"):
+        replace(rognon_gay, limits=(Limit("trial", HERTZ, {"a": 0.5}),))  # type: ignore[dict-item]

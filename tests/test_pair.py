@@ -1,5 +1,6 @@
 """The pair engine, against references computed another way."""
 
+import contextlib
 import itertools
 import json
 import math
@@ -12,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from sympy import Symbol, exp, pi
+from sympy import Abs, Symbol, exp, pi, sqrt
 
 import softdyn
-from softdyn.derive import FORCE, LENGTH, ContactLaw, a, eta, h
+from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, R, a, delta, eta, h
 from softdyn.derive.laws.rognon_gay import hbar, law
 from softdyn.errors import IntegrationError, SceneError
 
@@ -316,6 +317,47 @@ def test_no_force_no_motion() -> None:
 def test_what_cannot_be_run_says_why(changes: dict, error: type, message: str) -> None:
     with pytest.raises(error, match=message):
         run(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"h": 0.1, "until_h": 0.01, "gaps": [0.0999, 0.09995]}, r"gaps must come in the order.*h = 0\.09995"),
+        ({"times": [1e12, 2e12]}, r"none of the times lies within the run"),
+        ({"force": "1e-2 + " + "exp(-" * 60 + "t" + ")" * 60}, r"."),
+        ({"force": "1e-2 + 1e-9*abs(sqrt(t + 1))"}, r"."),
+    ],
+)
+def test_one_message_or_a_result_never_another_exception(changes: dict, message: str) -> None:
+    if message == ".":  # whether the force can be printed is sympy's affair
+        with contextlib.suppress(softdyn.SoftdynError):
+            assert run(**changes).h[-1] == 1e-3
+    else:
+        with pytest.raises(SceneError, match=message):
+            run(**changes)
+
+
+def test_an_end_a_rounding_after_a_row_of_the_table_is_reached() -> None:
+    """0.1 + 0.2 lies one unit after the row at 0.3: the step between them is below the rounding of t."""
+    result = run(force=([0.0, 0.3, 1.0], [1e-2, 2e-2, 1e-2]), until_h=None, until_t=0.1 + 0.2, times=2)
+    assert result.t[-1] == 0.1 + 0.2
+
+
+def test_the_name_of_a_parameter_does_not_matter() -> None:
+    """Under a push abs(delta) is delta: the rule once used a symbol of the same name as this parameter."""
+    found = []
+    for name in ("delta_size", "q"):
+        q = Symbol(name, positive=True)
+        named = ContactLaw(
+            name="named",
+            a=sqrt(2 * R * (hbar + q * Abs(delta))),
+            F_ela=law.F_ela,
+            zeta=law.zeta,
+            parameters={q: DIMENSIONLESS},
+        )
+        result = softdyn.simulate(law=named, parameters={**UNIT, name: 2.0}, h=0.1, force=0.5, until_h=0.05, gaps=3)
+        found.append(result.delta)
+    np.testing.assert_array_equal(found[0], found[1])
 
 
 def test_initial_distance_that_agrees_is_accepted() -> None:
