@@ -1,27 +1,33 @@
 """Asymptotic series in several independent small ratios, by dominant balance on the expression tree.
 
-An ordering of lengths s0 << s1 << ... << R makes the ratios r1 = s0/s1, r2 = s1/s2, ... independent small variables.
-Every expression is then a series of monomials in them, exact in rationals. One monomial is negligible against another
-only if their quotient has no negative power of any ratio, that is, whatever the powers with which the ratios vanish:
-so what holds here holds for every power-law scaling that the ordering admits.
+A cone of scalings is spanned by rays; moving along each of them by its own small ratio r1, r2, ... reaches every scaling
+inside. A symbol then has an order, the powers of the ratios that it goes with, and every expression is a series of
+terms of different orders, exact in rationals. One term is negligible against another only if their quotient has no
+negative power of any ratio, that is, whatever the powers with which the ratios vanish: so what holds here holds for
+every scaling inside the cone. Where two terms compete, :class:`SplitError` says by which hyperplane the cone must be cut.
 
-Along such scalings logarithms grow more slowly than any power; they stay in the coefficients as L_i = log(1/r_i) > 0.
+Coefficients keep the symbols themselves: a leading term can be read as it stands. Logarithms grow more slowly than any
+power; they stay in the coefficients, as sums of log(symbol).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from fractions import Fraction
+from time import monotonic
 
 from sympy import (
     Abs,
     Add,
     Dummy,
     Expr,
+    Integer,
     Max,
     Min,
     Mul,
+    Piecewise,
+    Poly,
     Pow,
     Rational,
     S,
@@ -47,9 +53,15 @@ from sympy import (
     tan,
     tanh,
 )
+from sympy import expand as multiplied_out
 from sympy.codegen.cfunctions import expm1, log1p
+from sympy.core.relational import Ge, Gt, Le, Lt
+from sympy.logic.boolalg import And, Boolean, Not, Or
 
-Exponents = tuple[Rational, ...]
+from softdyn.derive.cones import Cone, Normal, dot
+
+#: Powers of the ratios.
+Order = tuple[Fraction, ...]
 
 #: Terms kept in a series; further ones go into its remainder.
 KEPT = 8
@@ -57,243 +69,462 @@ KEPT = 8
 #: Analytic functions, expanded about a finite argument.
 ANALYTIC = (exp, sin, cos, tan, asin, atan, sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc)
 
+#: Operations beyond which simplification is not tried: it may not come to an end.
+MOST_OPERATIONS = 60
+
 
 class UndecidedError(Exception):
     """The method cannot tell; the text says why."""
 
 
+class CancelError(UndecidedError):
+    """The leading terms cancel, to the order kept: more terms may tell."""
+
+
+class OutOfTimeError(UndecidedError):
+    """The time allowed is over."""
+
+
+class SplitError(UndecidedError):
+    """Two terms compete: which of them dominates depends on the scaling.
+
+    Attributes
+    ----------
+    values : tuple of Fraction
+        Order of one over the other: positive and negative at different rays of the cone.
+    """
+
+    def __init__(self, values: Order, what: object) -> None:
+        super().__init__(f"no term of {what} dominates in the whole of the ordering: it must be split")
+        self.values = values
+
+
 @dataclass(frozen=True)
 class Series:
-    """A sum of ``coefficient * r1**x1 * r2**x2 ...``, up to terms of the order of the remainder.
+    """A sum of terms of different orders in the ratios, up to terms of the order of the remainder.
 
-    ``terms`` maps exponents to coefficients free of the ratios; ``remainder`` holds exponents of what was cut off.
+    ``terms`` maps orders to coefficients; ``remainder`` holds the orders of what was cut off.
     """
 
-    terms: dict[Exponents, Expr] = field(default_factory=dict)
-    remainder: frozenset[Exponents] = frozenset()
+    terms: Mapping[Order, Expr] = field(default_factory=dict)
+    remainder: frozenset[Order] = frozenset()
 
 
-def negligible(small: Exponents, large: Exponents) -> bool:
-    """Whether one monomial vanishes against another, however the ratios tend to zero."""
-    return small != large and all(x >= y for x, y in zip(small, large, strict=True))
+@dataclass(frozen=True)
+class Scale:
+    """What is known of the symbols in a cone of scalings.
 
-
-def leading(series: Series, what: object = "the expression") -> tuple[Exponents, Expr]:
-    """Return exponents and coefficient of the term that dominates all others.
-
-    Raises
-    ------
-    UndecidedError
-        If the terms cancel as far as they are known, or if none dominates throughout the ordering.
+    Attributes
+    ----------
+    size : int
+        How many ratios there are.
+    known : mapping from Symbol to Series
+        Every symbol that varies with the ratios; all others are fixed.
+    orders : mapping from Symbol to Order
+        Of the symbols that the logarithms in coefficients may hold.
+    kept : int
+        Terms kept in a series.
+    deadline : float
+        Of :func:`time.monotonic`.
     """
-    if not series.terms:
-        raise UndecidedError(f"the leading terms of {what} cancel, to the order kept")
-    candidates = minimal([*series.terms, *series.remainder])
-    if len(candidates) > 1:
-        raise UndecidedError(f"no term of {what} dominates in the whole of the ordering: it must be split")
-    (dominant,) = candidates
-    if dominant not in series.terms:
-        raise UndecidedError(f"the leading terms of {what} cancel, to the order kept")
-    return dominant, series.terms[dominant]
+
+    size: int
+    known: Mapping[Symbol, Series]
+    orders: Mapping[Symbol, Order]
+    kept: int = KEPT
+    deadline: float = float("inf")
+
+    def knowing(self, symbol: Symbol, series: Series) -> Scale:
+        """The same, with one symbol more."""
+        return Scale(self.size, {**self.known, symbol: series}, self.orders, self.kept, self.deadline)
 
 
-def minimal(exponents: Iterable[Exponents]) -> list[Exponents]:
-    """Return the monomials that are negligible against no other."""
-    distinct = sorted(set(exponents))
-    return [e for e in distinct if not any(negligible(e, other) for other in distinct)]
-
-
-def expand(expr: Expr, ratios: tuple[Symbol, ...]) -> Series:
-    """Series of an expression in small positive ratios.
+def scale_of(
+    cone: Cone,
+    directions: Mapping[Symbol, Normal],
+    kept: int = KEPT,
+    deadline: float = float("inf"),
+) -> Scale:
+    """Return the scale of a cone.
 
     Parameters
     ----------
-    expr : Expr
-        In the ratios and in symbols that stay fixed as the ratios vanish.
-    ratios : tuple of Symbol
+    cone : Cone
+        Over some axes.
+    directions : mapping from Symbol to Normal
+        The exponent of each symbol, as a linear form of the axes.
+    """
+    orders = {
+        symbol: tuple(Fraction(dot(direction, ray)) for ray in cone) for symbol, direction in directions.items()
+    }
+    known = {symbol: Series({order: symbol}) for symbol, order in orders.items()}
+    return Scale(len(cone), known, orders, kept, deadline)
+
+
+def zero(scale: Scale) -> Order:
+    """Return the order of what does not vary."""
+    return (Fraction(0),) * scale.size
+
+
+def negligible(small: Order, large: Order) -> bool:
+    """Whether one term vanishes against another, however the ratios tend to zero."""
+    return small != large and all(x >= y for x, y in zip(small, large, strict=True))
+
+
+def minimal(orders: Iterable[Order]) -> list[Order]:
+    """Return the orders that are negligible against no other."""
+    distinct = sorted(set(orders))
+    return [e for e in distinct if not any(negligible(e, other) for other in distinct)]
+
+
+def leading(series: Series, what: object = "the expression") -> tuple[Order, Expr]:
+    """Return order and coefficient of the term that dominates all others.
+
+    Raises
+    ------
+    SplitError
+        If none dominates throughout the cone.
+    CancelError
+        If the terms cancel as far as they are known.
+    UndecidedError
+        If the series has no term at all: it is smaller than any power.
+    """
+    if not series.terms and not series.remainder:
+        raise UndecidedError(f"{what} is smaller than any power of the ratios")
+    candidates = minimal([*series.terms, *series.remainder])
+    if len(candidates) > 1:
+        raise SplitError(_minus(candidates[0], candidates[1]), what)
+    (dominant,) = candidates
+    if dominant not in series.terms:
+        raise CancelError(f"the leading terms of {what} cancel, to the order kept")
+    return dominant, series.terms[dominant]
+
+
+def expand(expr: Expr, scale: Scale) -> Series:
+    """Series of an expression in the ratios of a cone of scalings.
 
     Raises
     ------
     UndecidedError
         Where the method does not apply, saying why.
     """
-    zero: Exponents = (S.Zero,) * len(ratios)
-    if not expr.free_symbols & set(ratios):
-        return Series({zero: expr} if expr != 0 else {})
-    if expr in ratios:
-        return Series({tuple(S.One if ratio == expr else S.Zero for ratio in ratios): S.One})
+    if monotonic() > scale.deadline:
+        raise OutOfTimeError("the time allowed is over")
+    if expr.is_Symbol:
+        return scale.known.get(expr, Series({zero(scale): expr}))
+    if not expr.free_symbols & scale.known.keys():
+        return Series({zero(scale): expr} if expr != 0 else {})
     if isinstance(expr, Add):
-        return _cut(_sum(expand(term, ratios) for term in expr.args))
+        return _cut(added(expand(term, scale) for term in expr.args), scale.kept)
     if isinstance(expr, Mul):
-        product = Series({zero: S.One})
+        product = Series({zero(scale): S.One})
         for factor in expr.args:
-            product = _product(product, expand(factor, ratios))
+            product = multiplied(product, expand(factor, scale), scale.kept)
         return product
-    if isinstance(expr, Pow) and expr.exp.is_negative and _grows_exponentially(expr.base, ratios):
+    if isinstance(expr, Pow) and expr.exp.is_negative and _grows_exponentially(expr.base, scale):
         return Series()  # smaller than any power of the ratios
     if isinstance(expr, Pow) and isinstance(expr.exp, Rational):
-        return _power(expand(expr.base, ratios), expr.exp, expr.base)
+        return raised(expand(expr.base, scale), expr.exp, expr.base, scale)
     if isinstance(expr, (Abs, sign)):
-        argument = expand(expr.args[0], ratios)
-        side = _sign(leading(argument, expr.args[0])[1], expr.args[0])
-        return Series({zero: S(side)}) if isinstance(expr, sign) else _scaled(argument, S(side))
+        argument = expand(expr.args[0], scale)
+        side = sign_of(leading(argument, expr.args[0])[1], expr.args[0], scale)
+        return Series({zero(scale): S(side)}) if isinstance(expr, sign) else scaled(argument, S(side))
     if isinstance(expr, (Min, Max)):
-        return _extremum(expr, ratios)
+        return _extremum(expr, scale)
+    if isinstance(expr, Piecewise):
+        return _branch(expr, scale)
     if isinstance(expr, (log1p, expm1)):
-        return expand(expr.expand(func=True), ratios)
+        return expand(expr.expand(func=True), scale)
     if isinstance(expr, log):
-        return _logarithm(expand(expr.args[0], ratios), expr, ratios)
+        return _logarithm(expand(expr.args[0], scale), expr, scale)
     if isinstance(expr, (exp, *ANALYTIC)):
-        return _analytic(expr, expand(expr.args[0], ratios), ratios)
+        return _analytic(expr, expand(expr.args[0], scale), scale)
     raise UndecidedError(f"{expr.func} is outside the method")
 
 
-def _sum(parts: Iterable[Series]) -> Series:
-    terms: dict[Exponents, Expr] = {}
-    remainder: set[Exponents] = set()
+def added(parts: Iterable[Series]) -> Series:
+    """Sum of series."""
+    terms: dict[Order, list[Expr]] = {}
+    remainder: set[Order] = set()
     for part in parts:
         remainder |= part.remainder
-        for exponents, coefficient in part.terms.items():
-            terms[exponents] = terms.get(exponents, S.Zero) + coefficient
-    return Series({e: c for e, c in terms.items() if not _is_zero(c)}, frozenset(remainder))
+        for order, coefficient in part.terms.items():
+            terms.setdefault(order, []).append(coefficient)
+    return Series(_collected(terms), frozenset(remainder))
 
 
-def _is_zero(coefficient: Expr) -> bool:
+def _collected(terms: Mapping[Order, list[Expr]]) -> dict[Order, Expr]:
+    """Add up the coefficients of each order, and leave out those that cancel."""
+    sums = {}
+    for order, coefficients in terms.items():
+        if len(coefficients) == 1:
+            sums[order] = coefficients[0]
+        else:
+            total = Add(*coefficients)
+            if not is_zero(total):
+                sums[order] = total
+    return sums
+
+
+def is_zero(coefficient: Expr) -> bool:
+    """Whether a coefficient vanishes identically; decided in numbers first, then proved.
+
+    Raises
+    ------
+    UndecidedError
+        If it vanishes in numbers but that cannot be proved.
+    """
     if coefficient.is_zero is not None:
         return bool(coefficient.is_zero)
-    return bool(simplify(coefficient) == 0)
+    own = sorted(coefficient.free_symbols, key=str)
+    size = sum(abs(_at_sample(term, own)) for term in Add.make_args(coefficient))
+    if abs(_at_sample(coefficient, own)) > size * Rational(1, 10**20):
+        return False
+    for attempt in (multiplied_out, _radicals, simplify):
+        if attempt is simplify and coefficient.count_ops() > MOST_OPERATIONS:
+            break
+        if attempt(coefficient) == 0:
+            return True
+    raise UndecidedError(f"whether {coefficient} vanishes is not known")
 
 
-def _cut(series: Series) -> Series:
-    """Drop terms below the remainder; move those beyond the KEPT largest into it."""
+def _at_sample(coefficient: Expr, own: list[Symbol]) -> Expr:
+    """Value at positive numbers that satisfy no simple relation."""
+    values = {symbol: Rational(17 + 12 * i, 13 + 7 * i) for i, symbol in enumerate(own)}
+    value = coefficient.subs(values).evalf(40)
+    if not value.is_number or not value.is_finite:
+        raise UndecidedError(f"{coefficient} has no value")
+    return value
+
+
+def _radicals(coefficient: Expr) -> Expr:
+    from sympy import nsimplify, powsimp, radsimp
+
+    return nsimplify(radsimp(powsimp(multiplied_out(coefficient), force=True)))
+
+
+def _cut(series: Series, kept: int) -> Series:
+    """Drop terms below the remainder; move those beyond the largest ones kept into it."""
     remainder = minimal(series.remainder)
     known = {e: c for e, c in series.terms.items() if not any(e == r or negligible(e, r) for r in remainder)}
+    if len(known) <= kept:
+        return Series(known, frozenset(remainder))
     # whatever is moved must not leave behind a term that it dominates: sorting by degree ensures it
     ordered = sorted(known, key=lambda e: (sum(e), e))
-    moved = ordered[KEPT:]
-    return Series({e: known[e] for e in ordered[:KEPT]}, frozenset(minimal([*remainder, *moved])))
+    moved = ordered[kept:]
+    return Series({e: known[e] for e in ordered[:kept]}, frozenset(minimal([*remainder, *moved])))
 
 
-def _scaled(series: Series, factor: Expr) -> Series:
+def scaled(series: Series, factor: Expr) -> Series:
+    """Product of a series and what does not vary."""
     return Series({e: factor * c for e, c in series.terms.items()}, series.remainder)
 
 
-def _product(left: Series, right: Series) -> Series:
-    terms: dict[Exponents, Expr] = {}
+def multiplied(left: Series, right: Series, kept: int) -> Series:
+    """Product of two series."""
+    terms: dict[Order, list[Expr]] = {}
     for e1, c1 in left.terms.items():
         for e2, c2 in right.terms.items():
-            exponents = _add(e1, e2)
-            terms[exponents] = terms.get(exponents, S.Zero) + c1 * c2
+            terms.setdefault(_plus(e1, e2), []).append(c1 * c2)
     remainder = {
-        *(_add(e, r) for e in minimal([*left.terms, *left.remainder]) for r in right.remainder),
-        *(_add(e, r) for e in minimal([*right.terms, *right.remainder]) for r in left.remainder),
+        *(_plus(e, r) for e in minimal([*left.terms, *left.remainder]) for r in right.remainder),
+        *(_plus(e, r) for e in minimal([*right.terms, *right.remainder]) for r in left.remainder),
     }
-    return _cut(Series({e: c for e, c in terms.items() if not _is_zero(c)}, frozenset(remainder)))
+    return _cut(Series(_collected(terms), frozenset(remainder)), kept)
 
 
-def _add(left: Exponents, right: Exponents) -> Exponents:
+def _plus(left: Order, right: Order) -> Order:
     return tuple(x + y for x, y in zip(left, right, strict=True))
 
 
-def _relative(series: Series, dominant: Exponents, coefficient: Expr) -> Series:
-    """Return series/leading term - 1."""
-    shift = tuple(-x for x in dominant)
+def _minus(left: Order, right: Order) -> Order:
+    return tuple(x - y for x, y in zip(left, right, strict=True))
+
+
+def relative(series: Series, what: object = "the expression") -> Series:
+    """Return series/leading term - 1: the corrections to the leading term."""
+    dominant, coefficient = leading(series, what)
     return Series(
-        {_add(e, shift): c / coefficient for e, c in series.terms.items() if e != dominant},
-        frozenset(_add(r, shift) for r in series.remainder),
+        {_minus(e, dominant): c / coefficient for e, c in series.terms.items() if e != dominant},
+        frozenset(_minus(r, dominant) for r in series.remainder),
     )
 
 
-def _compose(small: Series, coefficients: Iterable[Expr], size: int) -> Series:
+def _compose(small: Series, coefficients: Iterable[Expr], scale: Scale) -> Series:
     """Sum of coefficients[k] * small**k, for a series that vanishes with the ratios."""
-    zero: Exponents = (S.Zero,) * size
-    total, power = Series(), Series({zero: S.One})
-    for order, coefficient in enumerate(coefficients):
-        total = _cut(_sum([total, _scaled(power, coefficient)]))
-        power = _product(power, small)
-        if not power.terms and not power.remainder:
-            return total
-        if order == KEPT:
-            break
+    total, power = Series(), Series({zero(scale): S.One})
+    for coefficient in coefficients:
+        if coefficient != 0:
+            total = _cut(added([total, scaled(power, coefficient)]), scale.kept)
+        power = multiplied(power, small, scale.kept)
+        rest = [*power.terms, *power.remainder]
+        if all(any(e == r or negligible(e, r) for r in total.remainder) for e in rest):
+            return total  # nothing more is known, or there is nothing more
     cut_off = frozenset(minimal([*power.terms, *power.remainder]))
-    return _cut(Series(total.terms, total.remainder | cut_off))
+    return _cut(Series(total.terms, total.remainder | cut_off), scale.kept)
 
 
-def _power(base: Series, power: Rational, what: Expr) -> Series:
+def raised(base: Series, power: Rational, what: object, scale: Scale) -> Series:
+    """Power of a series."""
     dominant, coefficient = leading(base, what)
-    if not power.is_integer and _sign(coefficient, what) < 0:
+    if not power.is_integer and sign_of(coefficient, what, scale) < 0:
         raise UndecidedError(f"{what} is negative under a root")
-    small = _relative(base, dominant, coefficient)
-    unit = _compose(small, (binomial(power, k) for k in range(KEPT + 1)), len(dominant))
-    factor = Series({tuple(power * x for x in dominant): coefficient**power})
-    return _product(factor, unit)
+    exponent = Fraction(power.p, power.q)
+    factor = Series({tuple(exponent * x for x in dominant): coefficient**power})
+    if len(base.terms) == 1 and not base.remainder:
+        return factor
+    unit = _compose(relative(base, what), (binomial(power, k) for k in range(KEPT + 1)), scale)
+    return multiplied(factor, unit, scale.kept)
 
 
-def _sign(coefficient: Expr, what: object) -> int:
-    for candidate in (coefficient, simplify(coefficient)):
-        if candidate.is_positive:
+def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
+    """Sign of a coefficient, where logarithms of what vanishes or grows count as large.
+
+    Raises
+    ------
+    UndecidedError
+        If it is not known.
+    """
+    candidates: list[Callable[[], Expr]] = [lambda: coefficient, lambda: large_logarithms(coefficient, scale)]
+    if coefficient.count_ops() <= MOST_OPERATIONS:
+        candidates.append(lambda: simplify(coefficient))
+    for candidate in candidates:
+        value = candidate()
+        if value.is_positive:
             return 1
-        if candidate.is_negative:
+        if value.is_negative:
             return -1
     raise UndecidedError(f"the sign of {what} is not known: its leading coefficient is {coefficient}")
 
 
-def _extremum(expr: Expr, ratios: tuple[Symbol, ...]) -> Series:
+def in_large_logarithms(coefficient: Expr, scale: Scale) -> tuple[Expr, list[Symbol]]:
+    """Write the logarithms of a coefficient in L_i = log(1/r_i), which are large and positive; returns these too."""
+    large = [Dummy(f"L_{i}", positive=True) for i in range(scale.size)]
+    spread = expand_log(coefficient)
+    values = {
+        log(symbol): log(symbol) * S(not any(order))
+        - sum((Rational(x.numerator, x.denominator) * L for x, L in zip(order, large, strict=True)), start=S.Zero)
+        for symbol, order in scale.orders.items()
+    }
+    return spread.subs(values), large
+
+
+def large_logarithms(coefficient: Expr, scale: Scale) -> Expr:
+    """Keep, of a polynomial in logarithms, the terms that dominate; anything else is returned as it is."""
+    if not coefficient.has(log):
+        return coefficient
+    written, large = in_large_logarithms(coefficient, scale)
+    if not written.has(*large) or not written.is_polynomial(*large):
+        return coefficient
+    kept = outgrowing(Poly(written, *large))
+    return Add(*(c * Mul(*(L**x for L, x in zip(large, m, strict=True))) for m, c in kept.items()))
+
+
+def outgrowing(polynomial: Poly) -> dict[tuple[int, ...], Expr]:
+    """Return the terms of a polynomial in large variables that no other outgrows: powers, and coefficients."""
+    terms = dict(polynomial.terms())
+    return {
+        m: c for m, c in terms.items()
+        if not any(m != n and all(x <= y for x, y in zip(m, n, strict=True)) for n in terms)
+    }  # fmt: skip
+
+
+def _extremum(expr: Expr, scale: Scale) -> Series:
     chosen, *others = expr.args
     for other in others:
-        _, difference = leading(expand(chosen - other, ratios), chosen - other)
-        if (_sign(difference, chosen - other) > 0) != isinstance(expr, Max):
+        if (_compare(chosen, other, scale) > 0) != isinstance(expr, Max):
             chosen = other
-    return expand(chosen, ratios)
+    return expand(chosen, scale)
 
 
-def _logarithm(argument: Series, what: Expr, ratios: tuple[Symbol, ...]) -> Series:
+def _compare(left: Expr, right: Expr, scale: Scale) -> int:
+    """Sign of left - right."""
+    difference = left - right
+    if difference == 0:
+        return 0
+    return sign_of(leading(expand(difference, scale), difference)[1], difference, scale)
+
+
+def _branch(expr: Expr, scale: Scale) -> Series:
+    for value, condition in expr.args:
+        if _holds(condition, scale):
+            return expand(value, scale)
+    raise UndecidedError(f"no branch of {expr} applies")
+
+
+def _holds(condition: Boolean, scale: Scale) -> bool:
+    if condition in (S.true, S.false):
+        return bool(condition)
+    if isinstance(condition, And):
+        return all(_holds(part, scale) for part in condition.args)
+    if isinstance(condition, Or):
+        return any(_holds(part, scale) for part in condition.args)
+    if isinstance(condition, Not):
+        return not _holds(condition.args[0], scale)
+    if isinstance(condition, (Gt, Ge, Lt, Le)):
+        side = _compare(condition.lhs, condition.rhs, scale)
+        wanted = 1 if isinstance(condition, (Gt, Ge)) else -1
+        return side == wanted or (side == 0 and isinstance(condition, (Ge, Le)))
+    raise UndecidedError(f"the condition {condition} is outside the method")
+
+
+def _logarithm(argument: Series, what: Expr, scale: Scale) -> Series:
     dominant, coefficient = leading(argument, what)
-    if _sign(coefficient, what.args[0]) < 0:
+    if sign_of(coefficient, what.args[0], scale) < 0:
         raise UndecidedError(f"{what} is the logarithm of a negative number")
-    slow = expand_log(log(coefficient)) - sum(
-        (x * slow_logarithm(ratio) for x, ratio in zip(dominant, ratios, strict=True)), start=S.Zero
-    )
-    small = _relative(argument, dominant, coefficient)
+    slow = expand_log(log(coefficient))
     series = (S.Zero, *(-((S.NegativeOne) ** k) / S(k) for k in range(1, KEPT + 1)))
-    corrections = _compose(small, series, len(ratios))
-    zero: Exponents = (S.Zero,) * len(ratios)
-    return _cut(_sum([Series({zero: slow} if slow != 0 else {}), corrections]))
+    corrections = _compose(relative(argument, what), series, scale)
+    return _cut(added([Series({zero(scale): slow} if not is_zero(slow) else {}), corrections]), scale.kept)
 
 
-def _grows_exponentially(expr: Expr, ratios: tuple[Symbol, ...]) -> bool:
+def _grows_exponentially(expr: Expr, scale: Scale) -> bool:
     """Whether an expression is exp, sinh or cosh of an argument that grows as a power of the ratios."""
     if not isinstance(expr, (exp, sinh, cosh)):
         return False
-    dominant, coefficient = leading(expand(expr.args[0], ratios), expr.args[0])
-    zero: Exponents = (S.Zero,) * len(ratios)
-    return negligible(zero, dominant) and (isinstance(expr, cosh) or _sign(coefficient, expr.args[0]) > 0)
+    dominant, coefficient = _leading_or_unit(expand(expr.args[0], scale), expr.args[0], scale)
+    return negligible(zero(scale), dominant) and (
+        isinstance(expr, cosh) or sign_of(coefficient, expr.args[0], scale) > 0
+    )
 
 
-@cache
-def slow_logarithm(ratio: Symbol) -> Symbol:
-    """Return L = log(1/r), which grows more slowly than any power of r: one symbol for each ratio, and no law's own."""
-    return Dummy(f"L_{ratio.name}", positive=True)
+def _leading_or_unit(argument: Series, what: Expr, scale: Scale) -> tuple[Order, Expr]:
+    """Return the leading term of an argument, which must be small, of order one or large throughout the cone."""
+    dominant, coefficient = leading(argument, what)
+    if any(x > 0 for x in dominant) and any(x < 0 for x in dominant):
+        raise SplitError(dominant, what)
+    return dominant, coefficient
 
 
-def _analytic(expr: Expr, argument: Series, ratios: tuple[Symbol, ...]) -> Series:
-    zero: Exponents = (S.Zero,) * len(ratios)
-    large = [e for e in argument.terms if e != zero and not negligible(e, zero)]
-    if large or not all(negligible(r, zero) for r in argument.remainder):
-        dominant, coefficient = leading(argument, expr.args[0])
-        if isinstance(expr, tanh) and negligible(zero, dominant):
-            return Series({zero: S(_sign(coefficient, expr.args[0]))})  # up to less than any power of the ratios
-        if isinstance(expr, exp) and negligible(zero, dominant) and _sign(coefficient, expr.args[0]) < 0:
-            return Series()  # smaller than any power of the ratios
-        raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")
-    centre = argument.terms.get(zero, S.Zero)
+def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
+    unit = zero(scale)
+    if argument.terms or argument.remainder:
+        dominant, coefficient = _leading_or_unit(argument, expr.args[0], scale)
+        if negligible(unit, dominant):
+            if isinstance(expr, tanh):
+                # up to less than any power of the ratios
+                return Series({unit: S(sign_of(coefficient, expr.args[0], scale))})
+            if isinstance(expr, exp) and sign_of(coefficient, expr.args[0], scale) < 0:
+                return Series()  # smaller than any power of the ratios
+            raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")
+    centre = argument.terms.get(unit, S.Zero)
+    if centre.has(log) and centre.free_symbols & scale.orders.keys():
+        raise UndecidedError(f"{expr} has a logarithm in its argument")
     x = Symbol("x", positive=True)
-    derivatives, function = [], expr.func(x)
-    for k in range(KEPT + 1):
-        value = function.subs(x, centre)
-        if not value.is_finite:
-            raise UndecidedError(f"{expr} is singular where its argument tends to {centre}")
-        derivatives.append(value / factorial(k))
-        function = function.diff(x)
-    small = Series({e: c for e, c in argument.terms.items() if e != zero}, argument.remainder)
-    return _compose(small, derivatives, len(ratios))
+
+    def derivatives() -> Iterable[Expr]:
+        function = expr.func(x)
+        for k in range(KEPT + 1):
+            value = function.subs(x, centre)
+            if not value.is_finite:
+                raise UndecidedError(f"{expr} is singular where its argument tends to {centre}")
+            yield value / factorial(k)
+            function = function.diff(x)
+
+    small = Series({e: c for e, c in argument.terms.items() if e != unit}, argument.remainder)
+    return _compose(small, derivatives(), scale)
+
+
+def exact(order: Fraction) -> Rational:
+    """Return a power as sympy writes it."""
+    return Integer(order.numerator) / Integer(order.denominator)

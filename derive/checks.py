@@ -55,10 +55,10 @@ from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
 from softdyn.derive.dimensions import FORCE, FRICTION, LENGTH, Dimension, DimensionMismatchError, dimension_of
 from softdyn.derive.soundness import rewritable, tidy
-from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, R, a, delta, eta, h
+from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, F, R, a, delta, eta, h
 
 if TYPE_CHECKING:
-    from softdyn.derive.law import ContactLaw
+    from softdyn.derive.law import ContactLaw, Limit
 
 #: The arguments and the dimension of each declared expression.
 SIGNATURES = {
@@ -109,7 +109,7 @@ def faults_of(law: ContactLaw) -> list[str]:
             found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
         faults += found
         sound = sound and not found
-    faults += _limit_faults(law, known)
+    faults += _typical_faults(law) + _limit_faults(law, known)
     if sound and not faults:
         faults += _origin_faults(law) or _positivity_faults(law)
     return faults
@@ -224,7 +224,7 @@ def _dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Sy
     return []
 
 
-CLAIMABLE = ("a", "zeta", "delta", "F_adh", "C", "D", "dh_dt", "dX_dt")
+CLAIMABLE = ("a", "zeta", "delta", "F", "F_ela", "F_adh", "C", "D", "dh_dt", "dX_dt")
 
 
 def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
@@ -232,10 +232,7 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     allowed = set(known.values()) - {a}
     for limit in law.limits:
         where = f"limit {limit.name!r}"
-        if set(limit.order) not in ({h, delta, R}, {h, -delta, R}) or len(limit.order) != 3:
-            faults.append(
-                f"{where}: order must hold h, delta (or -delta) and R, from smallest to largest, not {limit.order}"
-            )
+        faults += [f"{where}: {fault}" for fault in _order_faults(limit, law, known)]
         for quantity, form in limit.claims.items():
             if quantity not in CLAIMABLE:
                 near = get_close_matches(quantity, CLAIMABLE, n=1)
@@ -250,6 +247,70 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
             if strange:
                 faults.append(f"{where}, {quantity}: unknown symbol {', '.join(strange)}")
     return faults
+
+
+def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
+    """An ordering holds sizes that can be compared, h or delta among them."""
+    order = limit.order
+    chains = order if order and isinstance(order[0], tuple) else (order,)
+    lengths = [length for chain in chains for length in chain]
+    strange = [x for x in lengths if not isinstance(x, Expr) or x.free_symbols - (set(known.values()) - {a})]
+    if strange or any(len(chain) < 2 for chain in chains):
+        return [
+            f"order must hold sizes, from smallest to largest, such as (h, delta, R), not {strange or order}: products "
+            "of powers of h, delta (-delta in tension), F, R and the parameters"
+        ]
+    mirrored = {delta: -delta, F: -F}
+    sides = [
+        side
+        for side, change in (("compression", {}), ("tension", mirrored))
+        if all(_sized(length.subs(change, simultaneous=True)).is_positive for length in lengths)
+    ]
+    if not sides:
+        return [f"order holds sizes, which are positive on one side, of compression or tension; {order} is not"]
+    if not any(length.has(h, delta, F) for length in lengths):
+        return [f"order must say how h and delta compare, as in (h, delta, R); {order} does not"]
+    faults = []
+    for chain in chains:
+        found = {str(dimension_of(length, {**DIMENSIONS, **law.parameters})) for length in chain}
+        if len(found) > 1:
+            faults.append(f"order compares {' with '.join(sorted(found))} in {chain}")
+    return faults
+
+
+def _sized(length: Expr) -> Expr:
+    """With delta and F positive."""
+    return length.subs({delta: Symbol("delta", positive=True), F: Symbol("F", positive=True)})
+
+
+def _typical_faults(law: ContactLaw) -> list[str]:
+    faults = []
+    for symbol, value in law.typical.items():
+        if symbol not in law.parameters:
+            faults.append(f"typical: {symbol} is not among the law's own parameters")
+            continue
+        number = sympify_number(value)
+        if number is None:
+            faults.append(f"typical: {symbol} = {value} must be an exact number times powers of R, E and eta")
+            continue
+        found = dimension_of(value, DIMENSIONS) if isinstance(value, Expr) else None
+        expected = law.parameters[symbol]
+        if isinstance(value, Expr) and found is not None and found != expected and value.free_symbols:
+            faults.append(f"typical: {symbol} = {value} has the dimension {found}; {expected} is expected")
+        low, high = law.ranges.get(symbol, (0, None)) if symbol.is_positive or symbol in law.ranges else (None, None)
+        if (low is not None and not number > low) or (high is not None and not number < high):
+            faults.append(f"typical: {symbol} = {value} lies outside its range")
+    return faults
+
+
+def sympify_number(value: object) -> Rational | None:
+    """Return an exact number times powers of R, E and eta, in units of these; None if it is nothing of the kind."""
+    if isinstance(value, int):
+        return Rational(value)
+    if not isinstance(value, Expr) or value.free_symbols - set(COMMON_PARAMETERS):
+        return None
+    number = value.subs(dict.fromkeys(COMMON_PARAMETERS, 1))
+    return number if isinstance(number, Rational) else None
 
 
 def _origin_faults(law: ContactLaw) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 
-from sympy import Expr, Integer, S, Symbol, srepr
+from sympy import Expr, Integer, Rational, S, Symbol, srepr
 
 from softdyn.derive.checks import faults_of
 from softdyn.derive.dimensions import Dimension
@@ -27,16 +27,17 @@ class Limit:
     ----------
     name : str
         For instance "Hertz".
-    order : tuple of Expr
-        h, delta (``-delta`` in tension) and R from the smallest to the largest: ``(h, delta, R)`` stands for
-        h << delta << R.
+    order : tuple of Expr, or tuple of such tuples
+        From the smallest to the largest: ``(h, delta, R)`` stands for h << delta << R, and ``((delta, h, R), (F, A))``
+        for delta << h << R and F << A. Besides h, delta, F and R, products of powers of these and of parameters may
+        stand in it; ``-delta`` and ``-F`` in tension. What it does not name is fixed.
     claims : mapping from str to Expr
-        Leading form of any of ``a``, ``zeta``, ``delta``, ``F_adh``, ``C``, ``D``, ``dh_dt``, ``dX_dt``, in h,
+        Leading form of any of ``a``, ``zeta``, ``delta``, ``F``, ``F_adh``, ``C``, ``D``, ``dh_dt``, ``dX_dt``, in h,
         delta, F (or kappa) and the parameters; ``dX_dt`` at constant force.
     """
 
     name: str
-    order: tuple[Expr, ...]
+    order: tuple[Expr, ...] | tuple[tuple[Expr, ...], ...]
     claims: Mapping[str, Expr]
 
     def __post_init__(self) -> None:
@@ -65,6 +66,9 @@ class ContactLaw:
     ranges : mapping from Symbol to (low, high)
         Open interval of values that a parameter may take, where that is not "any positive number" (or "any
         number", for a symbol declared real).
+    typical : mapping from Symbol to Expr
+        Typical values of the law's own parameters, numbers times powers of R, E and eta: their orders of magnitude tell
+        which regimes there are, and pictures are drawn for them.
     limits : tuple of Limit
         What the author claims of the law; ``softdyn check`` proves or disproves it.
     source : str
@@ -86,6 +90,7 @@ class ContactLaw:
     F_adh: Expr = S.Zero
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
     ranges: Mapping[Symbol, tuple[Expr | int, Expr | int]] = field(default_factory=dict)
+    typical: Mapping[Symbol, Expr | int] = field(default_factory=dict)
     limits: tuple[Limit, ...] = ()
     source: str = ""
     description: str = ""
@@ -122,6 +127,21 @@ def dimensions_for(law: ContactLaw) -> dict[Symbol, Dimension]:
 def expressions(law: ContactLaw) -> dict[str, Expr]:
     """Return the four declared expressions, by name."""
     return {"a": law.a, "F_ela": law.F_ela, "zeta": law.zeta, "F_adh": law.F_adh}
+
+
+def typical_values(law: ContactLaw) -> dict[Symbol, Rational]:
+    """Return the typical values of the law's own parameters, in units R = E = eta = 1."""
+    units = {symbol: 1 for symbol in COMMON_PARAMETERS}
+    return {symbol: Rational(S(value).subs(units)) for symbol, value in law.typical.items()}
+
+
+def sample_values(law: ContactLaw) -> dict[Symbol, Rational]:
+    """Values of the law's own parameters, typical or at least allowed and different, in units R = E = eta = 1."""
+    values = {}
+    for i, symbol in enumerate(law.parameters):
+        low, high = (Rational(bound) for bound in law.ranges.get(symbol, (0, 1)))
+        values[symbol] = low + (high - low) * Rational(3 + 2 * i, 7 + 2 * i)
+    return {**values, **typical_values(law)}
 
 
 def law_hash(law: ContactLaw) -> str:

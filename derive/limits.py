@@ -1,26 +1,46 @@
 """Proof or refutation of the limits that a law claims.
 
-Input: a law and its declared limits. Output: a verdict for each claim, *proved*, *disproved* or *undecided*.
+Input: a law and its declared limits. Output: a verdict for each claim, *proved*, *disproved* or *undecided*, with the
+evidence for it.
 
-Each quantity Q(h, delta) and its claimed form are expressed in the state (h, delta), the force through
-F = F_ela(a(h, delta), delta), so nothing is inverted. The leading term of Q/claim in the ratios of the ordering must be
-exactly 1; otherwise that term is the ratio found. A verdict other than undecided is also certified numerically: the
-ratio is evaluated in high precision along several scalings, down to eps = 1e-30, and must tend to what was found.
+A limit is an ordering of lengths, such as h << delta << R; it holds in a cone of scalings. Each quantity Q(h, delta) and
+its claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta), delta), so
+nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the cone, which is cut where terms
+compete; otherwise that term is the ratio found. A verdict other than undecided is also certified numerically: the ratio
+is evaluated in high precision along several scalings, down to eps = 1e-30, and must tend to what was found.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
-from typing import TYPE_CHECKING, Literal
+from functools import lru_cache
+from itertools import pairwise, product
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Literal
 
 import mpmath
-from sympy import Dummy, Expr, S, Symbol, lambdify, log, simplify
+from sympy import Add, Dummy, Expr, Poly, Rational, S, Symbol, lambdify, log, powsimp, simplify
 
-from softdyn.derive.asymptotics import Series, UndecidedError, expand, leading, minimal, slow_logarithm
-from softdyn.derive.dynamics import dF_dt, law_quantities
-from softdyn.derive.law import expressions
-from softdyn.derive.symbols import F, R, a, delta, h
+from softdyn.derive.asymptotics import (
+    KEPT,
+    Order,
+    Scale,
+    Series,
+    SplitError,
+    UndecidedError,
+    expand,
+    in_large_logarithms,
+    leading,
+    minimal,
+    outgrowing,
+    relative,
+    scale_of,
+)
+from softdyn.derive.balance import contact_series, definitions, series_of, settle, size
+from softdyn.derive.cones import Cone, Normal, orthants
+from softdyn.derive.law import sample_values
+from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -31,10 +51,13 @@ Verdict = Literal["proved", "disproved", "undecided"]
 CERTIFICATE_SCALES = (10, 20, 30)
 CERTIFICATE_WEIGHTS = ("1", "1/3", "2/5")
 
+#: Seconds after which a law's claims that are not yet decided are given up.
+PATIENCE = 20.0
+
 
 @dataclass(frozen=True)
 class Finding:
-    """Verdict on one claim.
+    """Verdict on one claim, and the evidence for it.
 
     Attributes
     ----------
@@ -46,6 +69,11 @@ class Finding:
         Leading form of quantity/claim: 1 if proved.
     reason : str
         In words; for "undecided", what stands in the way.
+    chain : tuple of (Expr, Expr)
+        Each sum in the declaration that the quantity rests on, and its dominant term; then each quantity on the way and
+        its leading form, in h and delta.
+    rate : tuple of Expr
+        The largest terms of quantity/claim/ratio - 1, in h and delta: how fast the ratio is approached.
     certificate : tuple of (eps, deviation)
         Largest deviation of quantity/claim from ``ratio`` over all scalings tried, relative to ``ratio``, at each eps.
     """
@@ -57,141 +85,395 @@ class Finding:
     verdict: Verdict
     ratio: Expr | None
     reason: str
+    chain: tuple[tuple[Expr, Expr], ...] = ()
+    rate: tuple[Expr, ...] = ()
     certificate: tuple[tuple[float, float], ...] = ()
 
 
-def check_limits(law: ContactLaw) -> list[Finding]:
-    """Prove or disprove every limit that a law claims."""
-    # what is declared is taken as declared, what is derived in its sound form
-    quantities = {**law_quantities(law), **expressions(law)}
-    quantities = {name: expr.subs(dF_dt, 0).subs(a, law.a) for name, expr in quantities.items()}
-    quantities["delta"] = delta
-    force = quantities["F_ela"]
+@dataclass(frozen=True)
+class Piece:
+    """What was found in one cone."""
+
+    verdict: Verdict
+    ratio: Expr | None
+    reason: str
+    chain: tuple[tuple[Expr, Expr], ...] = ()
+    rate: tuple[Expr, ...] = ()
+    certificate: tuple[tuple[float, float], ...] = ()
+
+
+def chains(limit: Limit) -> tuple[tuple[Expr, ...], ...]:
+    """Return the orderings of a limit, one or several, each from the smallest to the largest."""
+    order = limit.order
+    return tuple(order) if order and isinstance(order[0], tuple) else (order,)
+
+
+def inequalities(limit: Limit) -> list[tuple[Expr, Expr]]:
+    """Return the pairs (small, large) that a limit orders."""
+    return [pair for chain in chains(limit) for pair in pairwise(chain)]
+
+
+def ordering(limit: Limit) -> str:
+    """Return the ordering in words, as "h << delta << R"."""
+    return ", ".join(" << ".join(str(length) for length in chain) for chain in chains(limit))
+
+
+def side_of(limit: Limit) -> int:
+    """Return the sign of delta and F in a limit: -1 if it orders -delta or -F."""
+    lengths = [length for chain in chains(limit) for length in chain]
+    return -1 if any((-x).has(delta, F) and x.could_extract_minus_sign() for x in lengths) else 1
+
+
+def check_limits(law: ContactLaw, patience: float = PATIENCE) -> list[Finding]:
+    """Prove or disprove every limit that a law claims.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    patience : float
+        Seconds after which what is not yet decided is left undecided.
+    """
+    deadline = monotonic() + patience
     return [
-        _check_claim(limit, quantity, claimed, quantities[quantity].subs(F, force), claimed.subs(F, force))
+        _check_claim(law, limit, quantity, claimed, deadline)
         for limit in law.limits
         for quantity, claimed in limit.claims.items()
     ]
 
 
-def scaling(limit: Limit) -> tuple[dict[Symbol, Expr], tuple[Symbol, ...]]:
-    """Return h and delta in terms of R and the small ratios of the ordering, and those ratios."""
-    ratios = tuple(Dummy(f"r{i + 1}", positive=True) for i in range(len(limit.order) - 1))
-    sizes: dict[Expr, Expr] = {limit.order[0]: S.One}
-    for smaller, larger, ratio in zip(limit.order, limit.order[1:], ratios, strict=False):
-        sizes[larger] = sizes[smaller] / ratio
-    values = {}
-    for length, size in sizes.items():
-        size = R * size / sizes[R]
-        if length == h:
-            values[h] = size
-        elif length in (delta, -delta):
-            values[delta] = size if length == delta else -size
-    return values, ratios
-
-
-def _check_claim(limit: Limit, quantity: str, claimed: Expr, found: Expr, claim: Expr) -> Finding:
-    values, ratios = scaling(limit)
-    quotient = (found / claim).subs(values)
-
-    def finding(verdict: Verdict, ratio: Expr | None, reason: str, *certificate: tuple[float, float]) -> Finding:
-        ordering = " << ".join(str(length) for length in limit.order)
-        return Finding(limit.name, ordering, quantity, claimed, verdict, ratio, reason, tuple(certificate))
-
-    if claimed == 0 or found == 0:
-        equal = claimed == 0 and found == 0
-        return finding("proved" if equal else "disproved", None, "both vanish" if equal else "one of the two vanishes")
+def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> Finding:
+    pieces: list[Piece] = []
     try:
-        top = expand(found.subs(values), ratios)
-        bottom = expand(claim.subs(values), ratios)
-        (exponents, numerator), (others, denominator) = (
-            leading(top, quantity),
-            leading(bottom, f"the claim for {quantity}"),
-        )
+        directions = _axes(law, limit)
+        cones = _region(law, limit, directions, deadline)
+        if not cones:
+            raise UndecidedError("no scaling has this ordering")
+        judged = settle(cones, lambda cone: _judge(law, cone, directions, side_of(limit), quantity, claimed, deadline))
+        pieces = [piece for _, piece in judged]
     except UndecidedError as reason:
-        return finding("undecided", None, str(reason))
-    powers = [x - y for x, y in zip(exponents, others, strict=True)]
-    coefficient = simplify(numerator / denominator)
-    ratio = coefficient
-    for small, power in zip(ratios, powers, strict=True):
-        ratio *= small**power
-    rate = _rate(top, exponents, bottom, others)
-    certificate, converges = _certify(quotient, ratio, ratios, rate)
-    lengths = _back_to_lengths(ratio, ratios, limit)
+        pieces = [Piece("undecided", None, str(reason))]
+    piece = _together(pieces)
+    return Finding(
+        limit.name, ordering(limit), quantity, claimed, piece.verdict, piece.ratio, piece.reason,
+        piece.chain, piece.rate, piece.certificate,
+    )  # fmt: skip
+
+
+def _together(pieces: Sequence[Piece]) -> Piece:
+    """One verdict on all parts of an ordering: the worst one, and how the others differ from it."""
+    worst = min(pieces, key=lambda piece: ("undecided", "disproved", "proved").index(piece.verdict))
+    certificate = tuple(
+        (eps, max(piece.certificate[i][1] for piece in pieces if piece.certificate))
+        for i, (eps, _) in enumerate(worst.certificate)
+    )
+    verdicts = {(piece.verdict, piece.ratio) for piece in pieces}
+    reason = worst.reason if len(verdicts) == 1 else f"in a part of the ordering, {worst.reason}"
+    rate = tuple(dict.fromkeys(term for piece in pieces for term in piece.rate))
+    return Piece(worst.verdict, worst.ratio, reason, worst.chain, rate, certificate)
+
+
+# --------------------------------------------------------------------------------------------------- the ordering
+
+
+def _axes(law: ContactLaw, limit: Limit) -> dict[Symbol, Normal]:
+    """An axis for h, one for delta, and one for each parameter of the law's own that the limit orders."""
+    named = {symbol for pair in inequalities(limit) for length in pair for symbol in length.free_symbols}
+    varying = [h, size, *sorted(named & law.parameters.keys(), key=str)]
+    return {symbol: tuple(int(i == j) for j in range(len(varying))) for i, symbol in enumerate(varying)}
+
+
+def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], deadline: float) -> list[Cone]:
+    """Cones of scalings that fill the ordering of a limit."""
+    side = side_of(limit)
+    pairs = inequalities(limit)
+
+    def inside(cone: Cone) -> bool:
+        scale = _knowing_force(law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p))
+        for small, large in pairs:
+            low, high = (leading(expand(_sized(x, side), scale), x)[0] for x in (small, large))
+            quotient = tuple(x - y for x, y in zip(low, high, strict=True))
+            if any(x < 0 for x in quotient) and any(x > 0 for x in quotient):
+                raise SplitError(quotient, f"{small} << {large}")
+            if not any(x > 0 for x in quotient):
+                return False
+        return True
+
+    return [cone for cone, holds in settle(orthants(len(directions)), inside) if holds]
+
+
+def _sized(length: Expr, side: int) -> Expr:
+    return length.subs(delta, side * size)
+
+
+def _knowing_force(law: ContactLaw, scale: Scale, side: int, needed: bool = True) -> Scale:
+    """Add the series of F = F_ela."""
+    if not needed:
+        return scale
+    force = series_of(law, scale, side, ("F",))["F"]
+    if isinstance(force, UndecidedError):
+        raise force
+    return scale.knowing(F, force)
+
+
+# ------------------------------------------------------------------------------------------------------ one claim
+
+
+def _judge(
+    law: ContactLaw,
+    cone: Cone,
+    directions: Mapping[Symbol, Normal],
+    side: int,
+    quantity: str,
+    claimed: Expr,
+    deadline: float,
+) -> Piece:
+    """Verdict on a claim in one cone.
+
+    Raises
+    ------
+    SplitError
+        If the cone must be cut first.
+    """
+    name = {"F_ela": "F"}.get(quantity, quantity)
+    declared = law.F_adh if name == "F_adh" else S.One
+    if claimed == 0 or declared == 0:
+        equal = claimed == 0 and declared == 0
+        return Piece("proved" if equal else "disproved", None, "both vanish" if equal else "one of the two vanishes")
+    try:
+        found, claim, series = _compared(law, cone, directions, side, name, claimed, deadline)
+        (order, numerator), (other, denominator) = leading(found, quantity), leading(claim, f"the claim for {quantity}")
+    except SplitError:
+        raise
+    except UndecidedError as reason:
+        return Piece("undecided", None, str(reason))
+    powers = tuple(x - y for x, y in zip(order, other, strict=True))
+    scale = scale_of(cone, directions)
+    ratio = _simplified(numerator / denominator)
+    tends, slowly = _without_logarithms(ratio, scale)
+    if tends is None:
+        return Piece("undecided", None, f"found/claimed = {ratio}: how its logarithms compare depends on the scaling")
+    chain = tuple(_chain(law, series, name, directions, cone, side))
+    rate, corrections = _rate(found, claim, quantity)
+    if slowly:
+        rate = (_simplified(ratio / tends - 1),)
+    certificate, converges = _certify(
+        law, cone, directions, side, name, claimed, tends, None if slowly else corrections, slowly
+    )
+    evidence = (chain, rate, tuple(certificate))
     if not converges:
-        return finding(
-            "undecided",
-            lengths,
-            f"the series gives the ratio {lengths}, but the numbers do not tend to it",
-            *certificate,
+        return Piece(
+            "undecided", tends, f"the series gives the ratio {tends}, but the numbers do not tend to it", *evidence
         )
-    if any(slow_logarithm(small) in ratio.free_symbols for small in ratios):
-        return finding(
-            "undecided", None, "found and claimed differ by logarithms of the ratios, which the method keeps apart"
-        )
-    if ratio == 1:
-        return finding("proved", S.One, "the leading terms are equal", *certificate)
+    if tends == 1:
+        return Piece("proved", S.One, "the leading terms are equal", *evidence)
     if any(powers):
-        tends = (
-            "infinity" if all(power <= 0 for power in powers) else "0" if all(p >= 0 for p in powers) else "no limit"
-        )
-        return finding("disproved", lengths, f"found/claimed = {lengths}, which tends to {tends}", *certificate)
-    return finding("disproved", lengths, f"found/claimed tends to {lengths}, not to 1", *certificate)
+        end = "infinity" if all(x <= 0 for x in powers) else "0" if all(x >= 0 for x in powers) else "no limit"
+        return Piece("disproved", tends, f"found/claimed = {tends}, which tends to {end}", *evidence)
+    return Piece("disproved", tends, f"found/claimed tends to {tends}, not to 1", *evidence)
 
 
-def _back_to_lengths(ratio: Expr, ratios: tuple[Symbol, ...], limit: Limit) -> Expr:
-    """The ratio in h, delta and R, with delta standing for its size."""
-    size = Symbol("delta", positive=True)
-    lengths = [size if length in (delta, -delta) else length for length in limit.order]
-    quotients = {small: low / high for small, low, high in zip(ratios, lengths, lengths[1:], strict=False)}
-    return simplify(ratio.subs(quotients))
+def _compared(
+    law: ContactLaw,
+    cone: Cone,
+    directions: Mapping[Symbol, Normal],
+    side: int,
+    name: str,
+    claimed: Expr,
+    deadline: float,
+) -> tuple[Series, Series, dict[str, Series | UndecidedError]]:
+    """Series of a quantity and of its claimed form, and those of all that the quantity follows from."""
+    wanted = {name, "F"} if claimed.has(F) or name == "delta" else {name}
+    series = contact_series(law, cone, directions, side, (CLAIM_TERMS, KEPT), deadline, wanted - {"delta"})
+    scale = scale_of(cone, directions, KEPT, deadline)
+    if isinstance(series.get("F"), UndecidedError) and "F" in wanted:
+        raise series["F"]  # type: ignore[misc]
+    deflection = Series({order: side * size for order in scale.known[size].terms})
+    found = deflection if name == "delta" else series[name]
+    known = {**scale.known, delta: deflection}
+    if "F" in wanted:
+        known[F] = series["F"]  # type: ignore[assignment]
+    scale = Scale(scale.size, known, scale.orders, scale.kept, deadline)
+    if isinstance(found, Series) and not found.terms and not found.remainder:
+        # smaller than any power, as exp(-h) is: the quotient with the claim may be none the less
+        quotient = powsimp(getattr(law, name, S.Zero) / claimed)
+        if quotient != 0:
+            known[a] = contact_series(law, cone, directions, side, wanted=("a",))["a"]  # type: ignore[assignment]
+            return expand(quotient, scale), Series({(0,) * scale.size: S.One}), series  # type: ignore[dict-item]
+    if isinstance(found, UndecidedError):
+        raise found
+    return found, expand(claimed, scale), series
 
 
-def _rate(top: Series, top_leading: tuple, bottom: Series, bottom_leading: tuple) -> list[tuple]:
-    """Exponents of the largest corrections to the ratio."""
-    corrections = []
-    for series, dominant in ((top, top_leading), (bottom, bottom_leading)):
-        for exponents in minimal([*(set(series.terms) - {dominant}), *series.remainder]):
-            corrections.append(tuple(x - y for x, y in zip(exponents, dominant, strict=True)))
-    return minimal(corrections)
+#: Terms kept of the series of a claim: the leading one and some of the next, to tell the rate.
+CLAIM_TERMS = 4
+
+
+def _simplified(ratio: Expr) -> Expr:
+    return simplify(ratio) if ratio.count_ops() < 200 else ratio
+
+
+def _without_logarithms(ratio: Expr, scale: Scale) -> tuple[Expr | None, bool]:
+    """What a ratio tends to as its logarithms grow, and whether that is any different from it; None if that depends.
+
+    Numerator and denominator are polynomials in L_1, L_2, ... -> infinity; if the terms that outgrow all others are the
+    same in both, up to a factor, and of one sign, the ratio tends to that factor.
+    """
+    written, large = in_large_logarithms(ratio, scale) if ratio.has(log) else (ratio, [])
+    present = [L for L in large if written.has(L)]
+    if not present:
+        return ratio, False
+    top, bottom = written.together().as_numer_denom()
+    if not (top.is_polynomial(*present) and bottom.is_polynomial(*present)):
+        return None, False
+    upper, lower = outgrowing(Poly(top, *present)), outgrowing(Poly(bottom, *present))
+    if upper.keys() == lower.keys():
+        factors = {simplify(upper[m] / lower[m]) for m in lower}
+        signs = {(c.is_positive, c.is_negative) for c in lower.values()}
+        if len(factors) == 1 and (len(lower) == 1 or signs in ({(True, False)}, {(False, True)})):
+            return factors.pop(), True
+    if len(upper) == len(lower) == 1:
+        powers = [x - y for x, y in zip(*upper, *lower, strict=True)]
+        if all(x >= 0 for x in powers) or all(x <= 0 for x in powers):
+            return ratio, False
+    return None, False
+
+
+def _rate(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ...], list[Order]]:
+    """Largest corrections to found/claimed, as terms in h and delta, and their orders."""
+    top, bottom = relative(found, quantity), relative(claim, quantity)
+    terms = dict(top.terms)
+    for order, term in bottom.terms.items():
+        terms[order] = terms.get(order, S.Zero) - term
+    terms = {order: term for order, term in terms.items() if term != 0}
+    orders = minimal([*terms, *top.remainder, *bottom.remainder])
+    return tuple(powsimp(terms[order]) for order in orders if order in terms), orders
+
+
+def _chain(
+    law: ContactLaw,
+    series: Mapping[str, Series | UndecidedError],
+    name: str,
+    directions: Mapping[Symbol, Normal],
+    cone: Cone,
+    side: int,
+) -> list[tuple[Expr, Expr]]:
+    """Sums that a quantity rests on, each with its dominant term; then the quantities on the way."""
+    scale = scale_of(cone, directions)
+    known = {**scale.known, delta: Series({order: side * size for order in scale.known[size].terms})}
+    if isinstance(series.get("a"), Series):
+        known[a] = series["a"]  # type: ignore[assignment]
+    scale = Scale(scale.size, known, scale.orders)
+    steps: dict[Expr, Expr] = {}
+    for quantity, declared in (("a", law.a), ("F", law.F_ela), ("zeta", law.zeta), ("F_adh", law.F_adh)):
+        if quantity not in series:
+            continue
+        for node in _sums(declared):
+            try:
+                dominant = leading(expand(node, scale), node)[1]
+            except UndecidedError:
+                continue
+            if dominant != node:
+                steps[node] = dominant
+    for symbol in definitions(law):
+        value = series.get(symbol.name)
+        if isinstance(value, Series) and value.terms:
+            steps[symbol] = leading(value)[1]
+    return list(steps.items())
+
+
+def _sums(expr: Expr) -> list[Expr]:
+    """Sums within an expression, the innermost first."""
+    inner = [node for part in expr.args for node in _sums(part)]
+    return [*inner, expr] if isinstance(expr, Add) else inner
+
+
+# ---------------------------------------------------------------------------------------------- the numerical proof
+
+
+@lru_cache(maxsize=32)
+def _functions(law: ContactLaw) -> dict[Symbol, tuple[list[Symbol], Any]]:
+    """Each quantity as a function of mpmath numbers; its arguments, and the function."""
+    functions = {}
+    for symbol, expr in definitions(law).items():
+        arguments = sorted(expr.free_symbols, key=str)
+        functions[symbol] = (arguments, lambdify(arguments, expr, modules="mpmath"))
+    return functions
 
 
 def _certify(
-    quotient: Expr, ratio: Expr, ratios: tuple[Symbol, ...], corrections: list[tuple]
+    law: ContactLaw,
+    cone: Cone,
+    directions: Mapping[Symbol, Normal],
+    side: int,
+    name: str,
+    claimed: Expr,
+    ratio: Expr,
+    corrections: Sequence[Order] | None,
+    slowly: bool,
 ) -> tuple[list[tuple[float, float]], bool]:
-    """Evaluate quotient/ratio - 1 for vanishing eps and compare with the predicted rate.
+    """Evaluate quantity/claim/ratio - 1 for vanishing eps and compare with the predicted rate.
 
     The deviation must be small at last, and must have fallen by the predicted power of eps, less a tenth for
     logarithms, or by more where a coefficient happens to vanish.
     """
-    own = sorted((quotient.free_symbols | ratio.free_symbols) - set(ratios), key=str)
-    slow = [slow_logarithm(small) for small in ratios]
-    values = {symbol: S(3 + 2 * i) / 7 for i, symbol in enumerate(own) if symbol not in slow}
-    ratio = ratio.subs({slow_logarithm(small): -log(small) for small in ratios})
-    function = lambdify(ratios, (quotient / ratio).subs(values), modules="mpmath")
+    quotient = claimed * ratio.subs(size, size_of_delta)
+    arguments = sorted(quotient.free_symbols, key=str)
+    expected = lambdify(arguments, quotient, modules="mpmath")
+    orders = scale_of(cone, directions).orders
     worst = {power: mpmath.mpf(0) for power in CERTIFICATE_SCALES}
     converges = True
-    with mpmath.workdps(40 * len(ratios) * 6):
-        for weights in product((S(w) for w in CERTIFICATE_WEIGHTS), repeat=len(ratios)):
-            deviations = []
-            for power in CERTIFICATE_SCALES:
-                point = [mpmath.mpf(10) ** (-power * mpmath.mpf(w.p) / w.q) for w in weights]
+    for weights in _weights(len(cone)):
+        deviations = []
+        for power in CERTIFICATE_SCALES:
+            decades = {
+                symbol: -power * sum(Rational(x.numerator, x.denominator) * w for x, w in zip(order, weights, strict=True))
+                for symbol, order in orders.items()
+            }
+            with mpmath.workdps(60 + 14 * int(max(abs(x) for x in decades.values()) + 1)):
+                values = _sample(law, decades, side)
                 try:
-                    deviation = abs(function(*point) - 1)
-                except (ZeroDivisionError, ValueError, OverflowError):  # the claim has no value there
+                    found = _evaluated(law, values, name)
+                    deviation = abs(found / expected(*(values[symbol] for symbol in arguments)) - 1)
+                except (ZeroDivisionError, ValueError, OverflowError, TypeError):  # the claim has no value there
                     deviation = mpmath.inf
-                worst[power] = max(worst[power], deviation)
-                deviations.append(deviation)
-            converges = converges and _falls(deviations, _slope(corrections, weights))
+                deviation = mpmath.mpf(deviation)
+            worst[power] = max(worst[power], deviation)
+            deviations.append(deviation)
+        predicted = None if not corrections else min(
+            float(sum(float(x) * float(w) for x, w in zip(order, weights, strict=True))) for order in corrections
+        )
+        converges = converges and (_falls_as_a_logarithm(deviations) if slowly else _falls(deviations, predicted))
     return [(float(f"1e-{power}"), float(value)) for power, value in worst.items()], converges
 
 
-def _slope(corrections: list[tuple], weights: tuple[S, ...]) -> float | None:
-    slopes = [float(sum(x * w for x, w in zip(exponents, weights, strict=True))) for exponents in corrections]
-    return min(slopes) if slopes else None
+#: Stands for the size of delta in a ratio.
+size_of_delta = Dummy("size_of_delta", positive=True)
 
 
-def _falls(deviations: list[mpmath.mpf], predicted: float | None) -> bool:
+def _weights(size: int) -> list[tuple[Rational, ...]]:
+    """Powers of eps with which the ratios vanish together: all choices, or some where there would be many."""
+    values = [Rational(w) for w in CERTIFICATE_WEIGHTS]
+    if size <= 2:
+        return list(product(values, repeat=size))
+    return [tuple(values[(i * k + j) % 3] for i in range(size)) for k in range(3) for j in range(3)]
+
+
+def _sample(law: ContactLaw, decades: Mapping[Symbol, Expr], side: int) -> dict[Symbol, mpmath.mpf]:
+    """Values of all symbols, in units R = E = eta = 1."""
+    values = {symbol: mpmath.mpf(1) for symbol in COMMON_PARAMETERS}
+    values.update({symbol: mpmath.mpf(value.p) / value.q for symbol, value in sample_values(law).items()})
+    values.update({symbol: mpmath.mpf(10) ** (mpmath.mpf(power.p) / power.q) for symbol, power in decades.items()})
+    return {**values, size_of_delta: values[size], delta: side * values[size]}
+
+
+def _evaluated(law: ContactLaw, values: dict[Symbol, mpmath.mpf], name: str) -> mpmath.mpf:
+    """Value of a quantity, from the values of h, delta and the parameters; those on the way are added to them."""
+    for symbol, (arguments, function) in _functions(law).items():
+        values[symbol] = function(*(values[x] for x in arguments))
+    return values[next(symbol for symbol in (delta, *definitions(law)) if symbol.name == name)]
+
+
+def _falls(deviations: Sequence[mpmath.mpf], predicted: float | None) -> bool:
     if predicted is None:  # no correction at all: exact, or smaller than any power
         return bool(deviations[-1] < mpmath.mpf(10) ** -30)
     early, late = deviations[0], deviations[-1]
@@ -200,3 +482,9 @@ def _falls(deviations: list[mpmath.mpf], predicted: float | None) -> bool:
     # corrections of opposite signs may nearly cancel at one scale: a factor of ten is allowed for
     slope = float(mpmath.log10(10 * early / late)) / (CERTIFICATE_SCALES[-1] - CERTIFICATE_SCALES[0]) if early else 0.0
     return bool(late < 0.05) and slope >= 0.9 * predicted - 0.02
+
+
+def _falls_as_a_logarithm(deviations: Sequence[mpmath.mpf]) -> bool:
+    """Whether a deviation falls as 1/log(1/eps), at least: by a third per decade of the logarithm, or nearly."""
+    early, late = deviations[0], deviations[-1]
+    return bool(late <= early * mpmath.mpf(CERTIFICATE_SCALES[0]) / CERTIFICATE_SCALES[-1] * 2 and late < 0.5)

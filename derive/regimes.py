@@ -1,145 +1,654 @@
-"""The asymptotic regimes of a law in the plane of gap and force, and the crossovers between them.
+"""The asymptotic regimes of a law in the plane of gap and force, discovered from its four expressions.
 
-Input: the limits that a law claims. Output: the leading forms of deflection and gap rate, dimensionless in x = h/R and
-kappa = F/(E R^2); the conditions under which each limit's ordering of lengths holds; and the lines on which two regimes
-meet, from the equality of their leading forms.
+Input: a law. Output: its regimes, each with the leading forms of every quantity, the next corrections and the local
+exponents; the crossovers, on which two regimes' leading forms are equal; the points where several meet.
+
+The plane of scalings h = R eps^p, |delta| = R eps^s is cut into cones until one term dominates each sum in each of them
+(:mod:`softdyn.derive.balance`); cones with the same leading forms are one regime. In each the force balance is a
+monomial equation, solved exactly for delta(h, F). Parameters of the law's own that are not of order one, in units of R,
+E and eta, scale too, each with the power of eps that its typical value has: a third axis for all of them together.
 """
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from time import monotonic
+from typing import TYPE_CHECKING, Literal
 
-from sympy import Eq, Expr, S, Symbol, diff, powsimp, simplify, solve
+from sympy import Eq, Expr, Rational, S, Symbol, diff, log, logcombine, powsimp, simplify
 
-from softdyn.derive.symbols import E, F, R, delta, eta, h
+from softdyn.derive.asymptotics import (
+    KEPT,
+    Order,
+    Scale,
+    Series,
+    UndecidedError,
+    added,
+    expand,
+    leading,
+    minimal,
+    multiplied,
+    raised,
+    scale_of,
+    zero,
+)
+from softdyn.derive.balance import contact_series, definitions, settle, size
+from softdyn.derive.cones import Cone, Normal, cut, dot, hull_normals, merged, orthants, primitive, shared_facets
+from softdyn.derive.dynamics import a_h
+from softdyn.derive.law import typical_values
+from softdyn.derive.limits import inequalities, side_of
+from softdyn.derive.symbols import F, R, a, delta, h
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
 
-#: Gap over radius, and force over E R^2.
-x = Symbol("x", positive=True)
-kappa = Symbol("kappa", positive=True)
+Side = Literal["compression", "tension"]
+SIGN: dict[Side, int] = {"compression": 1, "tension": -1}
+
+#: The size of F, on either side.
+force = Symbol("F", positive=True)
+
+#: Quantities that a regime has a leading form of, in the order in which they are shown.
+FORMS = ("a", "zeta", "delta", "F_adh", "C", "D", "dh_dt", "dX_dt", "U_h")
+
+#: In which order quantities are asked where two regimes meet.
+MEETING = ("delta", "dh_dt", "zeta", "a", "C", "D", "dX_dt", "F_adh", "U_h")
+
+#: Terms of a series kept to see the next corrections.
+CORRECTION_TERMS = 4
+
+#: Seconds after which what is not yet decided is given up.
+PATIENCE = 20.0
+
+#: Decades by which a parameter must differ from 1, in units of R, E and eta, to count as small or large.
+SEPARATION = 0.5
+
+
+@dataclass(frozen=True)
+class Form:
+    """Leading form of a quantity in a regime.
+
+    Attributes
+    ----------
+    leading : Expr
+        In h, F and the parameters; here F and delta stand for their sizes, in tension too.
+    state : Expr
+        The same, in h and delta.
+    corrections : tuple of Expr
+        The largest next terms, relative to the leading one, in h and F; several, where it depends on the scaling which
+        is the largest. None, if the form is exact up to less than any power.
+    resolved : bool
+        Whether the coefficients of the largest corrections are known in the whole regime.
+    """
+
+    leading: Expr
+    state: Expr
+    corrections: tuple[Expr, ...] = ()
+    resolved: bool = True
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One of a regime's defining inequalities: ``small`` << ``large``, lengths or forces, in h and F."""
+
+    small: Expr
+    large: Expr
+
+    @property
+    def ratio(self) -> Expr:
+        """Return small/large: below 1 inside."""
+        return powsimp(self.small / self.large)
+
+    def __str__(self) -> str:
+        return f"{self.small} << {self.large}"
 
 
 @dataclass(frozen=True)
 class Regime:
-    """One limit of a law, at constant force, dimensionless.
+    """A region of the plane of h and F with one leading form for each quantity.
 
     Attributes
     ----------
     name : str
-    order : tuple of Expr
-        h, delta and R from the smallest to the largest.
-    delta : Expr
-        Leading form of delta/R, in x and kappa.
-    dh_dt : Expr
-        Leading form of -(dh/dt)/V, in x and kappa, where V = F/(eta R).
-    ratios : tuple of Expr
-        Each length of the order over the next, in x and kappa: the regime is where all are below 1.
+        That of the claimed limit that lies in it; else a number.
+    side : "compression" or "tension"
+    inside : bool
+        Whether some of it has \\|delta\\| << R; what has not lies outside the model.
+    conditions : tuple of Condition
+    forms : mapping from str to Form
+        Of :data:`FORMS`, those that could be decided and are not zero.
+    undecided : mapping from str to str
+        Why there is no form of the others.
+    lambda1, lambda2 : Expr or None
+        dln(delta)/dln(h) and dln(dh/dt)/dln(h) of the leading forms, at constant force.
+    balance : Expr or None
+        Leading form of F, in h and delta.
+    edge : Expr or None
+        The force at which \\|delta\\| = R, in h, where the regime reaches so far: the edge of the model.
+    cones : tuple of Cone
+        In the exponents of h, of delta and, if there is a third axis, of the parameters.
     """
 
     name: str
-    order: tuple[Expr, ...]
-    delta: Expr
-    dh_dt: Expr
-    ratios: tuple[Expr, ...]
+    side: Side
+    inside: bool
+    conditions: tuple[Condition, ...]
+    forms: Mapping[str, Form]
+    undecided: Mapping[str, str]
+    lambda1: Expr | None
+    lambda2: Expr | None
+    balance: Expr | None
+    edge: Expr | None
+    cones: tuple[Cone, ...]
+
+    @property
+    def delta(self) -> Expr:
+        """Return the leading form of the deflection's size, in h and F."""
+        return self.forms["delta"].leading
+
+    @property
+    def dh_dt(self) -> Expr:
+        """Return the leading form of the gap's rate, in h and F."""
+        return self.forms["dh_dt"].leading
 
 
 @dataclass(frozen=True)
 class Crossover:
-    """Where two regimes meet, or where one ends: with an empty ``second``, at delta = R, the edge of the model."""
+    """Where two regimes meet.
+
+    Attributes
+    ----------
+    first, second : str
+    quantity : str
+        The one whose leading forms are equal there: delta, unless it has the same form on both sides.
+    line : Eq
+        F = ... in h, or h = ... where F drops out.
+    others : mapping from str to Expr
+        For the other quantities whose forms meet elsewhere: the right-hand side that they would give.
+    """
 
     first: str
     second: str
+    side: Side
+    quantity: str
     line: Eq
+    others: Mapping[str, Expr]
 
 
-def regimes(law: ContactLaw) -> tuple[Regime, ...]:
-    """Return the regimes in compression for which the law claims both delta and dh/dt.
+@dataclass(frozen=True)
+class Meeting:
+    """A point where three or more regimes meet."""
+
+    regimes: tuple[str, ...]
+    side: Side
+    h: Expr
+    force: Expr
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """The regimes of a law and what lies between them.
+
+    Attributes
+    ----------
+    law : ContactLaw
+    regimes : tuple of Regime
+    crossovers : tuple of Crossover
+    points : tuple of Meeting
+    conservative : bool or None
+        Whether U_h = 0 (physics: the elastic energy depends on delta alone); None if that is not known.
+    mirrored : bool
+        Whether tension has the same regimes as compression, with delta and F of the other sign; then only those of
+        compression are listed.
+    scales : mapping from Symbol to int
+        Powers of eps with which the law's own parameters scale.
+    """
+
+    law: ContactLaw
+    regimes: tuple[Regime, ...]
+    crossovers: tuple[Crossover, ...]
+    points: tuple[Meeting, ...]
+    conservative: bool | None
+    mirrored: bool
+    scales: Mapping[Symbol, int]
+
+    def regime(self, name: str, side: Side = "compression") -> Regime:
+        """Return a regime by its name."""
+        return next(regime for regime in self.regimes if (regime.name, regime.side) == (name, side))
+
+    def _repr_html_(self) -> str:
+        from softdyn.derive.typeset import diagram_html
+
+        return diagram_html(self)
+
+
+def discover(law: ContactLaw, patience: float = PATIENCE) -> Diagram:
+    """Find every regime of a law, the crossovers between them and the points where several meet.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    patience : float
+        Seconds after which what is not yet decided is left undecided.
+
+    Returns
+    -------
+    Diagram
+        What the method cannot decide is listed with the reason, in each regime's ``undecided``.
+    """
+    deadline = monotonic() + patience
+    directions, scales = _directions(law)
+    mirrored = _mirrored(law)
+    conservative = is_conservative(law)
+    found: list[Regime] = []
+    crossovers: list[Crossover] = []
+    points: list[Meeting] = []
+    sides: tuple[Side, ...] = ("compression",) if mirrored else ("compression", "tension")
+    for side in sides:
+        here = _regimes(law, side, directions, deadline, bool(conservative))
+        met = list(_crossovers(here, directions))
+        found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
+        crossovers += met
+        points += _points(here, met)
+    return Diagram(law, tuple(found), tuple(crossovers), tuple(points), conservative, mirrored, scales)
+
+
+def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int]]:
+    """Exponents of h, delta and the parameters as linear forms of the axes; powers of eps of the parameters alone.
+
+    A parameter scales if the law gives a typical value of it, in units of R, E and eta, that is far from 1.
+    """
+    scales = {}
+    for symbol, value in typical_values(law).items():
+        decades = -math.log10(abs(float(value))) if value else 0.0
+        if abs(decades) >= SEPARATION:
+            scales[symbol] = round(10 * decades)
+    if not scales:
+        return {h: (1, 0), size: (0, 1)}, {}
+    whole = primitive(list(scales.values()))
+    scales = dict(zip(scales, whole, strict=True))
+    return {h: (1, 0, 0), size: (0, 1, 0), **{symbol: (0, 0, power) for symbol, power in scales.items()}}, scales
+
+
+def _mirrored(law: ContactLaw) -> bool:
+    """Whether a change of the sign of delta changes that of F and nothing else."""
+    if law.F_adh != 0:
+        return False
+    even = law.a.subs(delta, size) - law.a.subs(delta, -size)
+    odd = law.F_ela.subs(delta, size) + law.F_ela.subs(delta, -size)
+    return bool(even == 0 and odd == 0)
+
+
+def is_conservative(law: ContactLaw) -> bool | None:
+    """Whether U_h = 0: the elastic force at given delta is the same at all gaps."""
+    through_gap = diff(law.F_ela, a) * definitions(law)[a_h]
+    if through_gap == 0:
+        return True
+    explicit = through_gap.subs(a, law.a)
+    for gap, deflection in ((Rational(1, 100), Rational(1, 700)), (Rational(3), Rational(-2, 5))):
+        value = explicit.subs({h: gap, delta: deflection})
+        if value.subs({symbol: Rational(3, 5) for symbol in value.free_symbols}).evalf() != 0:
+            return False
+    return None
+
+
+# ----------------------------------------------------------------------------------------------- one side of the plane
+
+
+def _regimes(
+    law: ContactLaw, side: Side, directions: Mapping[Symbol, Normal], deadline: float, conservative: bool
+) -> list[Regime]:
+    """Cut one side of the plane into regimes; their conditions are still to be found."""
+    axes = len(directions[h])
+    start = orthants(axes, positive=(2,) if axes == 3 else ())
+
+    def leading_terms(cone: Cone) -> tuple[tuple[str, Expr | str], ...]:
+        found = contact_series(law, cone, directions, SIGN[side], deadline=deadline)
+        return tuple(
+            (name, str(series) if isinstance(series, UndecidedError) else _coefficient(series))
+            for name, series in found.items()
+        )
+
+    groups = merged([([cone], label) for cone, label in settle(start, leading_terms)])
+    regimes = []
+    for cones, _ in groups:
+        # corrections are those within the model, where the regime has a part there
+        within = cut(cones, [(0, 1, 0)[:axes]])
+        found = [
+            (scale, contact_series(law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), deadline))
+            for cone in within or cones
+            for scale in [scale_of(cone, directions, CORRECTION_TERMS, deadline)]
+        ]
+        regimes.append((cones, bool(within), found))
+    if not conservative:
+        _integrate_along_delta([series for _, _, found in regimes for _, series in found], SIGN[side])
+    made = [_regime(side, cones, inside, found) for cones, inside, found in regimes]
+    return _named(law, sorted(made, key=_place), directions)
+
+
+def _place(regime: Regime) -> tuple[bool, bool, float]:
+    """From large gaps to small ones; what lies outside the model, or is undecided, last."""
+    p, s, *_ = _inner(regime.cones)
+    return not regime.inside, not regime.forms, p / (abs(p) + abs(s))
+
+
+def _coefficient(series: Series) -> Expr:
+    return leading(series)[1] if series.terms or series.remainder else S.Zero
+
+
+def _inner(cones: Sequence[Cone]) -> tuple[int, ...]:
+    """A ray inside a region."""
+    return primitive([sum(parts) for parts in zip(*cones[0], strict=True)])
+
+
+def _integrate_along_delta(series: Sequence[dict[str, Series | UndecidedError]], side: int) -> None:
+    """Add U_h, the integral of 2 F_a a_h over delta from 0, to leading order.
+
+    It is dominated by its upper limit if delta F_a a_h grows with delta in every regime.
+    """
+    try:
+        integrals = []
+        for found in series:
+            (e1, slope), (e2, widening) = (leading(_decided(found[name]), name) for name in ("F_a", "a_h"))
+            power = _steepness(slope * widening)
+            if not power > -1:
+                raise UndecidedError("small deflections dominate it")
+            order = tuple(x + y for x, y in zip(e1, e2, strict=True))
+            integrals.append(Series({order: 2 * side * slope * widening * size / (power + 1)}, frozenset()))
+    except UndecidedError as reason:
+        integrals = [UndecidedError(f"the integral over delta is not decided: {reason}")] * len(series)
+    for found, integral in zip(series, integrals, strict=True):
+        found["U_h"] = integral
+
+
+def _steepness(term: Expr) -> Expr:
+    """Power of delta in a term.
 
     Raises
     ------
-    ValueError
-        If a claim does not reduce to x and kappa: the law has another length or force of its own.
+    UndecidedError
+        If it is not a number.
     """
-    return tuple(
-        _regime(limit) for limit in law.limits if delta in limit.order and {"delta", "dh_dt"} <= set(limit.claims)
+    power = size * diff(term, size) / term
+    power = power if power.is_number else simplify(power)
+    if not power.is_number:
+        raise UndecidedError(f"{term} is no power of delta")
+    return power
+
+
+def _regime(
+    side: Side,
+    cones: list[Cone],
+    inside: bool,
+    found: Sequence[tuple[Scale, dict[str, Series | UndecidedError]]],
+) -> Regime:
+    """Leading forms and corrections in a region; name and conditions are still to be found."""
+    first = found[0][1]
+    undecided = {name: str(first[name]) for name in FORMS if isinstance(first.get(name), UndecidedError)}
+    nothing = Regime("", side, inside, (), {}, undecided, None, None, None, None, tuple(cones))
+    try:
+        balance = leading(_decided(first["F"]), "F")[1] * SIGN[side]
+        deflection, power = _solved(balance)
+        stretches = [_stretch(_decided(series["F"]), power, scale) for scale, series in found]
+    except UndecidedError as reason:
+        return replace(nothing, undecided={**undecided, "delta": str(reason)})
+    forms = {"delta": Form(deflection, size, *_corrections(stretches, deflection))}
+    for name in FORMS:
+        quantity = first.get(name)
+        if not isinstance(quantity, Series) or not (quantity.terms or quantity.remainder):
+            continue
+        state = leading(quantity)[1]
+        corrections: tuple[tuple[Expr, ...], bool] = ((), False)
+        if name != "U_h":
+            changes = [
+                _at_given_force(_decided(series[name]), stretch, scale)
+                for (scale, series), stretch in zip(found, stretches, strict=True)
+            ]
+            corrections = _corrections(changes, deflection)
+        forms[name] = Form(_in_force(state, deflection), state, *corrections)
+    reaches = inside and any(ray[1] < 0 for cone in cones for ray in cone)
+    return replace(
+        nothing,
+        forms=forms,
+        lambda1=_exponent(forms.get("delta")),
+        lambda2=_exponent(forms.get("dh_dt")),
+        balance=balance,
+        edge=_tidy(balance.subs(size, R)) if reaches else None,
     )
 
 
-def _regime(limit: Limit) -> Regime:
-    deflection = _dimensionless(limit.claims["delta"] / R, limit)
-    sizes = {h: x, delta: deflection, R: S.One}
-    pairs = zip(limit.order, limit.order[1:], strict=False)
-    return Regime(
-        name=limit.name,
-        order=limit.order,
-        delta=deflection,
-        dh_dt=_dimensionless(-limit.claims["dh_dt"] * eta * R / F, limit),
-        ratios=tuple(powsimp(sizes[small] / sizes[large]) for small, large in pairs),
-    )
+def _stretch(balance: Series, power: Expr, scale: Scale) -> Series:
+    """Deflection at given h and F over its leading form, from the series of F in h and delta, by iteration.
 
-
-def _dimensionless(claim: Expr, limit: Limit) -> Expr:
-    form = powsimp(claim.subs({F: kappa * E * R**2, h: x * R}), force=True)
-    form = simplify(form) if form.free_symbols - {x, kappa} else form
-    if form.free_symbols - {x, kappa}:
-        raise ValueError(f"limit {limit.name!r}: {form} depends on more than h/R and kappa")
-    return form
-
-
-def exponent(form: Expr, variable: Symbol = x) -> Expr:
-    """Return dln(form)/dln(variable), at constant force: lambda1 or lambda2 of a leading form."""
-    return simplify(variable * diff(form, variable) / form)
-
-
-def prefactor(form: Expr) -> Expr:
-    """Return the number in front of the powers of x and kappa of a leading form.
-
-    Raises
-    ------
-    ValueError
-        If the form is not a number times such powers.
+    In it, delta stands for the leading form of the deflection.
     """
-    number = simplify(form / (x ** exponent(form) * kappa ** exponent(form, kappa)))
-    if number.free_symbols:
-        raise ValueError(f"{form} is not a product of powers of h/R and kappa")
-    return number
+    stretch = Series({zero(scale): S.One})
+    # each round is right to one order more
+    for _ in range(CORRECTION_TERMS):
+        stretch = raised(_at_given_force(balance, stretch, scale, -power), -1 / power, "F", scale)
+    return stretch
 
 
-def crossovers(law: ContactLaw) -> tuple[Crossover, ...]:
-    """Lines on which regimes meet.
+def _at_given_force(quantity: Series, stretch: Series, scale: Scale, power: Expr = S.Zero) -> Series:
+    """Series of quantity/leading form * stretch**power, where delta becomes delta * stretch."""
+    dominant, coefficient = leading(quantity)
+    parts = [Series({}, frozenset(_less(r, dominant) for r in quantity.remainder))]
+    for order, term in quantity.terms.items():
+        relative = Series({_less(order, dominant): term / coefficient})
+        steepness = _steepness(term) + power
+        stretched = raised(stretch, steepness, "delta", scale) if steepness != 0 else Series({zero(scale): S.One})
+        parts.append(multiplied(relative, stretched, scale.kept))
+    return added(parts)
 
-    Two regimes are neighbours if their orders differ by one exchange of two lengths next to each other; they meet
-    where their deflections are equal. A regime in which only R exceeds delta ends, with the model, at delta = R.
-    """
-    found = regimes(law)
-    met = [
-        Crossover(one.name, other.name, _line(one.delta, other.delta))
-        for i, one in enumerate(found)
-        for other in found[i + 1 :]
-        if _neighbours(one.order, other.order)
+
+def _less(order: Order, dominant: Order) -> Order:
+    return tuple(x - y for x, y in zip(order, dominant, strict=True))
+
+
+def _decided(series: Series | UndecidedError) -> Series:
+    if isinstance(series, UndecidedError):
+        raise series
+    return series
+
+
+def _solved(balance: Expr) -> tuple[Expr, Expr]:
+    """Solve F = balance for the size of delta; returns it and the power of delta in the balance."""
+    rest, dependent = balance.as_independent(size, as_Add=False)
+    if dependent == 1:
+        raise UndecidedError(f"to leading order F does not depend on delta: it saturates at {balance}")
+    base, power = dependent.as_base_exp()
+    if base != size or not power.is_number:
+        raise UndecidedError(f"to leading order F is no power of delta: {balance}")
+    return _tidy((force / rest) ** (1 / power)), power
+
+
+def _in_force(state: Expr, deflection: Expr) -> Expr:
+    return _tidy(state.subs(size, deflection))
+
+
+def _tidy(form: Expr) -> Expr:
+    """Collect powers, and join logarithms."""
+    if form.has(log):
+        return logcombine(form)
+    return powsimp(form) if form.is_Mul or form.is_Pow else form
+
+
+def _corrections(changes: Sequence[Series], deflection: Expr) -> tuple[tuple[Expr, ...], bool]:
+    """Largest terms besides 1 over the cones of a region, in h and F, and whether all of them are known."""
+    largest: dict[Expr, None] = {}
+    resolved = True
+    for change in changes:
+        known = {order: term for order, term in change.terms.items() if any(order) and simplify(term) != 0}
+        for order in minimal([*known, *change.remainder]):
+            if order in known and order not in change.remainder:
+                largest[_in_force(known[order], deflection)] = None
+            else:
+                resolved = False
+    return tuple(largest), resolved
+
+
+def _exponent(form: Form | None) -> Expr | None:
+    """Return dln(form)/dln(h) at constant force."""
+    return None if form is None else simplify(h * diff(form.leading, h) / form.leading)
+
+
+# -------------------------------------------------------------------------------------------------------------- names
+
+
+def _named(law: ContactLaw, regimes: list[Regime], directions: Mapping[Symbol, Normal]) -> list[Regime]:
+    """Name regimes after the claimed limits that lie in them, and number the others."""
+    names: dict[int, list[str]] = {}
+    for limit in law.limits:
+        holding = [i for i, regime in enumerate(regimes) if _holds(limit, regime, directions)]
+        if len(holding) == 1:
+            names.setdefault(holding[0], []).append(limit.name)
+    numbers = {True: iter(range(1, 1000)), False: iter(range(1, 1000))}
+    named = []
+    for i, regime in enumerate(regimes):
+        own = " / ".join(names.get(i, ())) or ("" if regime.inside else "outside ") + str(next(numbers[regime.inside]))
+        named.append(replace(regime, name=own))
+    return named
+
+
+def _holds(limit: Limit, regime: Regime, directions: Mapping[Symbol, Normal]) -> bool:
+    """Whether some of the scalings that a limit speaks of lie in a regime."""
+    if side_of(limit) != SIGN[regime.side] or regime.balance is None:
+        return False
+    ordering = [
+        tuple(x - y for x, y in zip(low, high, strict=True))
+        for low, high in (
+            (_exponents(small, regime, directions), _exponents(large, regime, directions))
+            for small, large in inequalities(limit)
+        )
     ]
-    return (
-        *met,
-        *(Crossover(one.name, "", _line(one.delta, S.One)) for one in found if (delta, R) in _pairs(one.order)),
-    )
+    return all(any(normal) for normal in ordering) and bool(cut(regime.cones, ordering))
 
 
-def _pairs(order: tuple[Expr, ...]) -> set[tuple[Expr, Expr]]:
-    return set(itertools.pairwise(order))
+def _exponents(monomial: Expr, regime: Regime, directions: Mapping[Symbol, Normal]) -> Normal:
+    """Exponent of a product of powers in a regime, as a linear form of the axes; up to a common factor 12."""
+    total = [S.Zero] * len(directions[h])
+    form = monomial.subs(delta, SIGN[regime.side] * size).subs(F, SIGN[regime.side] * force)
+    for base, power in form.subs(force, regime.balance).expand().as_powers_dict().items():
+        if base in directions:
+            total = [x + power * y for x, y in zip(total, directions[base], strict=True)]
+    return tuple(int(12 * x) for x in total)
 
 
-def _neighbours(one: tuple[Expr, ...], other: tuple[Expr, ...]) -> bool:
-    differing = [i for i, (left, right) in enumerate(zip(one, other, strict=True)) if left != right]
-    return len(differing) == 2 and differing[1] == differing[0] + 1
+# --------------------------------------------------------------------------------------------------------- crossovers
 
 
-def _line(one: Expr, other: Expr) -> Eq:
-    """The equality of two leading forms, solved for kappa, or for x where kappa drops out."""
-    quotient = powsimp(one / other, force=True)
-    variable = kappa if kappa in quotient.free_symbols else x
-    (solution,) = solve(Eq(quotient, 1), variable)
-    return Eq(variable, solution)
+def _crossovers(regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) -> Iterator[Crossover]:
+    for one, other in combinations(regimes, 2):
+        if not (one.forms and other.forms):
+            continue
+        for normal in shared_facets(one.cones, other.cones):
+            facet = [ray for cone in one.cones for ray in cone if dot(normal, ray) == 0]
+            on_it = primitive([sum(parts) for parts in zip(*facet, strict=True)])
+            lines = {
+                name: line
+                for name in MEETING
+                if (line := _meeting(name, one, other, directions, on_it)) is not None
+            }
+            if not lines:
+                guess = _line_of(normal, directions)
+                if guess is not None:
+                    yield Crossover(one.name, other.name, one.side, "", guess, {})
+                continue
+            quantity, line = next(iter(lines.items()))
+            elsewhere = {n: eq.rhs for n, eq in lines.items() if eq.lhs == line.lhs and eq.rhs != line.rhs}
+            yield Crossover(one.name, other.name, one.side, quantity, line, elsewhere)
+
+
+def _meeting(
+    name: str, one: Regime, other: Regime, directions: Mapping[Symbol, Normal], on_facet: tuple[int, ...]
+) -> Eq | None:
+    """Where the leading forms of a quantity in two regimes have the same size, if that is on the facet given."""
+    if name not in one.forms or name not in other.forms:
+        return None
+    ratio = powsimp(one.forms[name].leading / other.forms[name].leading)
+    if not ratio.free_symbols or _order_at(ratio, one, on_facet, directions) != 0:
+        return None
+    ratio = -ratio if ratio.could_extract_minus_sign() else ratio
+    for symbol in (force, h):
+        if symbol in ratio.free_symbols:
+            rest, dependent = ratio.as_independent(symbol, as_Add=False)
+            base, power = dependent.as_base_exp()
+            if base != symbol or not power.is_number:
+                return None
+            return Eq(symbol, _tidy((1 / rest) ** (1 / power)), evaluate=False)
+    return None
+
+
+def _order_at(
+    form: Expr, regime: Regime, ray: tuple[int, ...], directions: Mapping[Symbol, Normal]
+) -> Rational | None:
+    """Power of eps with which a form in h and F goes along one scaling of a regime."""
+    try:
+        order, _ = leading(expand(form.subs(force, regime.balance), scale_of((ray,), directions, 1)))
+    except UndecidedError:
+        return None
+    return order[0]
+
+
+def _line_of(normal: Normal, directions: Mapping[Symbol, Normal]) -> Eq | None:
+    """Where an argument of the law becomes of order one: h against R or a length of the law's own."""
+    if normal[1] != 0:
+        return None
+    for symbol in (R, *directions):
+        along = directions.get(symbol, (0,) * len(normal))
+        difference = [x - y for x, y in zip(directions[h], along, strict=True)]
+        if symbol not in (h, size) and primitive(difference) in (normal, tuple(-x for x in normal)):
+            return Eq(h, symbol, evaluate=False)
+    return None
+
+
+def _conditions(
+    regime: Regime, crossovers: Sequence[Crossover], directions: Mapping[Symbol, Normal]
+) -> tuple[Condition, ...]:
+    """Defining inequalities of a regime: on which side of each of its crossovers it lies."""
+    found: dict[Condition, None] = {}
+    for crossover in crossovers:
+        if regime.name not in (crossover.first, crossover.second):
+            continue
+        line = crossover.line
+        order = _order_at(line.lhs / line.rhs, regime, _inner(regime.cones), directions)
+        if order is None or order == 0:
+            continue
+        found[Condition(line.lhs, line.rhs) if order > 0 else Condition(line.rhs, line.lhs)] = None
+    return tuple(found)
+
+
+def _points(regimes: Sequence[Regime], crossovers: Sequence[Crossover]) -> list[Meeting]:
+    """Points where three or more regimes meet: edges of the cones, seen in the plane."""
+    facets = {regime.name: hull_normals(regime.cones) for regime in regimes if regime.forms}
+    axes = len(regimes[0].cones[0])
+    if axes == 2:
+        rays: list[tuple[int, ...]] = [(0, 0)]
+    else:
+        rays = sorted({ray for regime in regimes for cone in regime.cones for ray in cone if ray[2] > 0})
+    found = []
+    for ray in rays:
+        names = [name for name, normals in facets.items() if all(dot(normal, ray) >= 0 for normal in normals)]
+        lines = [c.line for c in crossovers if c.first in names and c.second in names]
+        at = next((point for one, other in combinations(lines, 2) if (point := _intersection(one, other))), None)
+        if len(names) >= 3 and at is not None:
+            found.append(Meeting(tuple(names), regimes[0].side, *at))
+    return found
+
+
+def _intersection(one: Eq, other: Eq) -> tuple[Expr, Expr] | None:
+    """Where two lines cross: h and F."""
+    if one.lhs == h and other.lhs == h:
+        return None
+    if one.lhs == h or other.lhs == h:
+        upright, slanted = (one, other) if one.lhs == h else (other, one)
+        return upright.rhs, _tidy(slanted.rhs.subs(h, upright.rhs))
+    rest, dependent = powsimp(one.rhs / other.rhs).as_independent(h, as_Add=False)
+    base, power = dependent.as_base_exp()
+    if base != h or not power.is_number:
+        return None
+    gap = _tidy((1 / rest) ** (1 / power))
+    return gap, _tidy(one.rhs.subs(h, gap))

@@ -1,0 +1,161 @@
+"""The quantities of a law in one cone of scalings: each as a series, by dominant balance.
+
+Input: a law, and a cone of scalings of h, delta and, where they vary, the law's own lengths and forces. Output: the
+series of a, F, zeta, F_adh, C, D, dh/dt, dX/dt, with F = F_ela(a(h, delta), delta), so that nothing is inverted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
+
+from sympy import Expr, Pow, S, Symbol, diff
+
+from softdyn.derive import dynamics as d
+from softdyn.derive.asymptotics import (
+    CancelError,
+    KEPT,
+    Scale,
+    Series,
+    SplitError,
+    UndecidedError,
+    expand,
+    leading,
+    scale_of,
+)
+from softdyn.derive.cones import Cone, Normal, split
+from softdyn.derive.symbols import F, a, delta, h
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
+Found = TypeVar("Found")
+
+#: The size of delta, on either side.
+size = Symbol("delta", positive=True)
+
+#: The quantities, in the order in which they follow from each other.
+QUANTITIES = ("a", "F", "zeta", "F_adh", "C", "D", "dh_dt", "dX_dt")
+
+#: Cones that a search may cut the plane into.
+MOST_CONES = 400
+
+
+@lru_cache(maxsize=32)
+def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
+    """Every quantity of a law in terms of h, delta and those before it; dX/dt at constant force."""
+    generic = d.generic_dynamics()
+    net = Symbol("net", real=True)
+
+    def slope(variable: Symbol) -> Expr:
+        # a radius is often a square root, and simpler through its square
+        if isinstance(law.a, Pow) and law.a.exp == S.Half:
+            return diff(law.a.base, variable) / (2 * a)
+        return diff(law.a, variable)
+
+    return {
+        a: law.a,
+        F: law.F_ela,
+        d.F_adh: law.F_adh,
+        d.zeta: law.zeta,
+        d.F_a: diff(law.F_ela, a),
+        d.F_delta: diff(law.F_ela, delta),
+        d.a_h: slope(h),
+        d.a_delta: slope(delta),
+        d.C: generic.stiffness,
+        d.D: generic.friction,
+        net: F - d.F_adh if law.F_adh != 0 else F,
+        d.dh_dt: -net / d.zeta,
+        Symbol("dX_dt", real=True): -net / d.D,
+    }
+
+
+def series_of(law: ContactLaw, scale: Scale, side: int, wanted: Iterable[str] = QUANTITIES) -> dict[str, Series | UndecidedError]:
+    """Series of the quantities wanted, and of what they follow from, by name; or why there is none.
+
+    Raises
+    ------
+    SplitError
+        If the cone must be cut.
+    """
+    needed = _needed(definitions(law), set(wanted))
+    known = dict(scale.known)
+    known[delta] = Series({order: side * c for order, c in known[size].terms.items()})
+    found: dict[str, Series | UndecidedError] = {}
+    unknown: dict[Symbol, UndecidedError] = {}
+    for symbol, expr in definitions(law).items():
+        if symbol not in needed:
+            continue
+        try:
+            for missing in sorted(expr.free_symbols & unknown.keys(), key=str):
+                raise unknown[missing]
+            here = Scale(scale.size, known, scale.orders, scale.kept, scale.deadline)
+            series = expand(expr, here)
+            if expr != 0 and (series.terms or series.remainder):
+                leading(series, symbol)
+        except SplitError:
+            raise
+        except UndecidedError as reason:
+            found[symbol.name], unknown[symbol] = reason, reason
+        else:
+            found[symbol.name], known[symbol] = series, series
+    return found
+
+
+def _needed(equations: Mapping[Symbol, Expr], wanted: set[str]) -> set[Symbol]:
+    needed: set[Symbol] = set()
+    for symbol in reversed(list(equations)):
+        if symbol.name in wanted or symbol in needed:
+            needed |= {symbol} | (equations[symbol].free_symbols & equations.keys())
+    return needed
+
+
+def contact_series(
+    law: ContactLaw,
+    cone: Cone,
+    directions: Mapping[Symbol, Normal],
+    side: int,
+    kept: Sequence[int] = (1, KEPT),
+    deadline: float = float("inf"),
+    wanted: Iterable[str] = QUANTITIES,
+) -> dict[str, Series | UndecidedError]:
+    """Series of the quantities of a law in a cone; with more terms where the leading ones cancel.
+
+    Parameters
+    ----------
+    directions : mapping from Symbol to Normal
+        Exponents of h, of the size of delta and of the parameters that vary, as linear forms of the axes.
+    side : 1 or -1
+        Sign of delta.
+    kept : sequence of int
+        Terms to keep, at first, and where that is not enough.
+    """
+    found: dict[str, Series | UndecidedError] = {}
+    for terms in kept:
+        found = series_of(law, scale_of(cone, directions, terms, deadline), side, wanted)
+        if not any(isinstance(series, CancelError) for series in found.values()):
+            break
+    return found
+
+
+def settle(cones: Iterable[Cone], find: Callable[[Cone], Found]) -> list[tuple[Cone, Found]]:
+    """Cut cones until something can be found in each piece.
+
+    Raises
+    ------
+    UndecidedError
+        As ``find`` does, but for SplitError; or if there are more than MOST_CONES pieces.
+    """
+    settled: list[tuple[Cone, Found]] = []
+    waiting = list(cones)
+    while waiting:
+        cone = waiting.pop()
+        try:
+            settled.append((cone, find(cone)))
+        except SplitError as competing:
+            above, below = split(cone, competing.values)
+            waiting += above + below
+        if len(settled) + len(waiting) > MOST_CONES:
+            raise UndecidedError(f"the scalings fall into more than {MOST_CONES} cones")
+    return settled
