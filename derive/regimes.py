@@ -28,6 +28,7 @@ from softdyn.derive.asymptotics import (
     UndecidedError,
     added,
     expand,
+    is_zero,
     leading,
     minimal,
     multiplied,
@@ -200,9 +201,6 @@ class Diagram:
     points : tuple of Meeting
     conservative : bool or None
         Whether U_h = 0 (physics: the elastic energy depends on delta alone); None if that is not known.
-    mirrored : bool
-        Whether tension has the same regimes as compression, with delta and F of the other sign; then only those of
-        compression are listed.
     scales : mapping from Symbol to int
         Powers of eps with which the law's own parameters scale.
     """
@@ -212,7 +210,6 @@ class Diagram:
     crossovers: tuple[Crossover, ...]
     points: tuple[Meeting, ...]
     conservative: bool | None
-    mirrored: bool
     scales: Mapping[Symbol, int]
 
     def regime(self, name: str, side: Side = "compression") -> Regime:
@@ -241,19 +238,17 @@ def discover(law: ContactLaw, patience: float = PATIENCE) -> Diagram:
     """
     deadline = monotonic() + patience
     directions, scales = _directions(law)
-    mirrored = _mirrored(law)
     conservative = is_conservative(law)
     found: list[Regime] = []
     crossovers: list[Crossover] = []
     points: list[Meeting] = []
-    sides: tuple[Side, ...] = ("compression",) if mirrored else ("compression", "tension")
-    for side in sides:
+    for side in SIGN:
         here = _regimes(law, side, directions, deadline, bool(conservative))
         met = list(_crossovers(here, directions))
         found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
         crossovers += met
         points += _points(here, met)
-    return Diagram(law, tuple(found), tuple(crossovers), tuple(points), conservative, mirrored, scales)
+    return Diagram(law, tuple(found), tuple(crossovers), tuple(points), conservative, scales)
 
 
 def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int]]:
@@ -271,15 +266,6 @@ def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int
     whole = primitive(list(scales.values()))
     scales = dict(zip(scales, whole, strict=True))
     return {h: (1, 0, 0), size: (0, 1, 0), **{symbol: (0, 0, power) for symbol, power in scales.items()}}, scales
-
-
-def _mirrored(law: ContactLaw) -> bool:
-    """Whether a change of the sign of delta changes that of F and nothing else."""
-    if law.F_adh != 0:
-        return False
-    even = law.a.subs(delta, size) - law.a.subs(delta, -size)
-    odd = law.F_ela.subs(delta, size) + law.F_ela.subs(delta, -size)
-    return bool(even == 0 and odd == 0)
 
 
 def is_conservative(law: ContactLaw) -> bool | None:
@@ -426,8 +412,8 @@ def _stretch(balance: Series, power: Expr, scale: Scale) -> Series:
     In it, delta stands for the leading form of the deflection.
     """
     stretch = Series({zero(scale): S.One})
-    # each round is right to one order more
-    for _ in range(CORRECTION_TERMS):
+    # each round is right to one order more, and one correction of the second order may be the largest left
+    for _ in range(3):
         stretch = raised(_at_given_force(balance, stretch, scale, -power), -1 / power, "F", scale)
     return stretch
 
@@ -481,7 +467,7 @@ def _corrections(changes: Sequence[Series], deflection: Expr) -> tuple[tuple[Exp
     largest: dict[Expr, None] = {}
     resolved = True
     for change in changes:
-        known = {order: term for order, term in change.terms.items() if any(order) and simplify(term) != 0}
+        known = {order: term for order, term in change.terms.items() if any(order) and not (term.is_Add and is_zero(term))}
         for order in minimal([*known, *change.remainder]):
             if order in known and order not in change.remainder:
                 largest[_in_force(known[order], deflection)] = None
