@@ -1,10 +1,10 @@
 """Asymptotic series in several independent small ratios, by dominant balance on the expression tree.
 
-A cone of scalings is spanned by rays; moving along each of them by its own small ratio r1, r2, ... reaches every scaling
-inside. A symbol then has an order, the powers of the ratios that it goes with, and every expression is a series of
+A cone of scalings is spanned by rays; moving along each of them by its own small ratio r1, r2, ... reaches every
+scaling inside. A symbol then has an order, the powers of the ratios that it goes with, and every expression is a series of
 terms of different orders, exact in rationals. One term is negligible against another only if their quotient has no
 negative power of any ratio, that is, whatever the powers with which the ratios vanish: so what holds here holds for
-every scaling inside the cone. Where two terms compete, :class:`SplitError` says by which hyperplane the cone must be cut.
+every scaling inside the cone. Where two terms compete, :class:`SplitError` says by which hyperplane to cut the cone.
 
 Coefficients keep the symbols themselves: a leading term can be read as it stands. Logarithms grow more slowly than any
 power; they stay in the coefficients, as sums of log(symbol).
@@ -154,9 +154,7 @@ def scale_of(
     directions : mapping from Symbol to Normal
         The exponent of each symbol, as a linear form of the axes.
     """
-    orders = {
-        symbol: tuple(Fraction(dot(direction, ray)) for ray in cone) for symbol, direction in directions.items()
-    }
+    orders = {symbol: tuple(Fraction(dot(direction, ray)) for ray in cone) for symbol, direction in directions.items()}
     known = {symbol: Series({order: symbol}) for symbol, order in orders.items()}
     return Scale(len(cone), known, orders, kept, deadline)
 
@@ -469,7 +467,7 @@ def _holds(condition: Boolean, scale: Scale) -> bool:
 
 
 def _logarithm(argument: Series, what: Expr, scale: Scale) -> Series:
-    dominant, coefficient = leading(argument, what)
+    _, coefficient = leading(argument, what)
     if sign_of(coefficient, what.args[0], scale) < 0:
         raise UndecidedError(f"{what} is the logarithm of a negative number")
     slow = expand_log(log(coefficient))

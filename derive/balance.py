@@ -14,8 +14,8 @@ from sympy import Expr, Pow, S, Symbol, diff
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
-    CancelError,
     KEPT,
+    CancelError,
     Scale,
     Series,
     SplitError,
@@ -71,7 +71,9 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     }
 
 
-def series_of(law: ContactLaw, scale: Scale, side: int, wanted: Iterable[str] = QUANTITIES) -> dict[str, Series | UndecidedError]:
+def series_of(
+    law: ContactLaw, scale: Scale, side: int, wanted: Iterable[str] = QUANTITIES
+) -> dict[str, Series | UndecidedError]:
     """Series of the quantities wanted, and of what they follow from, by name; or why there is none.
 
     Raises

@@ -31,7 +31,7 @@ def dot(one: Sequence[int], other: Sequence[int]) -> int:
 
 
 def orthants(dimension: int, positive: Iterable[int] = ()) -> list[Cone]:
-    """Return the simplicial cones between the axes, which cover the space; the axes named are taken as positive only."""
+    """Return the simplicial cones between the axes, which cover the space; the axes named only where positive."""
     held = set(positive)
     sides = product(*((1,) if axis in held else (1, -1) for axis in range(dimension)))
     return [
@@ -59,9 +59,7 @@ def split(cone: Cone, values: Sequence[int | Fraction]) -> tuple[list[Cone], lis
     if low is None or high is None:
         return ([cone], []) if low is None else ([], [cone])
     # a new ray on the hyperplane, in the place of one end of an edge that crosses it, then of the other
-    crossing = primitive(
-        [values[high] * y - values[low] * x for x, y in zip(cone[high], cone[low], strict=True)]
-    )
+    crossing = primitive([values[high] * y - values[low] * x for x, y in zip(cone[high], cone[low], strict=True)])
     above: list[Cone] = []
     below: list[Cone] = []
     for end in (low, high):
@@ -105,7 +103,7 @@ def normals(cone: Cone) -> list[Normal]:
 
 
 def hull_normals(cones: Sequence[Cone]) -> list[Normal]:
-    """Return the facet normals of the cones that no ray of theirs lies behind: those of their union, if it is convex."""
+    """Return the facet normals that no ray of the cones lies behind: those of their union, if it is convex."""
     rays = {ray for cone in cones for ray in cone}
     candidates = dict.fromkeys(normal for cone in cones for normal in normals(cone))
     return [normal for normal in candidates if all(dot(normal, ray) >= 0 for ray in rays)]

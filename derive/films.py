@@ -4,7 +4,7 @@ Input: a law with F_adh, and its regimes. Output: each film's gap h_eq(F), wheth
 gap near it relaxes, in leading form on the crossovers where dh/dt changes sign, in closed form where F_adh can be
 inverted, and in numbers for the law's typical parameters.
 
-Near a film dh/dt = -(F - F_adh)/zeta is linear in h - h_eq: the rate is -(dF_adh/dh)/zeta, along delta(h) at constant F.
+Near a film dh/dt = -(F - F_adh)/zeta is linear in h - h_eq: the rate is -(dF_adh/dh)/zeta, along delta(h) at given F.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import mpmath
 from sympy import Add, Eq, Expr, Mul, Pow, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
 
 from softdyn.derive import dynamics as d
@@ -219,7 +218,9 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
     for i in range(count + 1):
         gap = GAPS[0] * (GAPS[1] / GAPS[0]) ** (i / count)
         try:
-            deflection = _deflection(lambda x, gap=gap: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x))  # type: ignore[misc]
+            deflection = _deflection(
+                lambda x, gap=gap: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x)
+            )  # type: ignore[misc]
             at = (radius(gap, deflection), gap, deflection)
             found.append((gap, float(remote(*at)), float(rate(*at))))
         except (OverflowError, ZeroDivisionError, ValueError):

@@ -131,7 +131,7 @@ def expressions(law: ContactLaw) -> dict[str, Expr]:
 
 def typical_values(law: ContactLaw) -> dict[Symbol, Rational]:
     """Return the typical values of the law's own parameters, in units R = E = eta = 1."""
-    units = {symbol: 1 for symbol in COMMON_PARAMETERS}
+    units = dict.fromkeys(COMMON_PARAMETERS, 1)
     return {symbol: Rational(S(value).subs(units)) for symbol, value in law.typical.items()}
 
 

@@ -3,8 +3,8 @@
 Input: a law and its declared limits. Output: a verdict for each claim, *proved*, *disproved* or *undecided*, with the
 evidence for it.
 
-A limit is an ordering of lengths, such as h << delta << R; it holds in a cone of scalings. Each quantity Q(h, delta) and
-its claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta), delta), so
+A limit is an ordering of lengths, such as h << delta << R; it holds in a cone of scalings. Each quantity Q(h, delta)
+and its claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta), delta), so
 nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the cone, which is cut where terms
 compete; otherwise that term is the ratio found. A verdict other than undecided is also certified numerically: the ratio
 is evaluated in high precision along several scalings, down to eps = 1e-30, and must tend to what was found.
@@ -188,7 +188,9 @@ def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], 
     pairs = inequalities(limit)
 
     def inside(cone: Cone) -> bool:
-        scale = _knowing_force(law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p))
+        scale = _knowing_force(
+            law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p)
+        )
         for small, large in pairs:
             low, high = (leading(expand(_sized(x, side), scale), x)[0] for x in (small, large))
             quotient = tuple(x - y for x, y in zip(low, high, strict=True))
@@ -287,7 +289,7 @@ def _compared(
     scale = scale_of(cone, directions, KEPT, deadline)
     if isinstance(series.get("F"), UndecidedError) and "F" in wanted:
         raise series["F"]  # type: ignore[misc]
-    deflection = Series({order: side * size for order in scale.known[size].terms})
+    deflection = Series(dict.fromkeys(scale.known[size].terms, side * size))
     found = deflection if name == "delta" else series[name]
     known = {**scale.known, delta: deflection}
     if "F" in wanted:
@@ -359,7 +361,7 @@ def _chain(
 ) -> list[tuple[Expr, Expr]]:
     """Sums that a quantity rests on, each with its dominant term; then the quantities on the way."""
     scale = scale_of(cone, directions)
-    known = {**scale.known, delta: Series({order: side * size for order in scale.known[size].terms})}
+    known = {**scale.known, delta: Series(dict.fromkeys(scale.known[size].terms, side * size))}
     if isinstance(series.get("a"), Series):
         known[a] = series["a"]  # type: ignore[assignment]
     scale = Scale(scale.size, known, scale.orders)
@@ -376,6 +378,8 @@ def _chain(
                 steps[node] = dominant
     for symbol in definitions(law):
         value = series.get(symbol.name)
+        if symbol.name == "net" and law.F_adh == 0:
+            continue  # it is F
         if isinstance(value, Series) and value.terms:
             steps[symbol] = leading(value)[1]
     return list(steps.items())
@@ -426,7 +430,8 @@ def _certify(
         deviations = []
         for power in CERTIFICATE_SCALES:
             decades = {
-                symbol: -power * sum(Rational(x.numerator, x.denominator) * w for x, w in zip(order, weights, strict=True))
+                symbol: -power
+                * sum(Rational(x.numerator, x.denominator) * w for x, w in zip(order, weights, strict=True))
                 for symbol, order in orders.items()
             }
             with mpmath.workdps(60 + 14 * int(max(abs(x) for x in decades.values()) + 1)):
@@ -439,8 +444,12 @@ def _certify(
                 deviation = mpmath.mpf(deviation)
             worst[power] = max(worst[power], deviation)
             deviations.append(deviation)
-        predicted = None if not corrections else min(
-            float(sum(float(x) * float(w) for x, w in zip(order, weights, strict=True))) for order in corrections
+        predicted = (
+            None
+            if not corrections
+            else min(
+                float(sum(float(x) * float(w) for x, w in zip(order, weights, strict=True))) for order in corrections
+            )
         )
         converges = converges and (_falls_as_a_logarithm(deviations) if slowly else _falls(deviations, predicted))
     return [(float(f"1e-{power}"), float(value)) for power, value in worst.items()], converges

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, count
 from time import monotonic
 from typing import TYPE_CHECKING, Literal
 
@@ -39,6 +39,7 @@ from softdyn.derive.asymptotics import (
 from softdyn.derive.balance import contact_series, definitions, settle, size
 from softdyn.derive.cones import Cone, Normal, cut, dot, hull_normals, merged, orthants, primitive, shared_facets
 from softdyn.derive.dynamics import a_h
+from softdyn.derive.forms import force
 from softdyn.derive.law import typical_values
 from softdyn.derive.limits import inequalities, side_of
 from softdyn.derive.symbols import F, R, a, delta, h
@@ -48,9 +49,6 @@ if TYPE_CHECKING:
 
 Side = Literal["compression", "tension"]
 SIGN: dict[Side, int] = {"compression": 1, "tension": -1}
-
-#: The size of F, on either side.
-force = Symbol("F", positive=True)
 
 #: Quantities that a regime has a leading form of, in the order in which they are shown.
 FORMS = ("a", "zeta", "delta", "F_adh", "C", "D", "dh_dt", "dX_dt", "U_h")
@@ -117,7 +115,7 @@ class Regime:
         That of the claimed limit that lies in it; else a number.
     side : "compression" or "tension"
     inside : bool
-        Whether some of it has \\|delta\\| << R; what has not lies outside the model.
+        Whether some of it has delta << R; what has not lies outside the model.
     conditions : tuple of Condition
     forms : mapping from str to Form
         Of :data:`FORMS`, those that could be decided and are not zero.
@@ -128,7 +126,7 @@ class Regime:
     balance : Expr or None
         Leading form of F, in h and delta.
     edge : Expr or None
-        The force at which \\|delta\\| = R, in h, where the regime reaches so far: the edge of the model.
+        The force at which delta = R, in h, where the regime reaches so far: the edge of the model.
     cones : tuple of Cone
         In the exponents of h, of delta and, if there is a third axis, of the parameters.
     """
@@ -243,7 +241,7 @@ def discover(law: ContactLaw, patience: float = PATIENCE) -> Diagram:
     crossovers: list[Crossover] = []
     points: list[Meeting] = []
     for side in SIGN:
-        here = _regimes(law, side, directions, deadline, bool(conservative))
+        here = _regimes(law, side, directions, deadline, bool(conservative), found)
         met = list(_crossovers(here, directions))
         found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
         crossovers += met
@@ -285,7 +283,12 @@ def is_conservative(law: ContactLaw) -> bool | None:
 
 
 def _regimes(
-    law: ContactLaw, side: Side, directions: Mapping[Symbol, Normal], deadline: float, conservative: bool
+    law: ContactLaw,
+    side: Side,
+    directions: Mapping[Symbol, Normal],
+    deadline: float,
+    conservative: bool,
+    other_side: Sequence[Regime],
 ) -> list[Regime]:
     """Cut one side of the plane into regimes; their conditions are still to be found."""
     axes = len(directions[h])
@@ -312,7 +315,7 @@ def _regimes(
     if not conservative:
         _integrate_along_delta([series for _, _, found in regimes for _, series in found], SIGN[side])
     made = [_regime(side, cones, inside, found) for cones, inside, found in regimes]
-    return _named(law, sorted(made, key=_place), directions)
+    return _named(law, sorted(made, key=_place), directions, other_side)
 
 
 def _place(regime: Regime) -> tuple[bool, bool, float]:
@@ -467,7 +470,9 @@ def _corrections(changes: Sequence[Series], deflection: Expr) -> tuple[tuple[Exp
     largest: dict[Expr, None] = {}
     resolved = True
     for change in changes:
-        known = {order: term for order, term in change.terms.items() if any(order) and not (term.is_Add and is_zero(term))}
+        known = {
+            order: term for order, term in change.terms.items() if any(order) and not (term.is_Add and is_zero(term))
+        }
         for order in minimal([*known, *change.remainder]):
             if order in known and order not in change.remainder:
                 largest[_in_force(known[order], deflection)] = None
@@ -484,19 +489,27 @@ def _exponent(form: Form | None) -> Expr | None:
 # -------------------------------------------------------------------------------------------------------------- names
 
 
-def _named(law: ContactLaw, regimes: list[Regime], directions: Mapping[Symbol, Normal]) -> list[Regime]:
-    """Name regimes after the claimed limits that lie in them, and number the others."""
-    names: dict[int, list[str]] = {}
+def _named(
+    law: ContactLaw, regimes: list[Regime], directions: Mapping[Symbol, Normal], other_side: Sequence[Regime]
+) -> list[Regime]:
+    """Name regimes after the claimed limits in them, or after the same region on the other side; or number them."""
+    names: dict[int, str] = {}
     for limit in law.limits:
         holding = [i for i, regime in enumerate(regimes) if _holds(limit, regime, directions)]
         if len(holding) == 1:
-            names.setdefault(holding[0], []).append(limit.name)
-    numbers = {True: iter(range(1, 1000)), False: iter(range(1, 1000))}
-    named = []
+            before = names.get(holding[0])
+            names[holding[0]] = limit.name if before is None else f"{before} / {limit.name}"
+    regions = {frozenset(hull_normals(regime.cones)): regime.name for regime in other_side}
     for i, regime in enumerate(regimes):
-        own = " / ".join(names.get(i, ())) or ("" if regime.inside else "outside ") + str(next(numbers[regime.inside]))
-        named.append(replace(regime, name=own))
-    return named
+        same = regions.get(frozenset(hull_normals(regime.cones)))
+        if i not in names and same is not None and same not in names.values():
+            names[i] = same
+    for inside in (True, False):
+        unnamed = [i for i, regime in enumerate(regimes) if regime.inside == inside and i not in names]
+        free = (str(n) for n in count(1) if str(n) not in names.values())
+        for i in unnamed:
+            names[i] = next(free) if inside else "outside" if len(unnamed) == 1 else f"outside {next(free)}"
+    return [replace(regime, name=names[i]) for i, regime in enumerate(regimes)]
 
 
 def _holds(limit: Limit, regime: Regime, directions: Mapping[Symbol, Normal]) -> bool:
@@ -534,9 +547,7 @@ def _crossovers(regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) 
             facet = [ray for cone in one.cones for ray in cone if dot(normal, ray) == 0]
             on_it = primitive([sum(parts) for parts in zip(*facet, strict=True)])
             lines = {
-                name: line
-                for name in MEETING
-                if (line := _meeting(name, one, other, directions, on_it)) is not None
+                name: line for name in MEETING if (line := _meeting(name, one, other, directions, on_it)) is not None
             }
             if not lines:
                 guess = _line_of(normal, directions)
@@ -568,9 +579,7 @@ def _meeting(
     return None
 
 
-def _order_at(
-    form: Expr, regime: Regime, ray: tuple[int, ...], directions: Mapping[Symbol, Normal]
-) -> Rational | None:
+def _order_at(form: Expr, regime: Regime, ray: tuple[int, ...], directions: Mapping[Symbol, Normal]) -> Rational | None:
     """Power of eps with which a form in h and F goes along one scaling of a regime."""
     try:
         order, _ = leading(expand(form.subs(force, regime.balance), scale_of((ray,), directions, 1)))

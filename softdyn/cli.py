@@ -7,8 +7,10 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import softdyn
@@ -22,6 +24,8 @@ examples:
   softdyn laws                               the stock laws
   softdyn derive rognon_gay                  C, D, dh/dt, dX/dt and the Jacobians, for any law and for this one
   softdyn check my_law.py                    prove or disprove the limits that a law claims
+  softdyn regimes my_law.py --plot map.png   its asymptotic regimes, found from the four expressions, and their map
+  softdyn report my_law.py -o my_law.html    all of it on one page, to hand to a colleague
   softdyn generate rognon_gay --target c     the kernel's source, on the terminal
   softdyn run scene.toml -o result.npz       simulate a scene
   softdyn plot result.npz                    draw the result
@@ -29,6 +33,9 @@ examples:
 exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
 carried to its end, with the reason on stderr
 """
+
+#: Endings of pictures.
+PICTURES = (".png", ".svg", ".pdf")
 
 Command = Callable[[argparse.Namespace], int]
 
@@ -81,6 +88,22 @@ def _parser() -> argparse.ArgumentParser:
     check = add("check", _check, "prove or disprove the limits that a law claims")
     check.add_argument("law", metavar="LAW")
     check.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+    regimes = add("regimes", _regimes, "find the asymptotic regimes of a law, and the crossovers between them")
+    regimes.add_argument("law", metavar="LAW")
+    regimes.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    regimes.add_argument("--plot", metavar="PICTURE", type=Path, help="draw them too: .png, .svg or .pdf")
+    regimes.add_argument(
+        "--numeric", action="store_true", help="simulate along lines of constant force, and compare the exponents"
+    )
+
+    report = add("report", _report, "write all that is known of a law as one web page")
+    report.add_argument("law", metavar="LAW")
+    report.add_argument("-o", dest="output", metavar="FILE", type=Path, help="default: the law's name with .html")
+
+    compare = add("compare", _compare, "tell how far two laws are from each other, over the plane of gap and force")
+    compare.add_argument("law", metavar="LAW")
+    compare.add_argument("other", metavar="LAW")
 
     generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
     generate.add_argument("law", metavar="LAW", nargs="?")
@@ -155,29 +178,83 @@ def _derive(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     law = _law(options.law)
     from softdyn.derive.limits import check_limits
-    from softdyn.stock import limits_text
+    from softdyn.tables import limits_data, limits_text
 
-    findings = check_limits(law)
-    counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
+    with _patience(f"the limits of {law.name}"):
+        findings = check_limits(law)
+    proved = sum(finding.verdict == "proved" for finding in findings)
+    data = limits_data(law.name, findings)
     if options.json:
-        listed = [
-            {
-                **{
-                    key: getattr(f, key)
-                    for key in ("limit", "ordering", "quantity", "verdict", "reason", "certificate")
-                },
-                "claimed": str(f.claimed),
-                "ratio": None if f.ratio is None else str(f.ratio),
-            }
-            for f in findings
-        ]
-        print(json.dumps({"law": law.name, **counts, "limits": listed}, indent=2))
+        print(json.dumps(data, indent=2))
     elif not findings:
         print(f"{law.name} claims no limits")
     else:
         print(limits_text(law.name, findings), end="")
-        print(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))
-    return 0 if counts["proved"] == len(findings) else 1
+        print(", ".join(f"{data[v]} {v}" for v in ("proved", "disproved", "undecided") if data[v]))
+    return 0 if proved == len(findings) else 1
+
+
+def _regimes(options: argparse.Namespace) -> int:
+    law = _law(options.law)
+    from softdyn.derive.films import find_films
+    from softdyn.derive.regimes import discover
+    from softdyn.tables import regimes_data, regimes_text
+
+    if options.plot is not None and options.plot.suffix not in PICTURES:
+        raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
+    with _patience(f"the regimes of {law.name}"):
+        diagram = discover(law)
+        films = find_films(diagram)
+    measured = None
+    if options.numeric:
+        from softdyn.exponents import measure
+
+        measured = measure(diagram)
+    if options.json:
+        data = regimes_data(diagram, films)
+        print(json.dumps(data if measured is None else {**data, "numeric": measured.to_dict()}, indent=2))
+    else:
+        print(regimes_text(diagram, films), end="")
+        if measured is not None:
+            print("\n" + measured.text(), end="")
+    if options.plot is not None:
+        from softdyn import figures, phases
+
+        with figures.paper_style():
+            figures.save(phases.draw(diagram, measured), options.plot)
+        print(f"wrote {options.plot}", file=sys.stderr if options.json else sys.stdout)
+    return 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    law = _law(options.law)
+    from softdyn.report import write_report
+
+    path: Path = options.output or Path(f"{law.name}.html")
+    with _patience(f"the report on {law.name}"):
+        write_report(law, path)
+    print(f"wrote {path}")
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    laws = [_law(text) for text in (options.law, options.other)]
+    from softdyn.compare import comparison_text
+
+    print(comparison_text(*laws), end="")
+    return 0
+
+
+@contextmanager
+def _patience(what: str) -> Iterator[None]:
+    """Say on stderr that something takes its time, if it takes more than two seconds."""
+    timer = Timer(2.0, lambda: print(f"softdyn: working on {what} ...", file=sys.stderr, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _generate(options: argparse.Namespace) -> int:
@@ -317,8 +394,8 @@ def _plot(options: argparse.Namespace) -> int:
 
     result = load_result(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
-    if picture.suffix not in (".png", ".svg", ".pdf"):
-        raise SceneError(f"cannot draw to {picture}: the ending must be .png, .svg or .pdf")
+    if picture.suffix not in PICTURES:
+        raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
     figure = result.plot()
     with written_whole(picture) as temporary:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)

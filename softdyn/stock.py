@@ -16,14 +16,17 @@ GENERATED = Path(__file__).parent / "generated"
 def generated_files() -> dict[str, str]:
     """Path below ``generated/`` and text of every file that the tool writes there.
 
-    For each stock law: its derivation, the verdicts on its limits, and kernels for two kinds of scene on both targets:
-    ``approach`` (constant compressive force) and ``general`` (any force, as a table; every output).
+    For each stock law: its derivation, the verdicts on its limits, its regimes, and kernels for two kinds of scene on
+    both targets: ``approach`` (constant compressive force) and ``general`` (any force, as a table; every output).
     """
     from softdyn.derive.emit import TARGETS, emit, suffix
+    from softdyn.derive.films import find_films
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.limits import check_limits
+    from softdyn.derive.regimes import discover
     from softdyn.derive.specialise import OUTPUTS, Needs
     from softdyn.derive.typeset import as_text
+    from softdyn.tables import limits_text, regimes_text
 
     kinds: dict[str, Any] = {
         "approach": Needs(drive="constant", deflection="compression", outputs=("a", "X", "dh_dt")),
@@ -34,33 +37,13 @@ def generated_files() -> dict[str, str]:
         law, _ = load(find(name))
         files[f"{name}/derivation.txt"] = as_text(law)
         files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
+        diagram = discover(law)
+        files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram))
         for kind, needs in kinds.items():
             ir = kernel_ir(law, needs)
             for target in TARGETS:
                 files[f"{name}/{kind}{suffix(target)}"] = emit(ir, target)
     return files
-
-
-def limits_text(name: str, findings: list[Any]) -> str:
-    """Verdicts on the claimed limits, a line each, with evidence below those that are not proved."""
-    lines = []
-    for limit in dict.fromkeys(finding.limit for finding in findings):
-        of_limit = [finding for finding in findings if finding.limit == limit]
-        lines.append(f"{name}, {limit}: {of_limit[0].ordering}")
-        for finding in of_limit:
-            lines.append(f"  {finding.verdict:10}{finding.quantity} ~ {finding.claimed}")
-            if finding.verdict == "proved":
-                lines[-1] += _certificate(finding)
-            else:
-                lines.append(f"    {finding.reason}{_certificate(finding)}")
-    return "\n".join(lines) + "\n"
-
-
-def _certificate(finding: Any) -> str:
-    if not finding.certificate:
-        return ""
-    eps, deviation = finding.certificate[-1]
-    return f"    [within {deviation:.0e} of it at eps = {eps:.0e}]"
 
 
 def write_stock() -> list[str]:

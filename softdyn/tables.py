@@ -1,0 +1,247 @@
+"""What is found of a law, as text and as plain data: verdicts on its limits, its regimes, crossovers and films."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from sympy import Expr, latex
+
+from softdyn.derive.films import Films
+from softdyn.derive.forms import force, force_unit, plain
+from softdyn.derive.limits import Finding
+from softdyn.derive.regimes import Condition, Diagram, Form, Regime, Side
+from softdyn.derive.symbols import R, h
+
+#: What a number of the form stands for; rates are written in V = F/(eta R).
+RATES = ("dh_dt", "dX_dt")
+
+
+# ------------------------------------------------------------------------------------------------------------- limits
+
+
+def limits_text(name: str, findings: Sequence[Finding]) -> str:
+    """Verdicts on the claimed limits, with the evidence for each."""
+    lines = []
+    for limit in dict.fromkeys(finding.limit for finding in findings):
+        of_limit = [finding for finding in findings if finding.limit == limit]
+        lines.append(f"{name}, {limit}: {of_limit[0].ordering}")
+        for finding in of_limit:
+            lines.append(f"  {finding.verdict:10}{finding.quantity} ~ {finding.claimed}")
+            lines += (f"      {line}" for line in _evidence(finding))
+    return "\n".join(lines) + "\n"
+
+
+def _evidence(finding: Finding) -> Iterator[str]:
+    if finding.verdict != "proved":
+        yield finding.reason
+    if finding.chain:
+        yield "dominant: " + ", ".join(f"{whole} -> {term}" for whole, term in finding.chain)
+    if finding.ratio is not None:
+        ratio = f"found/claimed -> {finding.ratio}"
+        # terms that are known; where there are none, the ratio is exact up to less than any power
+        yield ratio + (f" as 1 + {' + '.join(f'({term})' for term in finding.rate)} + ..." if finding.rate else "")
+    if finding.certificate:
+        yield "in numbers: " + ", ".join(f"{value:.0e} off at eps = {eps:.0e}" for eps, value in finding.certificate)
+
+
+def limits_data(law: str, findings: Sequence[Finding]) -> dict[str, Any]:
+    """Verdicts and evidence as plain data; expressions as text."""
+    counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
+    return {"law": law, **counts, "limits": [_plain_data(asdict(finding)) for finding in findings]}
+
+
+def _plain_data(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain_data(part) for key, part in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain_data(part) for part in value]
+    return value if isinstance(value, (str, float, int, bool, type(None))) else str(value)
+
+
+# ------------------------------------------------------------------------------------------------------------ regimes
+
+
+def regimes_text(diagram: Diagram, films: Films | None = None) -> str:
+    """The regimes of a law, their crossovers and its films, to read on a terminal."""
+    law, unit = diagram.law, force_unit(diagram.law)
+    inside = sum(regime.inside and regime.side == "compression" for regime in diagram.regimes)
+    outside = sum(not regime.inside and regime.side == "compression" for regime in diagram.regimes)
+    lines = [
+        f"{law.name}: {inside} regimes of h and F in compression"
+        + (f", and {outside} outside the model (delta > R)" if outside else ""),
+        f"kappa = F/({unit}), V = F/(eta R); F and delta stand for their sizes",
+    ]
+    if diagram.scales:
+        scales = ", ".join(f"{symbol} = {law.typical[symbol]}" for symbol in diagram.scales)
+        lines.append(f"own parameters scale as they do at {scales}")
+    conservative = {
+        True: "conservative: U_h = 0",
+        False: "not conservative: the elastic energy depends on the gap; U_h is given in each regime",
+        None: "whether the law is conservative is not decided",
+    }
+    lines.append(conservative[diagram.conservative])
+    for side in ("compression", "tension"):
+        lines += ["", *_side_lines(diagram, side, unit)]
+    if films is not None:
+        lines += ["", *_film_lines(films, unit)]
+    return "\n".join(lines) + "\n"
+
+
+def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
+    yield {"compression": "compression, F > 0", "tension": "tension, F < 0"}[side]
+    here = [regime for regime in diagram.regimes if regime.side == side]
+    twins = {regime.name: twin(diagram, regime) for regime in here}
+    if side == "tension" and all(twins.values()):
+        yield "  the same regimes as in compression; forms that differ by more than a sign:"
+    for regime in here:
+        other = twins[regime.name] if side == "tension" else None
+        different = [
+            name for name in regime.forms if other is None or not same_size(regime.forms[name], other.forms[name])
+        ]
+        if other is not None and not different:
+            continue
+        conditions = ", ".join(_condition_text(condition, unit) for condition in regime.conditions)
+        yield f"\n  {regime.name}{'' if regime.inside else ' (outside the model: delta > R)'}: {conditions}"
+        for name in different:
+            yield f"    {name:6} ~ {_form_text(name, regime.forms[name], unit)}"
+        for name, reason in regime.undecided.items():
+            yield f"    {name:6} undecided: {reason}"
+        if regime.lambda1 is not None and other is None:
+            yield f"    lambda1 = {regime.lambda1}, lambda2 = {regime.lambda2}"
+        if regime.edge is not None and other is None:
+            yield f"    the model ends, at delta = R, where kappa = {plain(regime.edge / unit, unit)}"
+    lines = [crossover for crossover in diagram.crossovers if crossover.side == side]
+    if side == "tension" and all(twins.values()):
+        return
+    if lines:
+        yield "\n  crossovers"
+    for crossover in lines:
+        line = f"{_left(crossover.line.lhs)} = {_right(crossover.line.lhs, crossover.line.rhs, unit)}"
+        others = ", ".join(f"{name}: {_right(crossover.line.lhs, rhs, unit)}" for name, rhs in crossover.others.items())
+        met = (
+            f"    [{crossover.quantity}{'; others elsewhere, ' + others if others else ''}]"
+            if crossover.quantity
+            else ""
+        )
+        yield f"    {crossover.first} | {crossover.second}: {line}{met}"
+    for point in diagram.points:
+        if point.side == side:
+            yield (
+                f"    {', '.join(point.regimes)} meet at h = {plain(point.h, unit)}, "
+                f"kappa = {_right(force, point.force, unit)}"
+            )
+
+
+def _condition_text(condition: Condition, unit: Expr) -> str:
+    """An inequality between dimensionless sizes, h or F first."""
+    small, large = condition.small, condition.large
+    over = unit if force in small.free_symbols | large.free_symbols else R
+    texts = (plain(small / over, unit), plain(large / over, unit))
+    return f"{texts[0]} << {texts[1]}" if small in (force, h) else f"{texts[1]} >> {texts[0]}"
+
+
+def twin(diagram: Diagram, regime: Regime) -> Regime | None:
+    """Return the regime of the other side with the same conditions and quantities, if there is one."""
+    return next(
+        (
+            other
+            for other in diagram.regimes
+            if other.side != regime.side
+            and set(other.conditions) == set(regime.conditions)
+            and other.forms.keys() == regime.forms.keys()
+        ),
+        None,
+    )
+
+
+def same_size(one: Form, other: Form) -> bool:
+    """Whether two leading forms differ by their sign at most, and by nothing in their corrections."""
+    return one.leading in (other.leading, -other.leading) and set(one.corrections) == set(other.corrections)
+
+
+def _left(symbol: Expr) -> str:
+    return "kappa" if symbol == force else "h"
+
+
+def _right(left: Expr, value: Expr, unit: Expr) -> str:
+    return plain(value / unit if left == force else value, unit)
+
+
+def _form_text(name: str, form: Form, unit: Expr) -> str:
+    text = plain(form.leading, unit, name in RATES)
+    if not form.corrections:
+        return text
+    terms = [plain(term, unit) for term in form.corrections]
+    signed = "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in terms)
+    return f"{text}    (1{signed}{'' if form.resolved else ' + ...'})"
+
+
+def _film_lines(films: Films, unit: Expr) -> Iterator[str]:
+    yield "films, where F_adh = F"
+    if films.h_eq is not None:
+        yield f"  h_eq = {films.h_eq}"
+    yield f"  relaxation rate = {films.rate}, in h = h_eq"
+    for film in films.films:
+        between = f"  {film.side}, {film.closing} (closing) | {film.opening} (opening): "
+        if film.stable is None:
+            yield f"{between}no film beyond F = {film.edge}"
+            continue
+        gap = f", h_eq ~ {plain(film.h_eq, unit)}" if film.h_eq is not None and films.h_eq is None else ""
+        rate = f", rate ~ {plain(film.rate, unit)}" if film.rate is not None else ""
+        yield f"{between}{'stable' if film.stable else 'unstable'}{gap}{rate}"
+    if films.branches:
+        yield "  at typical parameters, in units of R, E and eta:"
+    for branch in films.branches:
+        yield (
+            f"    {'stable' if branch.stable else 'unstable':9} h_eq {branch.h[0]:.3g} to {branch.h[-1]:.3g}, "
+            f"F {branch.force[0]:.3g} to {branch.force[-1]:.3g}, rate {branch.rate[0]:.3g} to {branch.rate[-1]:.3g}"
+        )
+
+
+def regimes_data(diagram: Diagram, films: Films | None = None) -> dict[str, Any]:
+    """The regimes of a law as plain data; expressions as text, leading forms as LaTeX too."""
+    regimes = [
+        {
+            "name": regime.name,
+            "side": regime.side,
+            "inside": regime.inside,
+            "conditions": [{"small": str(c.small), "large": str(c.large)} for c in regime.conditions],
+            "forms": {
+                name: {
+                    "leading": str(form.leading),
+                    "latex": latex(form.leading),
+                    "state": str(form.state),
+                    "corrections": [str(term) for term in form.corrections],
+                    "resolved": form.resolved,
+                }
+                for name, form in regime.forms.items()
+            },
+            "undecided": dict(regime.undecided),
+            "lambda1": _plain_data(regime.lambda1),
+            "lambda2": _plain_data(regime.lambda2),
+            "edge": _plain_data(regime.edge),
+        }
+        for regime in diagram.regimes
+    ]
+    crossovers = [
+        {
+            "first": c.first,
+            "second": c.second,
+            "side": c.side,
+            "quantity": c.quantity,
+            "line": {"of": str(c.line.lhs), "is": str(c.line.rhs)},
+            "others": _plain_data(c.others),
+        }
+        for c in diagram.crossovers
+    ]
+    return {
+        "law": diagram.law.name,
+        "conservative": diagram.conservative,
+        "typical": {str(symbol): str(value) for symbol, value in diagram.law.typical.items()},
+        "regimes": regimes,
+        "crossovers": crossovers,
+        "points": [_plain_data(asdict(point)) for point in diagram.points],
+        "films": None if films is None else _plain_data(asdict(films)),
+    }
