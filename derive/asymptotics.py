@@ -1,8 +1,8 @@
 """Asymptotic series in several independent small ratios, by dominant balance on the expression tree.
 
 A cone of scalings is spanned by rays; moving along each of them by its own small ratio r1, r2, ... reaches every
-scaling inside. A symbol then has an order, the powers of the ratios that it goes with, and every expression is a series of
-terms of different orders, exact in rationals. One term is negligible against another only if their quotient has no
+scaling inside. A symbol then has an order, the powers of the ratios that it goes with, and every expression is a series
+of terms of different orders, exact in rationals. One term is negligible against another only if their quotient has no
 negative power of any ratio, that is, whatever the powers with which the ratios vanish: so what holds here holds for
 every scaling inside the cone. Where two terms compete, :class:`SplitError` says by which hyperplane to cut the cone.
 

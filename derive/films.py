@@ -220,7 +220,7 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
         try:
             deflection = _deflection(
                 lambda x, gap=gap: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x)
-            )  # type: ignore[misc]
+            )
             at = (radius(gap, deflection), gap, deflection)
             found.append((gap, float(remote(*at)), float(rate(*at))))
         except (OverflowError, ZeroDivisionError, ValueError):
@@ -264,7 +264,5 @@ def _branches(points: Sequence[tuple[float, float, float]]) -> list[Branch]:
         else:
             runs.append([point])
     return [
-        Branch(run[0][2] > 0, *(tuple(values) for values in zip(*run, strict=True)))  # type: ignore[arg-type]
-        for run in runs
-        if len(run) > 1
+        Branch(run[0][2] > 0, *(tuple(values) for values in zip(*run, strict=True))) for run in runs if len(run) > 1
     ]

@@ -57,7 +57,8 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
     """
     outside = rate and form.has(force)
     written = powsimp((form / (force / (eta * R)) if outside else form).subs({force: kappa * unit, h: x * R}))
-    number, powers = S.One, {}
+    number = S.One
+    powers: dict[Symbol, Expr] = {}
     for factor in Mul.make_args(written.expand(power_base=True) if written.is_Mul or written.is_Pow else written):
         base, power = factor.as_base_exp()
         if factor.is_number:

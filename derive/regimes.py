@@ -338,8 +338,8 @@ def _integrate_along_delta(series: Sequence[dict[str, Series | UndecidedError]],
 
     It is dominated by its upper limit if delta F_a a_h grows with delta in every regime.
     """
+    integrals: list[Series | UndecidedError] = []
     try:
-        integrals = []
         for found in series:
             (e1, slope), (e2, widening) = (leading(_decided(found[name]), name) for name in ("F_a", "a_h"))
             power = _steepness(slope * widening)
