@@ -25,7 +25,8 @@ from softdyn.derive.asymptotics import (
     scale_of,
 )
 from softdyn.derive.cones import Cone, Normal, split
-from softdyn.derive.symbols import F, a, delta, h
+from softdyn.derive.law import is_dry, is_rigid
+from softdyn.derive.symbols import E, F, R, a, delta, h
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
@@ -54,20 +55,33 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
             return diff(law.a.base, variable) / (2 * a)
         return diff(law.a, variable)
 
+    dX_dt = Symbol("dX_dt", real=True)
+    if is_dry(law):
+        return {
+            a: law.a,
+            F: law.F_ela,
+            d.F_a: diff(law.F_ela, a),
+            d.F_delta: diff(law.F_ela, delta),
+            d.a_delta: slope(delta),
+            d.C: generic.stiffness,
+        }
+    remote = {d.F_adh: law.F_adh, d.zeta: law.zeta}
+    motion = {net: F - d.F_adh if law.F_adh != 0 else F, d.dh_dt: -net / d.zeta}
+    if is_rigid(law):
+        # there is no deflection: delta stands for F/(E R)
+        return {a: law.a, F: E * R * delta, **remote, d.D: d.zeta, **motion, dX_dt: d.dh_dt}
     return {
         a: law.a,
         F: law.F_ela,
-        d.F_adh: law.F_adh,
-        d.zeta: law.zeta,
+        **remote,
         d.F_a: diff(law.F_ela, a),
         d.F_delta: diff(law.F_ela, delta),
         d.a_h: slope(h),
         d.a_delta: slope(delta),
         d.C: generic.stiffness,
         d.D: generic.friction,
-        net: F - d.F_adh if law.F_adh != 0 else F,
-        d.dh_dt: -net / d.zeta,
-        Symbol("dX_dt", real=True): -net / d.D,
+        **motion,
+        dX_dt: -net / d.D,
     }
 
 

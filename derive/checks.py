@@ -41,6 +41,7 @@ from sympy import (
     lambdify,
     log,
     nsimplify,
+    oo,
     sign,
     sin,
     sinh,
@@ -104,6 +105,8 @@ def faults_of(law: ContactLaw) -> list[str]:
             faults.append(f"{name} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
             sound = False
             continue
+        if name == "F_ela" and expr == oo:
+            continue  # rigid
         found = _symbol_faults(name, expr, arguments, law, known) + _node_faults(name, expr)
         if not found:
             found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
@@ -111,7 +114,7 @@ def faults_of(law: ContactLaw) -> list[str]:
         sound = sound and not found
     faults += _typical_faults(law) + _limit_faults(law, known)
     if sound and not faults:
-        faults += _origin_faults(law) or _positivity_faults(law)
+        faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
     return faults
 
 
@@ -252,10 +255,12 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
 def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     """An ordering holds sizes that can be compared, h or delta among them."""
     order = limit.order
-    chains = order if order and isinstance(order[0], tuple) else (order,)
-    lengths = [length for chain in chains for length in chain]
-    strange = [x for x in lengths if not isinstance(x, Expr) or x.free_symbols - (set(known.values()) - {a})]
-    if strange or any(len(chain) < 2 for chain in chains):
+    chains = order if isinstance(order, tuple) and order and isinstance(order[0], tuple) else (order,)
+    whole = all(isinstance(chain, tuple) and len(chain) >= 2 for chain in chains)
+    lengths = [length for chain in chains for length in chain] if whole else []
+    allowed = set(known.values()) - {a}
+    strange = [x for x in lengths if not (isinstance(x, Expr) and _is_monomial(x) and x.free_symbols <= allowed)]
+    if strange or not whole:
         return [
             f"order must hold sizes, from smallest to largest, such as (h, delta, R), not {strange or order}: products "
             "of powers of h, delta (-delta in tension), F, R and the parameters"
@@ -276,6 +281,12 @@ def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) ->
         if len(found) > 1:
             faults.append(f"order compares {' with '.join(sorted(found))} in {chain}")
     return faults
+
+
+def _is_monomial(expr: Expr) -> bool:
+    """Whether an expression is a number times rational powers of symbols."""
+    powers = expr.as_powers_dict()
+    return all(base.is_Symbol or base.is_number for base in powers) and all(p.is_Rational for p in powers.values())
 
 
 def _sized(length: Expr) -> Expr:
@@ -307,14 +318,39 @@ def sympify_number(value: object) -> Rational | None:
     """Return an exact number times powers of R, E and eta, in units of these; None if it is nothing of the kind."""
     if isinstance(value, int):
         return Rational(value)
-    if not isinstance(value, Expr) or value.free_symbols - set(COMMON_PARAMETERS):
+    if not isinstance(value, Expr) or not _is_monomial(value) or value.free_symbols - set(COMMON_PARAMETERS):
         return None
     number = value.subs(dict.fromkeys(COMMON_PARAMETERS, 1))
     return number if isinstance(number, Rational) else None
 
 
+def _one_sided_faults(law: ContactLaw) -> list[str]:
+    """Rigid particles have no deflection, a dry contact has no gap, and there is a force that can be derived."""
+    rigid, dry = law.F_ela == oo, law.zeta == 0
+    faults = []
+    if rigid and dry:
+        faults.append("F_ela = oo and zeta = 0 leave nothing that moves")
+    if rigid and law.a.has(delta):
+        faults.append(f"F_ela = oo declares rigid particles, delta = 0: a = {law.a} must not depend on delta")
+    if dry and law.a.has(h):
+        faults.append(f"zeta = 0 declares a dry contact, h = 0: a = {law.a} must not depend on h")
+    if dry and law.F_adh != 0:
+        faults.append(f"zeta = 0 declares a dry contact, h = 0: F_adh = {law.F_adh} must be 0")
+    without = (("F_ela = oo", rigid, ("delta", "C", "F", "F_ela")), ("zeta = 0", dry, ("zeta", "D", "dh_dt", "dX_dt")))
+    faults += [
+        f"limit {limit.name!r}: a law with {what} has no {quantity}"
+        for what, holds, absent in without
+        for limit in law.limits
+        for quantity in limit.claims
+        if holds and quantity in absent
+    ]
+    return faults
+
+
 def _origin_faults(law: ContactLaw) -> list[str]:
     """No deflection, no elastic force: what delta means, and what bounds the solution of the force balance."""
+    if law.F_ela == oo:
+        return []
     at_rest = law.F_ela.subs(delta, 0)
     return [] if at_rest == 0 else [f"F_ela must vanish at delta = 0, where it is {at_rest}"]
 
@@ -323,11 +359,17 @@ def _positivity_faults(law: ContactLaw) -> list[str]:
     """Radius, stiffness and friction must be positive for h > 0, abs(delta) < R; a witness shows where they are not."""
     from softdyn.derive.dynamics import stiffness_of
 
-    quantities = {"a": law.a, "C": stiffness_of(law), "zeta": law.zeta}
+    quantities = {"a": law.a}
+    if law.F_ela != oo:
+        quantities["C"] = stiffness_of(law)
+    if law.zeta != 0:
+        quantities["zeta"] = law.zeta
     faults = []
     for name, quantity in quantities.items():
         explicit = quantity.subs(a, law.a)
-        for side, value in (("delta > 0", 1), ("delta < 0", -1), ("delta = 0", 0)):
+        sides = [("delta > 0", 1), ("delta < 0", -1), ("delta = 0", 0)]
+        # spheres that just touch, dry, have no contact area
+        for side, value in sides[: 2 if law.zeta == 0 else 3]:
             size = Dummy("d", positive=True)
             expr = tidy(explicit.subs(delta, value * size))
             if proved_positive(expr):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, simplify, solve
+from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, oo, simplify, solve
 
 from softdyn.derive.soundness import sound, tidy
 from softdyn.derive.symbols import F, R, a, delta, h
@@ -187,8 +187,10 @@ def partials(law: ContactLaw) -> dict[Symbol, Expr]:
     def radius(*variables: Symbol) -> Expr:
         return sound(*_derivatives_of_radius(law, *variables))
 
+    # rigid particles have no elastic force of their own: they transmit any
+    elastic = h * 0 if law.F_ela == oo else law.F_ela
     return {
-        F_ela: sound(law.F_ela),
+        F_ela: sound(elastic),
         F_adh: sound(law.F_adh),
         zeta: sound(law.zeta),
         a_h: radius(h),
@@ -196,11 +198,11 @@ def partials(law: ContactLaw) -> dict[Symbol, Expr]:
         a_hh: radius(h, h),
         a_hdelta: radius(h, delta),
         a_deltadelta: radius(delta, delta),
-        F_a: sound(diff(law.F_ela, a)),
-        F_delta: sound(diff(law.F_ela, delta)),
-        F_aa: sound(diff(law.F_ela, a, a)),
-        F_adelta: sound(diff(law.F_ela, a, delta)),
-        F_deltadelta: sound(diff(law.F_ela, delta, delta)),
+        F_a: sound(diff(elastic, a)),
+        F_delta: sound(diff(elastic, delta)),
+        F_aa: sound(diff(elastic, a, a)),
+        F_adelta: sound(diff(elastic, a, delta)),
+        F_deltadelta: sound(diff(elastic, delta, delta)),
         zeta_a: sound(diff(law.zeta, a)),
         zeta_h: sound(diff(law.zeta, h)),
         F_adh_a: sound(diff(law.F_adh, a)),
@@ -219,7 +221,12 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
     """
     values = partials(law)
     generic = generic_dynamics()
+    if law.F_ela == oo:
+        return _rigid_quantities(law, values)
     stiffness = sound(generic.stiffness.subs(values))
+    if law.zeta == 0:
+        rates = {"ddelta_dt": dF_dt / (2 * stiffness), "dX_dt": -dF_dt / stiffness}
+        return {"a": sound(law.a), "F_ela": values[F_ela], "C": stiffness, **rates}
     friction = sound((generic.friction.subs(C, stiffness)).subs(values))
     gap_rate = sound(generic.dh_dt.subs(values))
     return {
@@ -238,8 +245,27 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
     }
 
 
+def _rigid_quantities(law: ContactLaw, values: dict[Symbol, Expr]) -> dict[str, Expr]:
+    """No deflection: the centres follow the gap, D = zeta."""
+    gap_rate = sound(generic_dynamics().dh_dt.subs(values))
+    along = total(zeta, h).subs({symbol: expr for symbol, expr in values.items() if symbol != zeta})
+    remote = total(F_adh, h).subs(values)
+    return {
+        "a": sound(law.a),
+        "zeta": values[zeta],
+        "F_adh": values[F_adh],
+        "D": values[zeta],
+        "dh_dt": gap_rate,
+        "dX_dt": gap_rate,
+        "lambda2": sound(-h * along / values[zeta])
+        - (h * sound(remote / (F - values[F_adh])) if law.F_adh != 0 else 0),
+    }
+
+
 def law_jacobians(law: ContactLaw) -> dict[str, Matrix]:
     """Jacobians of the rates of the state, by state formulation, in a, h, delta, dh_dt, ddelta_dt, C and zeta."""
+    if law.F_ela == oo or law.zeta == 0:
+        return {}  # one state variable, or none
     values = {symbol: expr for symbol, expr in partials(law).items() if symbol != zeta}
     return {
         state: jacobian.applyfunc(lambda entry: factor_terms(tidy(entry.subs(values))))

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 
-from sympy import Expr, Integer, Rational, S, Symbol, srepr
+from sympy import Expr, Integer, Rational, S, Symbol, oo, srepr
 
 from softdyn.derive.checks import faults_of
 from softdyn.derive.dimensions import Dimension
@@ -56,9 +56,9 @@ class ContactLaw:
     a : Expr
         Radius of the interacting region, a function of h and delta.
     F_ela : Expr
-        Elastic force, a function of a and delta; > 0 in compression.
+        Elastic force, a function of a and delta; > 0 in compression. ``oo`` declares rigid particles: delta = 0.
     zeta : Expr
-        Normal friction coefficient, a function of a and h.
+        Normal friction coefficient, a function of a and h. 0 declares a dry contact: h = 0.
     F_adh : Expr or int
         Remote force, a function of a and h; > 0 is repulsive.
     parameters : mapping from Symbol to Dimension
@@ -109,6 +109,16 @@ class ContactLaw:
         from softdyn.derive.typeset import declaration_latex
 
         return declaration_latex(self)
+
+
+def is_rigid(law: ContactLaw) -> bool:
+    """Whether the particles do not deform: F_ela = oo, delta = 0."""
+    return law.F_ela == oo
+
+
+def is_dry(law: ContactLaw) -> bool:
+    """Whether no fluid resists: zeta = 0, and the gap is closed, h = 0."""
+    return law.zeta == 0
 
 
 def parameters_of(law: ContactLaw) -> tuple[Symbol, ...]:

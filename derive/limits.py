@@ -39,8 +39,8 @@ from softdyn.derive.asymptotics import (
 )
 from softdyn.derive.balance import contact_series, definitions, series_of, settle, size
 from softdyn.derive.cones import Cone, Normal, orthants
-from softdyn.derive.law import sample_values
-from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
+from softdyn.derive.law import is_rigid, sample_values
+from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, h
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -366,7 +366,8 @@ def _chain(
         known[a] = series["a"]  # type: ignore[assignment]
     scale = Scale(scale.size, known, scale.orders)
     steps: dict[Expr, Expr] = {}
-    for quantity, declared in (("a", law.a), ("F", law.F_ela), ("zeta", law.zeta), ("F_adh", law.F_adh)):
+    elastic = S.Zero if is_rigid(law) else law.F_ela
+    for quantity, declared in (("a", law.a), ("F", elastic), ("zeta", law.zeta), ("F_adh", law.F_adh)):
         if quantity not in series:
             continue
         for node in _sums(declared):
@@ -378,10 +379,12 @@ def _chain(
                 steps[node] = dominant
     for symbol in definitions(law):
         value = series.get(symbol.name)
-        if symbol.name == "net" and law.F_adh == 0:
+        if (symbol.name == "net" and law.F_adh == 0) or (symbol == F and is_rigid(law)):
             continue  # it is F
         if isinstance(value, Series) and value.terms:
             steps[symbol] = leading(value)[1]
+    if is_rigid(law):
+        steps = {whole: term.subs(size, F / (E * R)) for whole, term in steps.items()}
     return list(steps.items())
 
 

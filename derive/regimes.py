@@ -40,7 +40,7 @@ from softdyn.derive.balance import contact_series, definitions, settle, size
 from softdyn.derive.cones import Cone, Normal, cut, dot, hull_normals, merged, orthants, primitive, shared_facets
 from softdyn.derive.dynamics import a_h
 from softdyn.derive.forms import force
-from softdyn.derive.law import typical_values
+from softdyn.derive.law import is_dry, is_rigid, typical_values
 from softdyn.derive.limits import inequalities, side_of
 from softdyn.derive.symbols import F, R, a, delta, h
 
@@ -268,6 +268,8 @@ def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int
 
 def is_conservative(law: ContactLaw) -> bool | None:
     """Whether U_h = 0: the elastic force at given delta is the same at all gaps."""
+    if is_rigid(law) or is_dry(law):
+        return True
     through_gap = diff(law.F_ela, a) * definitions(law)[a_h]
     if through_gap == 0:
         return True
@@ -315,7 +317,15 @@ def _regimes(
     if not conservative:
         _integrate_along_delta([series for _, _, found in regimes for _, series in found], SIGN[side])
     made = [_regime(side, cones, inside, found) for cones, inside, found in regimes]
+    if is_rigid(law):
+        made = [_without_deflection(regime) for regime in made]
     return _named(law, sorted(made, key=_place), directions, other_side)
+
+
+def _without_deflection(regime: Regime) -> Regime:
+    """Rigid particles: what stood for the deflection was the force, and no force is too large."""
+    forms = {name: form for name, form in regime.forms.items() if name != "delta"}
+    return replace(regime, inside=True, forms=forms, lambda1=None, edge=None)
 
 
 def _place(regime: Regime) -> tuple[bool, bool, float]:

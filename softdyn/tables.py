@@ -69,7 +69,7 @@ def regimes_text(diagram: Diagram, films: Films | None = None) -> str:
     inside = sum(regime.inside and regime.side == "compression" for regime in diagram.regimes)
     outside = sum(not regime.inside and regime.side == "compression" for regime in diagram.regimes)
     lines = [
-        f"{law.name}: {inside} regimes of h and F in compression"
+        f"{law.name}: {inside} regime{'s' if inside > 1 else ''} of h and F in compression"
         + (f", and {outside} outside the model (delta > R)" if outside else ""),
         f"kappa = F/({unit}), V = F/(eta R); F and delta stand for their sizes",
     ]
@@ -93,8 +93,17 @@ def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
     yield {"compression": "compression, F > 0", "tension": "tension, F < 0"}[side]
     here = [regime for regime in diagram.regimes if regime.side == side]
     twins = {regime.name: twin(diagram, regime) for regime in here}
-    if side == "tension" and all(twins.values()):
-        yield "  the same regimes as in compression; forms that differ by more than a sign:"
+    mirrored = side == "tension" and all(twins.values())
+    if mirrored:
+        yield (
+            "  the same regimes as in compression, but for:"
+            if any(
+                not same_size(form, twins[regime.name].forms[name])  # type: ignore[union-attr]
+                for regime in here
+                for name, form in regime.forms.items()
+            )
+            else "  as in compression"
+        )
     for regime in here:
         other = twins[regime.name] if side == "tension" else None
         different = [
@@ -102,18 +111,20 @@ def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
         ]
         if other is not None and not different:
             continue
-        conditions = ", ".join(_condition_text(condition, unit) for condition in regime.conditions)
+        conditions = ", ".join(_condition_text(condition, unit) for condition in regime.conditions) or "everywhere"
         yield f"\n  {regime.name}{'' if regime.inside else ' (outside the model: delta > R)'}: {conditions}"
         for name in different:
             yield f"    {name:6} ~ {_form_text(name, regime.forms[name], unit)}"
         for name, reason in regime.undecided.items():
             yield f"    {name:6} undecided: {reason}"
         if regime.lambda1 is not None and other is None:
-            yield f"    lambda1 = {regime.lambda1}, lambda2 = {regime.lambda2}"
+            yield f"    lambda1 = {regime.lambda1}" + (
+                f", lambda2 = {regime.lambda2}" if regime.lambda2 is not None else ""
+            )
         if regime.edge is not None and other is None:
             yield f"    the model ends, at delta = R, where kappa = {plain(regime.edge / unit, unit)}"
     lines = [crossover for crossover in diagram.crossovers if crossover.side == side]
-    if side == "tension" and all(twins.values()):
+    if mirrored:
         return
     if lines:
         yield "\n  crossovers"
