@@ -227,7 +227,7 @@ def test_the_rational_proposed_is_the_number_meant(number: float) -> None:
         (I * delta / R, "I"),
         (zoo, "zoo"),
         (sympy.nan, "nan"),
-        (oo, "oo"),
+        (-oo, "-oo"),
     ],
 )
 def test_a_function_or_value_that_no_target_prints_is_refused_with_those_that_are(wrong: Any, shown: str) -> None:
@@ -314,16 +314,48 @@ def limited(order: Any = (h, delta, R), **claims: Any) -> tuple[Limit, ...]:
     ("limits", "fault"),
     [
         (
-            limited((h, R), a=R),
-            "limit 'Hertz': order must hold h, delta (or -delta) and R, from smallest to largest, not (h, R)",
+            limited((h,), a=R),
+            "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not (h,): "
+            "products of powers of h, delta (-delta in tension), F, R and the parameters",
         ),
         (
-            limited((h, h, R), a=R),
-            "limit 'Hertz': order must hold h, delta (or -delta) and R, from smallest to largest, not (h, h, R)",
+            limited((h, R + delta), a=R),
+            "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not [R + delta]: "
+            "products of powers of h, delta (-delta in tension), F, R and the parameters",
         ),
+        (
+            limited((h, h**q), a=R),
+            "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not [h**q]: "
+            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+        ),
+        (
+            limited(((h, delta, R), (a, R)), a=R),
+            "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not [a]: "
+            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+        ),
+        (
+            limited(3, a=R),
+            "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not 3: "
+            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+        ),
+        (
+            limited((h, delta, -R), a=R),
+            "limit 'Hertz': order holds sizes, which are positive on one side, of compression or tension; "
+            "(h, delta, -R) is not",
+        ),
+        (
+            limited(((h, delta), (-F, E * R**2)), a=R),
+            "limit 'Hertz': order holds sizes, which are positive on one side, of compression or tension; "
+            "((h, delta), (-F, E*R**2)) is not",
+        ),
+        (
+            limited((R, 2 * R), a=R),
+            "limit 'Hertz': order must say how h and delta compare, as in (h, delta, R); (R, 2*R) does not",
+        ),
+        (limited(((h, delta), (F, R)), a=R), "limit 'Hertz': order compares force with length in (F, R)"),
         (
             limited(zetta=eta * R),
-            "limit 'Hertz': cannot claim 'zetta'; one can claim a, zeta, delta, F_adh, C, D, dh_dt, dX_dt; "
+            "limit 'Hertz': cannot claim 'zetta'; one can claim a, zeta, delta, F, F_ela, F_adh, C, D, dh_dt, dX_dt; "
             "did you mean 'zeta'?",
         ),
         (limited(zeta=eta * q), "limit 'Hertz', zeta: unknown symbol q"),
@@ -332,6 +364,35 @@ def limited(order: Any = (h, delta, R), **claims: Any) -> tuple[Limit, ...]:
 )
 def test_a_claim_that_cannot_be_checked_is_refused(limits: Any, fault: str) -> None:
     assert the_fault(limits=limits) == fault
+
+
+@pytest.mark.parametrize(
+    ("value", "fault"),
+    [
+        (R / 1000, None),
+        (R, None),
+        (sqrt(2) * R, "typical: q = sqrt(2)*R must be an exact number times powers of R, E and eta"),
+        (R + E, "typical: q = E + R must be an exact number times powers of R, E and eta"),
+        (0.1 * R, "typical: q = 0.1*R must be an exact number times powers of R, E and eta"),
+        (h, "typical: q = h must be an exact number times powers of R, E and eta"),
+        ("R", "typical: q = R must be an exact number times powers of R, E and eta"),
+        (E, "typical: q = E has the dimension pressure; length is expected"),
+        (-R, "typical: q = -R lies outside its range"),
+        (0, "typical: q = 0 lies outside its range"),
+        (3 * R, "typical: q = 3*R lies outside its range"),
+    ],
+    ids=str,
+)
+def test_a_typical_value_is_a_number_of_the_right_kind(value: Any, fault: str | None) -> None:
+    changes = {"parameters": {q: LENGTH}, "ranges": {q: (0, 3)}, "typical": {q: value}}
+    if fault is None:
+        assert law_with(**changes).typical == {q: value}
+    else:
+        assert the_fault(**changes) == fault
+
+
+def test_a_typical_value_of_no_parameter_is_refused() -> None:
+    assert the_fault(typical={sigma: R}) == "typical: sigma is not among the law's own parameters"
 
 
 def test_a_claim_of_nothing_is_a_claim() -> None:
@@ -407,7 +468,15 @@ def test_a_quantity_that_is_not_positive_everywhere_is_refused_with_a_point(
 
 def unchecked(**changes: Any) -> ContactLaw:
     """Return a law without asking whether it is sound."""
-    parts = {"F_adh": sympy.S.Zero, "parameters": {}, "ranges": {}, "limits": (), "source": "", "description": ""}
+    parts = {
+        "F_adh": sympy.S.Zero,
+        "parameters": {},
+        "ranges": {},
+        "limits": (),
+        "source": "",
+        "description": "",
+        "typical": {},
+    }
     law = object.__new__(ContactLaw)
     for name, value in {**parts, **GOOD, **changes}.items():
         object.__setattr__(law, name, value)
