@@ -289,12 +289,6 @@ def _is_monomial(expr: Expr) -> bool:
     return all(base.is_Symbol or base.is_number for base in powers) and all(p.is_Rational for p in powers.values())
 
 
-def _is_monomial(expr: Expr) -> bool:
-    """Whether an expression is a number times rational powers of symbols."""
-    powers = expr.as_powers_dict()
-    return all(base.is_Symbol or base.is_number for base in powers) and all(p.is_Rational for p in powers.values())
-
-
 def _sized(length: Expr) -> Expr:
     """With delta and F positive."""
     return length.subs({delta: Symbol("delta", positive=True), F: Symbol("F", positive=True)})
