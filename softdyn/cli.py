@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -231,7 +232,7 @@ def _report(options: argparse.Namespace) -> int:
     from softdyn.report import write_report
 
     path: Path = options.output or Path(f"{law.name}.html")
-    with _patience(f"the report on {law.name}"):
+    with _patience(f"the report on {law.name}", 10 * PATIENCE):
         write_report(law, path)
     print(f"wrote {path}")
     return 0
@@ -245,16 +246,35 @@ def _compare(options: argparse.Namespace) -> int:
     return 0
 
 
+#: Seconds after which symbolic work is given up.
+PATIENCE = 20.0
+
+
 @contextmanager
-def _patience(what: str) -> Iterator[None]:
-    """Say on stderr that something takes its time, if it takes more than two seconds."""
+def _patience(what: str, limit: float = PATIENCE) -> Iterator[None]:
+    """Say on stderr that symbolic work takes its time, after two seconds; give it up after a limit.
+
+    The methods watch the clock themselves, and leave undecided what they do not get to; this is for a single step,
+    within sympy, that does not come to an end.
+    """
     timer = Timer(2.0, lambda: print(f"softdyn: working on {what} ...", file=sys.stderr, flush=True))
     timer.daemon = True
     timer.start()
+    alarm = hasattr(signal, "setitimer")
+
+    def give_up(*_: object) -> None:
+        raise SoftdynError(f"{what}: given up after {limit:.0f} s, since one step of sympy's does not come to an end")
+
+    before = signal.signal(signal.SIGALRM, give_up) if alarm else None
+    if alarm:
+        signal.setitimer(signal.ITIMER_REAL, limit)
     try:
         yield
     finally:
         timer.cancel()
+        if alarm:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, before)
 
 
 def _generate(options: argparse.Namespace) -> int:
