@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +27,12 @@ from numpy.typing import NDArray
 from sympy import Expr, Mul, Pow, S, Symbol, latex
 
 from softdyn.derive.dynamics import F_a, F_delta, a_delta, a_h, generic_dynamics, partials
+from softdyn.derive.forms import force, force_unit
 from softdyn.derive.law import expressions
-from softdyn.derive.regimes import Crossover, Regime, crossovers, exponent, kappa, prefactor, regimes, x
-from softdyn.derive.symbols import R
-from softdyn.derive.typeset import LATEX_NAMES
+from softdyn.derive.regimes import Crossover, Diagram, Regime
+from softdyn.derive.symbols import R, eta, h
+from softdyn.derive.typeset import symbol_latex
+from softdyn.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
 
 Array = NDArray[np.float64]
-#: Corners of a polygon in log10(h/R), log10(kappa).
-Corners = list[tuple[float, float]]
 Interval = tuple[float, float]
 
 DPI = 150
@@ -105,9 +104,8 @@ def mathtext(expr: Expr) -> str:
 
 
 def _names(expr: Expr) -> dict[Symbol, str]:
-    """The paper's names, and words upright, so that they do not read as products."""
-    names = {symbol: LATEX_NAMES.get(symbol.name, latex(symbol)) for symbol in expr.free_symbols}
-    return {s: rf"\mathrm{{{name}}}" if name.isalpha() and len(name) > 1 else name for s, name in names.items()}
+    """The paper's names; but F as a size, positive, is plain F."""
+    return {s: "F" if s == force else symbol_latex(s.name) for s in expr.free_symbols}
 
 
 def _plain(text: str) -> str:
@@ -183,37 +181,7 @@ def product_text(expr: Expr) -> str:
 # ----------------------------------------------------------------------------------------------- the phase diagram
 
 
-def regime_corners(regime: Regime, xlim: Interval, ylim: Interval) -> Corners:
-    """Polygon of a regime within a window of log10(h/R) and log10(kappa).
-
-    Each ratio of lengths, a product of powers, is below 1 on one side of a straight line of the logarithms.
-    """
-    corners = [(xlim[0], ylim[0]), (xlim[1], ylim[0]), (xlim[1], ylim[1]), (xlim[0], ylim[1])]
-    for ratio in regime.ratios:
-        corners = _clip(corners, *_log_line(ratio))
-    return corners
-
-
-@cache
-def _log_line(form: Expr) -> tuple[float, float, float]:
-    """Coefficients c, p, q of log10(form) = c + p log10(x) + q log10(kappa)."""
-    return math.log10(float(prefactor(form))), float(exponent(form)), float(exponent(form, kappa))
-
-
-def _clip(corners: Corners, c: float, p: float, q: float) -> Corners:
-    """Part of a convex polygon where c + p X + q Y <= 0 (Sutherland & Hodgman)."""
-    kept: Corners = []
-    for (X0, Y0), (X1, Y1) in zip(corners, corners[1:] + corners[:1], strict=True):
-        s0, s1 = c + p * X0 + q * Y0, c + p * X1 + q * Y1
-        if s0 <= 0:
-            kept.append((X0, Y0))
-        if s0 * s1 < 0:
-            t = s0 / (s0 - s1)
-            kept.append((X0 + t * (X1 - X0), Y0 + t * (Y1 - Y0)))
-    return kept
-
-
-def centre(corners: Corners) -> tuple[float, float]:
+def centre(corners: Array) -> tuple[float, float]:
     """Centroid of a polygon."""
     X, Y = np.array(corners).T
     cross = X * np.roll(Y, -1) - np.roll(X, -1) * Y
@@ -224,21 +192,32 @@ def centre(corners: Corners) -> tuple[float, float]:
     )
 
 
-def model_edge(lines: Sequence[Crossover]) -> Expr:
+def model_edge(diagram: Diagram) -> Expr:
     """The value of kappa at which delta = R in the leading forms, kappa*; 1 if that is not one value."""
-    edges = {line.line.rhs for line in lines if not line.second and line.line.lhs == kappa}
-    return edges.pop() if len(edges) == 1 and not next(iter(edges)).free_symbols else S.One
+    inside = {regime.name: regime for regime in diagram.regimes if regime.inside and regime.side == "compression"}
+    edges = {regime.edge for regime in inside.values() if regime.edge is not None}
+    edges |= {
+        crossover.line.rhs
+        for crossover in diagram.crossovers
+        if crossover.side == "compression"
+        and crossover.line.lhs == force
+        and (crossover.first in inside) != (crossover.second in inside)
+    }
+    unit = force_unit(diagram.law)
+    values = {(edge / unit).simplify() for edge in edges}
+    return values.pop() if len(values) == 1 and not next(iter(values)).free_symbols else S.One
 
 
 # ------------------------------------------------------------------------------------------------------- figure 3
 
 
-def figure3(law: ContactLaw, table: Mapping[str, NDArray]) -> Figure:
+def figure3(diagram: Diagram, table: Mapping[str, NDArray]) -> Figure:
     """Figure 3: the regimes of a law, and the simulations that pass through them.
 
     Parameters
     ----------
-    law : ContactLaw
+    diagram : Diagram
+        The regimes discovered of a law whose only parameters are R, E and eta.
     table : mapping from str to array of shape (forces, gaps)
         As of :class:`softdyn.reproduce.Study`: ``h/R``, ``kappa``, ``delta/R``, ``dh_dt``, ``lambda1``, ``lambda2``,
         in units R = E = eta = 1.
@@ -249,12 +228,12 @@ def figure3(law: ContactLaw, table: Mapping[str, NDArray]) -> Figure:
         (a) leading forms, (b) crossovers, (c) deflection, (d) its exponent, (e) gap rate, (f) its exponent.
     """
     figure = Figure(figsize=(1600 / DPI, 1900 / DPI))
-    found, lines = regimes(law), crossovers(law)
+    found = [regime for regime in diagram.regimes if regime.inside and regime.side == "compression"]
     grid = figure.add_gridspec(
         3, 20, height_ratios=(0.62, 1, 1), left=0.012, right=0.988, top=0.975, bottom=0.012, hspace=0.1, wspace=0
     )
-    draw_table(figure.add_subplot(grid[0, :12]), law, found)
-    draw_phases(figure.add_subplot(grid[0, 13:]), found, lines, table)
+    draw_table(figure.add_subplot(grid[0, :12]), diagram, found)
+    draw_phases(figure.add_subplot(grid[0, 13:]), diagram, found, table)
     rate = -table["dh_dt"] / table["kappa"]  # V = F/(eta R) is kappa in these units
     panels = (
         ("(c) deflection", r"$\log_{10}\,\delta/R$; dotted: limits", np.log10(table["delta/R"]), "delta", True),
@@ -270,7 +249,7 @@ def figure3(law: ContactLaw, table: Mapping[str, NDArray]) -> Figure:
     )
     for i, (title, label, values, quantity, is_log) in enumerate(panels):
         axes = figure.add_subplot(grid[1 + i // 2, 10 * (i % 2) : 10 * (i % 2) + 10], projection="3d")
-        draw_over_phases(axes, f"{title}: {label}", values, quantity, is_log, found, lines, table)
+        draw_over_phases(axes, f"{title}: {label}", values, quantity, is_log, diagram, found, table)
     return figure
 
 
@@ -281,13 +260,12 @@ def force_colour(force: float, table: Mapping[str, NDArray]) -> Any:
     return FORCES(low + (high - low) * float(scale(math.log10(force))))
 
 
-def draw_table(axes: Axes, law: ContactLaw, found: Sequence[Regime]) -> None:
-    """Panel (a): the limits that the law claims, with their exact prefactors."""
+def draw_table(axes: Axes, diagram: Diagram, found: Sequence[Regime]) -> None:
+    """Panel (a): the leading forms of each regime, with their exact prefactors."""
     axes.set_axis_off()
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_title("(a) limits of the law")
-    claims = {limit.name: limit.claims for limit in law.limits}
-    unit = model_edge(crossovers(law))
+    unit, edge = force_unit(diagram.law), model_edge(diagram)
     names = ("condition", "$a$", r"$\zeta$", r"$\delta/R$", r"$-\dot{h}/V$", r"$\lambda_1$", r"$\lambda_2$")
     centres = (0.225, 0.37, 0.49, 0.635, 0.81, 0.93, 0.98)
     height = 0.88 / (len(found) + 0.6)
@@ -301,30 +279,30 @@ def draw_table(axes: Axes, law: ContactLaw, found: Sequence[Regime]) -> None:
         ))  # fmt: skip
         axes.text(0.012, y, regime.name, ha="left", va="center", weight="bold", fontsize=9.5)
         cells = (
-            " \\ll ".join(mathtext(length) for length in regime.order),
-            product_text(claims[regime.name]["a"]) if "a" in claims[regime.name] else "",
-            product_text(claims[regime.name]["zeta"]) if "zeta" in claims[regime.name] else "",
-            scaled_text(regime.delta, unit),
-            scaled_text(regime.dh_dt, unit),
-            latex(exponent(regime.delta), fold_short_frac=True),
-            latex(exponent(regime.dh_dt), fold_short_frac=True),
+            " \\ll ".join(mathtext(length) for length in ordering(regime) or ()),
+            product_text(regime.forms["a"].state),
+            product_text(regime.forms["zeta"].state),
+            scaled_text(regime.delta / R, unit, edge),
+            scaled_text(-regime.dh_dt * eta * R / force, unit, edge),
+            latex(regime.lambda1, fold_short_frac=True),
+            latex(regime.lambda2, fold_short_frac=True),
         )
         for cell, at in zip(cells, centres, strict=True):
             if cell:
                 axes.text(at, y, f"${cell}$", ha="center", va="center", fontsize=10)
     note = r"$\kappa = F/(E R^2),\;\; V = F/(\eta R)$"
-    if unit != 1:
-        note += rf"$,\;\; \kappa_\ast = {latex(unit)}$, where $\delta = R$"
+    if edge != 1:
+        note += rf"$,\;\; \kappa_\ast = {latex(edge)}$, where $\delta = R$"
     axes.text(0.012, 0.04, note, ha="left", va="center", fontsize=9.5)
 
 
-def scaled_text(form: Expr, unit: Expr) -> str:
-    """Mathtext of a leading form in h/R and kappa over its value at the edge of the model."""
-    power = exponent(form, kappa)
-    number = (prefactor(form) * unit**power).simplify()
-    force = r"\kappa" if unit == 1 else r"\kappa/\kappa_\ast"
+def scaled_text(form: Expr, unit: Expr, edge: Expr) -> str:
+    """Mathtext of a dimensionless form in h/R and kappa = F/unit over its value at the edge of the model."""
+    number, gap_power, power = monomial(form, unit)
+    number = (number * edge**power).simplify()
+    kappa = r"\kappa" if edge == 1 else r"\kappa/\kappa_\ast"
     parts = [latex(number).replace(r"\frac", r"\dfrac")] if number != 1 else []
-    parts += [_quotient_power(base, to) for base, to in ((force, power), ("h/R", exponent(form))) if to != 0]
+    parts += [_quotient_power(base, to) for base, to in ((kappa, power), ("h/R", gap_power)) if to != 0]
     return r"\,".join(parts) or "1"
 
 
@@ -332,24 +310,33 @@ def _quotient_power(base: str, power: Expr) -> str:
     return base if power == 1 else _power_text(rf"({base})" if "/" in base else base, power)
 
 
-def draw_phases(axes: Axes, found: Sequence[Regime], lines: Sequence[Crossover], table: Mapping[str, NDArray]) -> None:
+def window(diagram: Diagram, xlim: Interval, ylim: Interval) -> Plane:
+    """Return the plane of a law, seen through a window of log10(h/R) and log10(kappa)."""
+    values = parameter_values(diagram.law)
+    return Plane(diagram.law, values, float(force_unit(diagram.law).subs(values)), xlim, ylim)
+
+
+def draw_phases(axes: Axes, diagram: Diagram, found: Sequence[Regime], table: Mapping[str, NDArray]) -> None:
     """Panel (b): where each regime is, and the way of each run through them, from the right to the left."""
     X, Y = np.log10(table["h/R"]), np.log10(table["kappa"])
     xlim, ylim = (float(X.min()), float(X.max())), (float(Y.min()) - 0.4, 0.4)
+    plane = window(diagram, xlim, ylim)
     axes.set(xlim=xlim, ylim=ylim)
     axes.set_title("(b) crossovers")
     axes.set_xlabel(r"$\log_{10}\, h/R$", labelpad=1)
     axes.set_ylabel(r"$\log_{10}\, \kappa$", labelpad=1)
     axes.tick_params(length=2.5)
     for regime, colour in zip(found, COLOURS, strict=False):
-        corners = regime_corners(regime, xlim, ylim)
-        axes.add_patch(Polygon(corners, facecolor=colour, alpha=0.35, edgecolor="none"))
-        axes.text(
-            *centre(corners), regime.name, ha="center", va="center", weight="bold", fontsize=10, path_effects=HALO
-        )
-    for line in lines:
-        draw_crossover(axes, line, found, model_edge(lines), xlim, ylim)
-    edge = model_edge(lines)
+        for corners in region(regime, plane):
+            axes.add_patch(Polygon(corners, facecolor=colour, alpha=0.35, edgecolor="none"))
+            axes.text(
+                *centre(corners), regime.name, ha="center", va="center", weight="bold", fontsize=10, path_effects=HALO
+            )
+    edge = model_edge(diagram)
+    for crossover, x_line, y_line in boundaries(diagram, "compression", plane):
+        axes.plot(x_line, y_line, color=INK, lw=1.3, zorder=2)
+        if crossover is not None:
+            label_line(axes, x_line, y_line, crossover_text(crossover, force_unit(diagram.law), edge))
     outside = r"outside the model: $\delta > R$" + (r", $\kappa > \kappa_\ast$" if edge != 1 else "")
     axes.text(sum(xlim) / 2, (math.log10(edge) + ylim[1]) / 2, outside, ha="center", va="center")
     for x_run, y_run in zip(X, Y, strict=True):
@@ -357,48 +344,23 @@ def draw_phases(axes: Axes, found: Sequence[Regime], lines: Sequence[Crossover],
         axes.plot(x_run, y_run, color=colour, lw=0.8, marker="<", ms=3.2, markevery=(10, 20), zorder=1.5)
 
 
-def draw_crossover(
-    axes: Axes, line: Crossover, found: Sequence[Regime], unit: Expr, xlim: Interval, ylim: Interval
-) -> None:
-    """Boundary between two regimes, with its formula along it."""
-    X, Y = crossover_points(line, found, xlim, ylim)
-    axes.plot(X, Y, color=INK, lw=1.3, zorder=2)
-    if len(X) < 2 or not line.second:
-        return
+def label_line(axes: Axes, X: Array, Y: Array, text: str) -> None:
+    """Set a formula along a straight line."""
     along = np.array([X[-1] - X[0], Y[-1] - Y[0]])
     across = np.array([-along[1], along[0]]) / np.hypot(*along)
     axes.text(
-        X[0] + 0.3 * along[0] + 0.1 * across[0], Y[0] + 0.3 * along[1] + 0.1 * across[1],
-        f"${crossover_text(line, unit)}$",
+        X[0] + 0.3 * along[0] + 0.1 * across[0], Y[0] + 0.3 * along[1] + 0.1 * across[1], f"${text}$",
         rotation=math.degrees(math.atan2(along[1], along[0])), rotation_mode="anchor", transform_rotates_text=True,
         ha="center", va="bottom", zorder=3, path_effects=HALO, fontsize=9.5,
     )  # fmt: skip
 
 
-def crossover_points(line: Crossover, found: Sequence[Regime], xlim: Interval, ylim: Interval) -> tuple[Array, Array]:
-    """Where a crossover bounds its regimes: log10(h/R) and log10(kappa) within a window."""
-    if line.line.lhs == x:
-        Y = np.linspace(*ylim, 601)
-        X = np.full(Y.shape, math.log10(float(line.line.rhs)))
-    else:
-        X = np.linspace(*xlim, 601)
-        c, p, _ = _log_line(line.line.rhs)
-        Y = c + p * X
-    sides = [
-        _log_line(ratio) for regime in found if regime.name in (line.first, line.second) for ratio in regime.ratios
-    ]
-    bounds = (ylim[0] <= Y) & (ylim[1] >= Y)
-    for c, p, q in sides:
-        bounds &= c + p * X + q * Y <= 1e-9
-    return X[bounds], Y[bounds]
-
-
-def crossover_text(line: Crossover, unit: Expr) -> str:
+def crossover_text(crossover: Crossover, unit: Expr, edge: Expr) -> str:
     """Mathtext of a crossover, as h = R or kappa = kappa* (h/R)^power."""
-    if line.line.lhs == x:
-        return f"h = {product_text(line.line.rhs * R)}"
-    parts = [] if unit == 1 else [r"\kappa_\ast"]
-    form = scaled_text((line.line.rhs / unit).simplify(), S.One)
+    if crossover.line.lhs == h:
+        return f"h = {product_text(crossover.line.rhs)}"
+    parts = [] if edge == 1 else [r"\kappa_\ast"]
+    form = scaled_text((crossover.line.rhs / unit / edge).simplify(), unit, S.One)
     return r"\kappa = " + r"\,".join([*parts, *([form] if form != "1" else [])])
 
 
@@ -408,8 +370,8 @@ def draw_over_phases(
     values: Array,
     quantity: str,
     is_log: bool,
+    diagram: Diagram,
     found: Sequence[Regime],
-    lines: Sequence[Crossover],
     table: Mapping[str, NDArray],
 ) -> None:
     """Panels (c) to (f): one quantity along each run, above the phase diagram.
@@ -418,13 +380,15 @@ def draw_over_phases(
     """
     X, Y = np.log10(table["h/R"]), np.log10(table["kappa"])
     xlim, ylim = (float(X.min()), float(X.max())), (float(Y.min()), 0.0)
-    expected = sorted({exponent(getattr(regime, quantity)) for regime in found}, key=float)
+    plane = window(diagram, xlim, ylim)
+    exponents = {regime.lambda1 if quantity == "delta" else regime.lambda2 for regime in found}
+    expected: list[Expr] = sorted((value for value in exponents if value is not None), key=float)
     low, high = float(values.min()), float(values.max())
     if not is_log:
         low, high = min(low, float(expected[0])), max(high, float(expected[-1]))
     floor = low - 0.35 * (high - low)
     axes.computed_zorder = False
-    draw_floor(axes, floor, found, lines, xlim, ylim)
+    draw_floor(axes, floor, diagram, found, plane)
     # the farthest first: the view is from small kappa
     for x_run, y_run, z_run in list(zip(X, Y, values, strict=True))[::-1]:
         colour = force_colour(10 ** float(y_run[0]), table)
@@ -432,7 +396,9 @@ def draw_over_phases(
         axes.plot(x_run, y_run, z_run, color=colour, lw=1.3, zorder=4, clip_on=False)
         if is_log:
             for regime in found:
-                draw_leading_form(axes, getattr(regime, quantity), regime, x_run, y_run)
+                # the rate is shown over V = F/(eta R)
+                form = regime.delta / R if quantity == "delta" else regime.dh_dt * eta * R / force
+                draw_leading_form(axes, form, regime, plane, x_run, y_run)
     axes.set(xlim=xlim, ylim=ylim, zlim=(floor, high))
     axes.text2D(0.03, 0.97, title, transform=axes.transAxes, ha="left", va="top", fontsize=10)
     axes.set_xlabel(r"$\log_{10}\, h/R$", labelpad=-4)
@@ -450,31 +416,25 @@ def draw_over_phases(
     axes.set_box_aspect((1.3, 1, 0.85), zoom=1.2)
 
 
-def draw_floor(
-    axes: Axes3D, z: float, found: Sequence[Regime], lines: Sequence[Crossover], xlim: Interval, ylim: Interval
-) -> None:
+def draw_floor(axes: Axes3D, z: float, diagram: Diagram, found: Sequence[Regime], plane: Plane) -> None:
     """Replot the phase diagram at the height z."""
     for regime, colour in zip(found, COLOURS, strict=False):
-        corners = regime_corners(regime, xlim, ylim)
-        flat = [[(px, py, z) for px, py in corners]]
-        axes.add_collection3d(
-            Poly3DCollection(flat, facecolors=colour, alpha=0.35, edgecolors="none", zorder=1, clip_on=False)
-        )
-        axes.text(*centre(corners), z, regime.name, ha="center", va="center", fontsize=7.5, zorder=6, path_effects=HALO)
-    for line in lines:
-        px, py = crossover_points(line, found, xlim, ylim)
+        for corners in region(regime, plane):
+            flat = [[(px, py, z) for px, py in corners]]
+            axes.add_collection3d(
+                Poly3DCollection(flat, facecolors=colour, alpha=0.35, edgecolors="none", zorder=1, clip_on=False)
+            )
+            at = centre(corners)
+            axes.text(*at, z, regime.name, ha="center", va="center", fontsize=7.5, zorder=6, path_effects=HALO)
+    for _, px, py in boundaries(diagram, "compression", plane):
         axes.plot(px, py, z, color=INK, lw=1, zorder=2, clip_on=False)
 
 
-def draw_leading_form(axes: Axes3D, form: Expr, regime: Regime, X: Array, Y: Array) -> None:
+def draw_leading_form(axes: Axes3D, form: Expr, regime: Regime, plane: Plane, X: Array, Y: Array) -> None:
     """Leading form of a quantity along one run, where it is inside the regime."""
-    inside = np.ones(len(X), dtype=bool)
-    for c, p, q in map(_log_line, regime.ratios):
-        inside &= c + p * X + q * Y <= 0
-    c, p, q = _log_line(form)
-    axes.plot(
-        X[inside], Y[inside], (c + p * X + q * Y)[inside], color=INK, lw=0.7, ls=(0, (1, 1.5)), zorder=5, clip_on=False
-    )
+    inside = holds(regime, plane, X, Y)
+    Z = logarithm(form, plane)(X, Y)
+    axes.plot(X[inside], Y[inside], Z[inside], color=INK, lw=0.7, ls=(0, (1, 1.5)), zorder=5, clip_on=False)
 
 
 # ------------------------------------------------------------------------------------------------------- figure 4
@@ -492,18 +452,18 @@ def figure4(law: ContactLaw) -> Figure:
     axes.set_axis_off()
     generic, derived = generic_dynamics(), partials(law)
     arguments = {"a": "(h, \\delta)", "F_ela": "(a, \\delta)", "zeta": "(a, h)", "F_adh": "(a, h)"}
-    declared = [formula(LATEX_NAMES.get(name, name) + arguments[name], expr) for name, expr in expressions(law).items()]
+    declared = [formula(symbol_latex(name) + arguments[name], expr) for name, expr in expressions(law).items()]
     # left: what is declared, and what follows from it, once
     box(axes, (12, 265, 400, 228), f"declared: the law {law.name}", declared, LAW_COLOUR)
-    consequences = [formula(LATEX_NAMES[symbol.name], derived[symbol]) for symbol in (a_h, a_delta, F_a, F_delta)]
+    consequences = [formula(symbol_latex(symbol.name), derived[symbol]) for symbol in (a_h, a_delta, F_a, F_delta)]
     consequences += [formula("C", generic.stiffness.together()), formula("D", generic.friction)]
     box(axes, (12, 12, 400, 208), "derived from eqs. 1 and 2", consequences, DERIVED_COLOUR, columns=2)
     # right: what is done at each step, and with its results
     balance = [r"F_\mathrm{ela}(a(h, \delta), \delta) = F_\mathrm{ext}\;\Rightarrow\;\delta"]
     steps = r"\dfrac{d\,\ln h}{dt} = \dfrac{\dot{h}}{h}\,,\quad t \to t + \Delta t"
-    gap_lines = [formula(LATEX_NAMES["dh_dt"], generic.dh_dt)]
+    gap_lines = [formula(symbol_latex("dh_dt"), generic.dh_dt)]
     geometry = dict(generic.steps)["geometry"].rhs
-    centre_lines = [formula("X", geometry), formula(LATEX_NAMES["dX_dt"], generic.dX_dt)]
+    centre_lines = [formula("X", geometry), formula(symbol_latex("dX_dt"), generic.dX_dt)]
     outputs = [r"t,\; h,\; \delta,\; X,\; \dot{h},\; \dot{X},\; \lambda_1,\; \lambda_2"]
     left, width = 486, 232
     box(axes, (left, 459, width, 34), "given", [r"F_\mathrm{ext}(t),\; h(0)"], OUTPUT_COLOUR, beside=True)

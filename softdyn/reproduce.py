@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,10 +23,14 @@ from tqdm import tqdm
 from softdyn import figures
 from softdyn.api import simulate
 from softdyn.derive.dynamics import generic_dynamics, law_quantities
+from softdyn.derive.forms import force as F
+from softdyn.derive.forms import force_unit
 from softdyn.derive.laws.rognon_gay import law as LAW
 from softdyn.derive.limits import Finding, check_limits
-from softdyn.derive.regimes import Regime, exponent, kappa, prefactor, regimes, x
+from softdyn.derive.regimes import Diagram, Regime, discover
+from softdyn.derive.symbols import E, R, eta, h
 from softdyn.errors import SceneError
+from softdyn.plane import length_ratios, monomial
 from softdyn.results import PairResult, written_whole
 
 if TYPE_CHECKING:
@@ -97,7 +102,7 @@ class Comparison:
 
 
 def reproduce(folder: str | Path = DEFAULT_FOLDER, target: str = "auto", progress: bool = True) -> int:
-    """Re-derive the paper's law, prove its limits, simulate it, and draw the paper's figures 3 and 4.
+    """Re-derive the paper's law, prove its limits, find its regimes, simulate it, and draw its figures 3 and 4.
 
     Parameters
     ----------
@@ -148,6 +153,17 @@ def derive() -> list[Finding]:
     return check_limits(LAW)
 
 
+@cache
+def diagram() -> Diagram:
+    """Return the regimes of the paper's law."""
+    return discover(LAW)
+
+
+def regimes() -> list[Regime]:
+    """Those in compression, within the model."""
+    return [regime for regime in diagram().regimes if regime.inside and regime.side == "compression"]
+
+
 def derivation_lines(findings: Sequence[Finding]) -> Iterator[str]:
     """Summary of the derivation."""
     yield f"{LAW.name}: {LAW.source}"
@@ -190,7 +206,7 @@ def _approach(force: float, target: str, method: str) -> PairResult:
 
 
 def _row(result: PairResult, exact: PairResult, force: float) -> dict[str, NDArray]:
-    names = np.array([regime.name for regime in regimes(LAW)])
+    names = np.array([regime.name for regime in regimes()])
     deviation = np.abs(result.t - exact.t)
     return {
         "kappa": np.full(len(GAPS), force),
@@ -204,34 +220,35 @@ def _row(result: PairResult, exact: PairResult, force: float) -> dict[str, NDArr
         "dh_dt": result.dh_dt,
         "lambda1": result.lambda1,
         "lambda2": result.lambda2,
-        "regime": names[np.argmax([depth(regime, result.h, force) for regime in regimes(LAW)], axis=0)],
+        "regime": names[np.argmax([depth(regime, result.h, force) for regime in regimes()], axis=0)],
     }
 
 
 def depth(regime: Regime, gap: Array, force: Array | float) -> Array:
     """How far inside a regime each point lies: decades to its nearest crossover, as ratios of lengths; < 0 outside."""
-    ratios = [lambdify((x, kappa), ratio)(gap, force) for ratio in regime.ratios]
+    # R = E = 1
+    ratios = [lambdify((h, F), ratio.subs({R: 1, E: 1}))(gap, force) for ratio in length_ratios(regime)]
     return np.min([-np.log10(np.broadcast_to(ratio, np.shape(gap))) for ratio in ratios], axis=0)
 
 
 def compare(study: Study) -> list[Comparison]:
     """Leading forms, expected, against the simulated values at the deepest point of each regime."""
     table, found = study.table, []
-    for regime in regimes(LAW):
+    for regime in regimes():
         at = np.unravel_index(np.argmax(depth(regime, table["h/R"], table["kappa"])), table["h/R"].shape)
         gap, force = float(table["h/R"][at]), float(table["kappa"][at])
         values = {
-            "delta/R": (regime.delta, table["delta/R"][at], table["lambda1"][at]),
+            "delta/R": (regime.delta / R, table["delta/R"][at], table["lambda1"][at]),
             # V = F/(eta R) is kappa in these units
-            "-dh/dt / V": (regime.dh_dt, -table["dh_dt"][at] / force, table["lambda2"][at]),
+            "-dh/dt / V": (-regime.dh_dt * eta * R / F, -table["dh_dt"][at] / force, table["lambda2"][at]),
         }
         for quantity, (form, value, slope) in values.items():
-            power, slope_expected = float(exponent(form, kappa)), float(exponent(form))
+            prefactor, slope_expected, power = map(float, monomial(form, force_unit(LAW)))
             powers = force**power * gap**slope_expected
             found.append(
                 Comparison(
                     regime.name, quantity, gap, force,
-                    slope_expected, float(slope), float(prefactor(form)), float(value / powers),
+                    slope_expected, float(slope), prefactor, float(value / powers),
                 )
             )  # fmt: skip
     return found
@@ -275,7 +292,7 @@ def _write(folder: Path, study: Study) -> None:
     with written_whole(folder / "figure3.csv") as temporary:
         temporary.write_text("\n".join(csv_lines(study.table)) + "\n", encoding="utf-8")
     with figures.paper_style():
-        drawn: dict[str, Figure] = {"figure3": figures.figure3(LAW, study.table), "figure4": figures.figure4(LAW)}
+        drawn: dict[str, Figure] = {"figure3": figures.figure3(diagram(), study.table), "figure4": figures.figure4(LAW)}
         for name, figure in drawn.items():
             figures.save(figure, folder / f"{name}.png")
             figures.save(figure, folder / f"{name}.svg")

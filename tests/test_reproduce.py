@@ -6,7 +6,7 @@ import contextlib
 import csv
 import errno
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -26,10 +26,11 @@ from sympy import Eq, Rational, exp, simplify, sqrt
 
 from softdyn import figures, reproduce
 from softdyn.derive import ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.forms import force
 from softdyn.derive.laws.rognon_gay import law
 from softdyn.derive.limits import check_limits
-from softdyn.derive.regimes import crossovers, kappa, regimes, x
 from softdyn.errors import SceneError
+from softdyn.plane import boundaries, edge_points, region
 from softdyn.targets import c
 
 TARGET = "c" if c.available() else "numba"
@@ -99,7 +100,10 @@ def test_the_same_numbers_give_the_same_bytes(
     outcome: tuple[Path, int, str], table: dict[str, NDArray], tmp_path: Path
 ) -> None:
     with figures.paper_style():
-        for name, figure in (("figure3", figures.figure3(law, table)), ("figure4", figures.figure4(law))):
+        for name, figure in (
+            ("figure3", figures.figure3(reproduce.diagram(), table)),
+            ("figure4", figures.figure4(law)),
+        ):
             for ending in (".png", ".svg"):
                 figures.save(figure, tmp_path / (name + ending))
                 assert (tmp_path / (name + ending)).read_bytes() == (outcome[0] / (name + ending)).read_bytes()
@@ -303,57 +307,75 @@ def test_a_full_disk_is_an_error_that_leaves_no_half_file(
 # ---------------------------------------------------------------------------------------------------- the regimes
 
 
+def lines_within_the_model() -> dict[tuple[str, str], Eq]:
+    """Crossovers in compression by their regimes; with an empty second name, where a regime ends at delta = R."""
+    inside = {regime.name: regime for regime in reproduce.regimes()}
+    lines = {
+        (crossover.first, crossover.second if crossover.second in inside else ""): crossover.line
+        for crossover in reproduce.diagram().crossovers
+        if crossover.side == "compression" and crossover.first in inside
+    }
+    # beyond its edge, Hertz has a neighbour outside the model
+    lines.pop(("Hertz", ""))
+    ends = {(name, ""): Eq(force, regime.edge) for name, regime in inside.items() if regime.edge is not None}
+    return lines | ends
+
+
 def test_boundaries_are_the_closed_forms() -> None:
-    lines = {(line.first, line.second): line.line for line in crossovers(law)}
+    lines = lines_within_the_model()
     assert set(lines) == {("Stokes", "Poiseuille"), ("Poiseuille", "Hertz"), ("Stokes", ""), ("Hertz", "")}
-    assert lines["Stokes", "Poiseuille"] == Eq(x, 1)
-    k = 9 * kappa / (4 * sqrt(2))
+    assert lines["Stokes", "Poiseuille"] == Eq(h, R)
+    k = 9 * force / (4 * sqrt(2) * E * R**2)
     curve = lines["Poiseuille", "Hertz"]
-    assert curve.lhs == kappa
-    assert simplify(k.subs(kappa, curve.rhs) - x ** Rational(3, 2)) == 0
+    assert curve.lhs == force
+    assert simplify(k.subs(force, curve.rhs) - (h / R) ** Rational(3, 2)) == 0
     for edge in (lines["Stokes", ""], lines["Hertz", ""]):
-        assert edge.lhs == kappa
-        assert simplify(k.subs(kappa, edge.rhs) - 1) == 0
+        assert edge.lhs == force
+        assert simplify(k.subs(force, edge.rhs) - 1) == 0
 
 
 def test_on_a_boundary_both_leading_forms_agree() -> None:
-    forms = {regime.name: regime for regime in regimes(law)}
-    for line in crossovers(law):
-        if line.second:
-            one, other = forms[line.first], forms[line.second]
+    forms = {regime.name: regime for regime in reproduce.regimes()}
+    for (first, second), line in lines_within_the_model().items():
+        if second:
             for quantity in ("delta", "dh_dt"):
-                difference = getattr(one, quantity) - getattr(other, quantity)
-                assert simplify(difference.subs(line.line.lhs, line.line.rhs)) == 0
+                difference = getattr(forms[first], quantity) - getattr(forms[second], quantity)
+                assert simplify(difference.subs(line.lhs, line.rhs)) == 0
 
 
-def area(corners: Sequence[tuple[float, float]]) -> float:
-    X, Y = np.array(corners).T
+def area(corners: NDArray) -> float:
+    X, Y = corners.T
     return abs(float(np.dot(X, np.roll(Y, -1)) - np.dot(Y, np.roll(X, -1)))) / 2
 
 
 def test_regions_fill_the_model_without_overlap() -> None:
-    xlim, ylim = (-4.0, 2.0), (-6.5, 0.5)
-    regions = {regime.name: figures.regime_corners(regime, xlim, ylim) for regime in regimes(law)}
+    plane = figures.window(reproduce.diagram(), (-4.0, 2.0), (-6.5, 0.5))
+    regions = {regime.name: region(regime, plane) for regime in reproduce.regimes()}
+    areas = {name: area(corners) for name, (corners,) in regions.items()}
     edge = np.log10(EDGE)
-    assert area(regions["Stokes"]) == pytest.approx(2 * (edge + 6.5))
+    assert areas["Stokes"] == pytest.approx(2 * (edge + 6.5))
     # Hertz: above the line of slope 3/2 that ends in (0, edge)
-    assert area(regions["Hertz"]) == pytest.approx(4 * 6 / 2)
-    assert sum(map(area, regions.values())) == pytest.approx(6 * (edge + 6.5))
+    assert areas["Hertz"] == pytest.approx(4 * 6 / 2)
+    assert sum(areas.values()) == pytest.approx(6 * (edge + 6.5))
 
 
 def test_boundaries_are_drawn_where_they_bound() -> None:
-    xlim, ylim = (-4.0, 2.0), (-6.5, 0.5)
+    plane = figures.window(reproduce.diagram(), (-4.0, 2.0), (-6.5, 0.5))
     edge = np.log10(EDGE)
-    for line in crossovers(law):
-        X, Y = figures.crossover_points(line, regimes(law), xlim, ylim)
+    sides = {
+        "Stokes": lambda X, Y: np.abs(X) + np.maximum(Y - edge, 0),
+        "Poiseuille": lambda X, Y: np.abs(Y - edge - 1.5 * X) + np.maximum(X, 0),
+        "": lambda X, Y: np.abs(Y - edge),
+    }
+    found = list(boundaries(reproduce.diagram(), "compression", plane))
+    assert sorted(crossover.first if crossover else "" for crossover, *_ in found) == ["", "", "Poiseuille", "Stokes"]
+    for crossover, X, Y in found:
         assert len(X) > 100
-        sides = {
-            ("Stokes", "Poiseuille"): np.abs(X) + np.maximum(Y - edge, 0),
-            ("Poiseuille", "Hertz"): np.abs(Y - edge - 1.5 * X) + np.maximum(X, 0),
-            ("Stokes", ""): np.abs(Y - edge) + np.maximum(-X, 0),
-            ("Hertz", ""): np.abs(Y - edge) + np.maximum(X, 0),
-        }
-        assert np.max(sides[line.first, line.second]) < 1e-8
+        assert np.max(sides[crossover.first if crossover else ""](X, Y)) < 1e-8
+    # the edge of the model, from one end of the window to the other
+    edges = np.concatenate([X for crossover, X, _ in found if crossover is None])
+    assert (edges.min(), edges.max()) == (-4, 2)
+    assert sum(len(edge_points(regime, plane)[0]) > 0 for regime in reproduce.regimes()) == 1
 
 
 # ---------------------------------------------------------------------------------------------------- the drawings
@@ -403,13 +425,13 @@ def test_figure_4_shows_the_laws_own_expressions() -> None:
     with figures.paper_style():
         shown = [text for text, _ in visible_texts(figures.figure4(law))]
     assert r"$F_\mathrm{ela}(a, \delta) = \dfrac{4\,E\,a\,\delta}{9}$" in shown
-    assert r"$C = \dfrac{F_a\,a_\delta + F_\delta}{2}$" in shown
-    assert r"$D = \dfrac{C\,\zeta}{C + F_a\,a_h}$" in shown
+    assert r"$C = \dfrac{F_{a}\,a_{\delta} + F_{\delta}}{2}$" in shown
+    assert r"$D = \dfrac{C\,\zeta}{C + F_{a}\,a_{h}}$" in shown
 
 
 def test_the_flat_panels_of_figure_3_are_tidy(table: dict[str, NDArray]) -> None:
     with figures.paper_style():
-        figure = figures.figure3(law, table)
+        figure = figures.figure3(reproduce.diagram(), table)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         for axes in figure.axes[:2]:
@@ -423,7 +445,7 @@ def test_the_flat_panels_of_figure_3_are_tidy(table: dict[str, NDArray]) -> None
 
 def test_the_curves_of_figure_3_are_the_simulated_ones(table: dict[str, NDArray]) -> None:
     with figures.paper_style():
-        figure = figures.figure3(law, table)
+        figure = figures.figure3(reproduce.diagram(), table)
     values = {
         2: np.log10(table["delta/R"]),
         3: table["lambda1"],
