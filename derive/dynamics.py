@@ -76,6 +76,11 @@ class GenericDynamics:
     lambda2: Expr
     jacobians: dict[str, Matrix]
 
+    def _repr_latex_(self) -> str:
+        from softdyn.derive.typeset import generic_latex
+
+        return generic_latex(self)
+
 
 @cache
 def generic_dynamics() -> GenericDynamics:

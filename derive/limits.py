@@ -90,6 +90,15 @@ class Finding:
     certificate: tuple[tuple[float, float], ...] = ()
 
 
+class Findings(list[Finding]):
+    """Verdicts on all that a law claims; a notebook shows them as a table."""
+
+    def _repr_html_(self) -> str:
+        from softdyn.derive.typeset import findings_html
+
+        return findings_html(self)
+
+
 @dataclass(frozen=True)
 class Piece:
     """What was found in one cone."""
@@ -124,7 +133,7 @@ def side_of(limit: Limit) -> int:
     return -1 if any((-x).has(delta, F) and x.could_extract_minus_sign() for x in lengths) else 1
 
 
-def check_limits(law: ContactLaw, patience: float = PATIENCE) -> list[Finding]:
+def check_limits(law: ContactLaw, patience: float = PATIENCE) -> Findings:
     """Prove or disprove every limit that a law claims.
 
     Parameters
@@ -134,11 +143,11 @@ def check_limits(law: ContactLaw, patience: float = PATIENCE) -> list[Finding]:
         Seconds after which what is not yet decided is left undecided.
     """
     deadline = monotonic() + patience
-    return [
+    return Findings(
         _check_claim(law, limit, quantity, claimed, deadline)
         for limit in law.limits
         for quantity, claimed in limit.claims.items()
-    ]
+    )
 
 
 def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> Finding:

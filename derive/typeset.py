@@ -1,22 +1,38 @@
-"""A derivation as text, LaTeX or plain data: first for any law, in the paper's symbols, then for one law."""
+"""Formulas as LaTeX, and a derivation as text, LaTeX or plain data.
+
+Formulas are LaTeX that MathJax, amsmath and matplotlib's mathtext all understand: factors and terms in the customary
+order, roots joined, names of several letters upright. What a law, its derivation, the verdicts on its limits and its
+regimes show of themselves in a notebook is made here too.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from math import lcm
 from typing import TYPE_CHECKING
 
-from sympy import Eq, Expr, Matrix, Symbol, latex, sstr
+from sympy import Abs, Add, Eq, Expr, Matrix, Mul, Pow, Rational, S, Symbol, exp, factorrat, sstr
+from sympy.printing.conventions import split_super_sub
+from sympy.printing.latex import LatexPrinter, greek_letters_set
 
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, law_jacobians, law_quantities, partials
+from softdyn.derive.forms import V, as_product, force, force_unit, kappa
+from softdyn.derive.forms import x as gap_ratio
 from softdyn.derive.law import expressions
+from softdyn.derive.symbols import R, eta, h
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
+    from softdyn.derive.limits import Finding
+    from softdyn.derive.regimes import Diagram
 
 #: How the names of the code are typeset.
 LATEX_NAMES = {
     "delta": r"\delta",
+    "zeta": r"\zeta",
     "F": r"F_\mathrm{ext}",
     "F_ela": r"F_\mathrm{ela}",
     "F_adh": r"F_\mathrm{adh}",
@@ -26,31 +42,335 @@ LATEX_NAMES = {
     "dX_dt": r"\dot{X}",
     "lambda1": r"\lambda_1",
     "lambda2": r"\lambda_2",
-    "zeta": r"\zeta",
+    "F_adh_a": r"F_{\mathrm{adh},a}",
+    "F_adh_h": r"F_{\mathrm{adh},h}",
     "a_h": r"a_h",
     "a_delta": r"a_\delta",
     "F_a": r"F_a",
     "F_delta": r"F_\delta",
     "zeta_a": r"\zeta_a",
     "zeta_h": r"\zeta_h",
-    "F_adh_a": r"F_{\mathrm{adh},a}",
-    "F_adh_h": r"F_{\mathrm{adh},h}",
     "a_hh": r"a_{hh}",
     "a_hdelta": r"a_{h\delta}",
     "a_deltadelta": r"a_{\delta\delta}",
     "F_aa": r"F_{aa}",
     "F_adelta": r"F_{a\delta}",
     "F_deltadelta": r"F_{\delta\delta}",
+    "net": r"F_\mathrm{ext} - F_\mathrm{adh}",
+    # what Python leaves of lambda
+    "lam": r"\lambda",
+    "lamda": r"\lambda",
 }
+
+#: The order in which factors and terms are written; "" stands for all other names.
+RANK = {name: i for i, name in enumerate("pi|eta|E||kappa|dF_dt|F|V|R|a|h|delta|X|dh_dt|ddelta_dt".split("|"))}
 
 #: (name or description, expression or equation)
 Line = tuple[str, Expr | Eq | Matrix]
 
+#: Quantities that are rates, and are written in V = F/(eta R).
+RATES = ("dh_dt", "dX_dt")
 
-def derivation(law: ContactLaw) -> dict[str, list[Line]]:
+
+# ----------------------------------------------------------------------------------------------------------- formulas
+
+
+def symbol_latex(name: str) -> str:
+    """Typeset a name of the code: Greek as Greek, words upright, what follows "_" or a trailing number below."""
+    if name in LATEX_NAMES:
+        return LATEX_NAMES[name]
+    base, above, below = split_super_sub(name)
+    if above:  # "__": nobody means it
+        base, below = name, []
+    text = _word(base)
+    return text + (rf"_{{{','.join(map(_word, below))}}}" if below else "")
+
+
+def _word(name: str) -> str:
+    if name in greek_letters_set:
+        return rf"\{name}"
+    if len(name) == 1 or name.isdigit():
+        return name
+    return r"\mathrm{" + re.sub(r"([_%$#&{}])", r"\\\1", name) + "}"
+
+
+def to_latex(expr: Expr | Eq | Matrix, names: Mapping[str, str] | None = None) -> str:
+    """LaTeX of an expression in the paper's notation; ``names`` says how some are typeset here."""
+    return _Printer(names or {}).doprint(expr)
+
+
+class _Printer(LatexPrinter):
+    """sympy's, with factors and terms in the customary order, and roots joined."""
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        super().__init__({"fold_short_frac": False, "ln_notation": True})
+        self.names = names
+
+    def _print_Symbol(self, symbol: Symbol, style: str = "plain") -> str:
+        # positive F is a size, real F the external force
+        own = {"F": "F"} if symbol == force else {}
+        return {**own, **self.names}.get(symbol.name) or symbol_latex(symbol.name)
+
+    def _print_Rational(self, number: Rational) -> str:
+        sign = "-" if number < 0 else ""
+        return f"{sign}{abs(number.p)}" if number.q == 1 else rf"{sign}\frac{{{abs(number.p)}}}{{{number.q}}}"
+
+    def _print_Abs(self, expr: Abs, power: str | None = None) -> str:
+        (inner,) = expr.args
+        text = self._print(inner)
+        bars = f"|{text}|" if inner.is_Symbol else rf"\left|{text}\right|"
+        return bars if power is None else f"{bars}^{{{power}}}"
+
+    def _print_sign(self, expr: Expr, power: str | None = None) -> str:
+        text = rf"\mathrm{{sign}}\left({self._print(expr.args[0])}\right)"
+        return text if power is None else f"{_bracketed(text)}^{{{power}}}"
+
+    def _print_ExpBase(self, expr: Expr, power: str | None = None) -> str:
+        text = self._print(expr.args[0])
+        if len(text) > 40:
+            text = rf"\exp\left({text}\right)"
+            return text if power is None else rf"\left[{text}\right]^{{{power}}}"
+        return f"e^{{{_small(text)}}}" if power is None else rf"\left(e^{{{_small(text)}}}\right)^{{{power}}}"
+
+    def _print_Add(self, expr: Add, order: object = None) -> str:
+        content, whole = expr.primitive()
+        if content.q > 1 and all(abs(term.as_coeff_Mul()[0]) == content for term in expr.args):
+            return self._product((content, whole))
+        terms = sorted(expr.args, key=_rank)
+        first = next((term for term in terms if not _negative(term)), terms[0])
+        terms = [first, *(term for term in terms if term is not first)]
+        text = ""
+        for term in terms:
+            sign = " - " if _negative(term) else " + "
+            inner = self._print(-term if _negative(term) else term)
+            text += (sign if text else sign.strip(" +")) + inner
+        return text
+
+    def _print_Mul(self, expr: Mul) -> str:
+        return self._product(Mul.make_args(expr))
+
+    def _print_Pow(self, expr: Pow) -> str:
+        base, power = expr.as_base_exp()
+        if power.is_Rational and (power < 0 or power.q > 1):
+            return self._product((expr,))
+        return f"{self._base(base)}^{{{_small(self._print(power))}}}"
+
+    def _product(self, factors: Sequence[Expr]) -> str:
+        """A number times powers: a fraction if some are negative, with one square root above and one below."""
+        number, rest = S.One, []
+        for factor in factors:
+            if factor.is_Rational:
+                number *= factor
+            else:
+                rest.append(factor)
+        radicals, rest = _radicals(rest)
+        index = lcm(*(power.q for _, power in radicals))
+        radicand = Mul(*(base ** (power * index) for base, power in radicals))
+        sides: tuple[list[tuple[Expr, Expr]], ...] = ([], [])
+        roots: tuple[list[Expr], ...] = ([], [])
+        for factor in rest:
+            base, power = (factor, S.One) if isinstance(factor, exp) else factor.as_base_exp()
+            if not power.is_Rational:
+                base, power = factor, S.One
+            if abs(power) == S.Half:
+                roots[power.is_negative].append(base)
+            else:
+                sides[power.is_negative].append((base, abs(power)))
+        if index == 2 and roots[0]:
+            roots[0].append(radicand)
+            radicand, index = S.One, 1
+        top = [] if abs(number.p) == 1 else [str(abs(number.p))]
+        if radicand != 1:
+            top.append((r"\sqrt" if index == 2 else rf"\sqrt[{index}]") + f"{{{self._print(radicand)}}}")
+        bottom = [] if number.q == 1 else [str(number.q)]
+        texts = []
+        for side, parts, under in zip((top, bottom), sides, roots, strict=True):
+            ordered = sorted(parts, key=lambda part: _rank(part[0]))
+            alone = not side and not under and len(ordered) == 1 and ordered[0][1] == 1
+            written = [self._print(ordered[0][0])] if alone else [self._power(base, power) for base, power in ordered]
+            if under:
+                written.append(rf"\sqrt{{{self._product(under) if len(under) > 1 else self._print(under[0])}}}")
+            # a lone sum over or under a bar needs no brackets
+            texts.append((_join([*side, *written]), alone and ordered[0][0].is_Add))
+        (above, sum_above), (below, _) = texts
+        sign = "-" if number < 0 else ""
+        if below:
+            return rf"{sign}\frac{{{above or '1'}}}{{{below}}}"
+        return sign + (_bracketed(above) if sum_above and sign else above or "1")
+
+    def _power(self, base: Expr, power: Expr) -> str:
+        if power == 1:
+            return _bracketed(self._print(base)) if base.is_Add else self._print(base)
+        return f"{self._base(base)}^{{{_small(self._print(power))}}}"
+
+    def _base(self, base: Expr) -> str:
+        text = self._print(base)
+        simple = (base.is_Symbol or base.is_Integer) and not text.startswith((r"\frac", r"\dot")) and "-" not in text
+        return text if simple or isinstance(base, Abs) else _bracketed(text)
+
+
+def _bracketed(text: str) -> str:
+    return rf"\left({text}\right)"
+
+
+def _small(text: str) -> str:
+    """Fractions of an exponent on the line."""
+    text = re.sub(r"^- ", "-", text)
+    plain = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", lambda m: f"{_closed(m[1])}/{_closed(m[2])}", text)
+    return text if r"\frac" in plain else plain
+
+
+def _closed(text: str) -> str:
+    return text if re.fullmatch(r"-?(\\?\w+)", text) else f"({text})"
+
+
+#: What does not stand close to the factor before it.
+WIDE = re.compile(r"\\(mathrm|operatorname|frac|sqrt|exp|ln|[a-z]*(sin|cos|tan)h?\b)")
+
+
+def _join(parts: Sequence[str]) -> str:
+    """Factors side by side, with a space where two would read as one."""
+    text = ""
+    for part in parts:
+        wide = WIDE.match(part) or (text.endswith("}") and not part.startswith(r"\left("))
+        text += (r"\," if wide and text else " " if text else "") + part
+    return text
+
+
+def _negative(term: Expr) -> bool:
+    return bool(term.as_coeff_Mul()[0].is_negative)
+
+
+def _rank(expr: Expr) -> tuple[bool, bool, list[tuple[int, str]], str]:
+    """Numbers, then symbols, then sums and functions; each by the symbols in it."""
+    symbols = sorted((RANK.get(symbol.name, RANK[""]), symbol.name) for symbol in expr.free_symbols)
+    return not expr.is_number, not (expr.is_Symbol or expr.is_number or expr.is_Mul or expr.is_Pow), symbols, sstr(expr)
+
+
+def _radicals(factors: Iterable[Expr]) -> tuple[list[tuple[Expr, Rational]], list[Expr]]:
+    """Roots of whole numbers, as (number, power), and the other factors."""
+    roots, others = [], []
+    for factor in factors:
+        base, power = factor.as_base_exp()
+        if base.is_Integer and base > 0 and power.is_Rational and power > 0:
+            roots.append((base, power))
+        else:
+            others.append(factor)
+    return roots, others
+
+
+def form_latex(form: Expr, law: ContactLaw, rate: bool = False, balance: Expr | None = None) -> str:
+    r"""LaTeX of a leading form, as :math:`(\frac{9\sqrt{2}}{8} \kappa)^{2/3} R`.
+
+    Parameters
+    ----------
+    form : Expr
+        In h, \|F\| and the parameters.
+    law : ContactLaw
+    rate : bool
+        Whether it is a rate, written in V = F/(eta R).
+    balance : Expr or None
+        Leading form of F in h and delta: its number stands by kappa, where that leaves a simpler one outside.
+    """
+    unit = force_unit(law)
+    product = as_product(form, unit)
+    if product is None:
+        return to_latex(form)
+    if rate and product.powers.keys() & unit.free_symbols - {R}:
+        product = as_product(form, unit, rate=True) or product
+    powers = dict(product.powers)
+    k, p = powers.get(kappa, S.Zero), powers.pop(gap_ratio, S.Zero)
+    alone = V not in powers and not (form.has(force) and form.has(*unit.free_symbols - {R}))
+    if alone and (powers.keys() - {kappa} or form.has(force)):
+        return to_latex(form)  # neither kappa nor h/R are to the point
+    number, after = product.number, []
+    if k and not k.is_Integer:
+        inside = _number_by_force(number, powers.pop(kappa), balance)
+        number = _collected(number / inside**k)
+        after.append(_raised(to_latex(inside * kappa), k, inside != 1))
+    if abs(p) == 1:
+        powers[h], powers[R] = p, powers.get(R, S.Zero) - p
+    elif p:
+        text = r"\frac{h}{R}" if p > 0 else r"\frac{R}{h}"
+        after.append(rf"\sqrt{{{text}}}" if abs(p) == S.Half else _raised(text, abs(p), closed=True))
+    before = to_latex(Mul(number, *(symbol**power for symbol, power in powers.items())))
+    if not after:
+        return before
+    return _join([*({"1": [], "-1": ["-"]}.get(before, [before])), *after])
+
+
+def _raised(text: str, power: Expr, closed: bool) -> str:
+    if power == 1:
+        return text
+    return f"{_bracketed(text) if closed else text}^{{{_small(to_latex(power))}}}"
+
+
+def _number_by_force(number: Expr, power: Expr, balance: Expr | None) -> Expr:
+    """A number c such that number = c^power times something with no roots but square ones."""
+    known = [] if balance is None else [1 / balance.subs(dict.fromkeys(balance.free_symbols, 1))]
+    algebraic = abs(number.as_independent(S.Pi)[0])
+    for inside in (*known, _collected(algebraic ** (1 / power))):
+        roots = _radicals([*Mul.make_args(inside), *Mul.make_args(_collected(number / inside**power))])[0]
+        if all(root.q <= 2 for _, root in roots) and not (inside.is_Add or _collected(inside).has(Add)):
+            return inside
+    return S.One
+
+
+def _collected(number: Expr) -> Expr:
+    """A product of roots of whole numbers, each prime once."""
+    primes: dict[Expr, Expr] = {}
+    others = []
+    for factor in Mul.make_args(number):
+        base, power = factor.as_base_exp()
+        if not (base.is_Rational and base > 0 and power.is_Rational):
+            others.append(factor)
+            continue
+        for prime, times in factorrat(base).items():
+            primes[S(prime)] = primes.get(S(prime), S.Zero) + times * power
+    return Mul(*others, *(prime**power for prime, power in primes.items()))
+
+
+def condition_latex(small: Expr, large: Expr, law: ContactLaw) -> str:
+    """One inequality between sizes, h, F or kappa first."""
+    first, other, relation = (small, large, r"\ll") if small in (force, h) else (large, small, r"\gg")
+    left, right = line_latex(first, other, law)
+    return f"{left} {relation} {right}"
+
+
+def line_latex(left: Expr, right: Expr, law: ContactLaw) -> tuple[str, str]:
+    """Two sides of a relation between forces, or between lengths: in kappa and h/R, if the law's unit is in it."""
+    unit = force_unit(law)
+    if left == force and right.free_symbols & unit.free_symbols - {R}:
+        return r"\kappa", form_latex(right / unit, law)
+    return to_latex(left), to_latex(right)
+
+
+def correction_latex(corrections: Sequence[Expr], resolved: bool, law: ContactLaw, balance: Expr | None = None) -> str:
+    """The factor 1 + next terms of a leading form."""
+    text = "1"
+    for term in corrections:
+        written = form_latex(term, law, balance=balance)
+        text += f" - {written[1:].lstrip()}" if written.startswith("-") else f" + {written}"
+    return text if resolved else text + r" + \ldots"
+
+
+# --------------------------------------------------------------------------------------------------------- derivation
+
+
+class Derivation(dict[str, list[Line]]):
+    """Sections of a law's derivation, in reading order; a notebook shows them typeset."""
+
+    def _repr_html_(self) -> str:
+        return "".join(
+            f"<p><b>{escape(title)}</b></p>$$\\begin{{aligned}} {escape(_aligned(lines))} \\end{{aligned}}$$"
+            for title, lines in self.items()
+        )
+
+
+def derivation(law: ContactLaw) -> Derivation:
     """Sections of a law's derivation, in reading order."""
     generic = generic_dynamics()
-    return {
+    return Derivation({
         "declared": list(expressions(law).items()),
         "any law": [*generic.steps, *_generic_results(generic)],
         "Jacobians of any law, d(rates)/d(state)": list(generic.jacobians.items()),
@@ -59,7 +379,7 @@ def derivation(law: ContactLaw) -> dict[str, list[Line]]:
             *(item for item in law_quantities(law).items() if item[0] not in expressions(law)),
         ],
         "Jacobians of this law, d(rates)/d(state)": list(law_jacobians(law).items()),
-    }
+    })  # fmt: skip
 
 
 def _generic_results(generic: GenericDynamics) -> list[Line]:
@@ -112,15 +432,9 @@ def as_latex(law: ContactLaw) -> str:
 def name_latex(name: str) -> str:
     """Typeset the name of a quantity; a state such as "ln h, delta" too."""
     words = name.split(" ")
-    return " ".join(
-        {"ln": r"\ln"}.get(w, LATEX_NAMES.get(w, w)) if len(words) < 4 else rf"\text{{{w} }}" for w in words
-    )
-
-
-def to_latex(expr: Expr | Eq | Matrix) -> str:
-    """LaTeX of an expression in the paper's notation."""
-    names = {symbol: LATEX_NAMES[symbol.name] for symbol in expr.free_symbols if symbol.name in LATEX_NAMES}
-    return latex(expr, symbol_names=names)
+    if len(words) > 3:
+        return rf"\text{{{name}}}"
+    return " ".join({"ln": r"\ln"}.get(w, symbol_latex(w.rstrip(",")) + "," * w.endswith(",")) for w in words)
 
 
 def as_json(law: ContactLaw) -> str:
@@ -138,10 +452,103 @@ def as_json(law: ContactLaw) -> str:
     return json.dumps({**about, **sections}, indent=2) + "\n"
 
 
+FORMATS = {"text": as_text, "latex": as_latex, "json": as_json}
+
+
+# ------------------------------------------------------------------------------------------------------ for notebooks
+
+
 def declaration_latex(law: ContactLaw) -> str:
     """Return the four expressions, as a notebook shows a law."""
-    rows = [f"{name_latex(name)} &= {to_latex(expr)}" for name, expr in expressions(law).items()]
-    return r"$\displaystyle \begin{aligned} " + r" \\ ".join(rows) + r" \end{aligned}$"
+    return _display(list(expressions(law).items()))
 
 
-FORMATS = {"text": as_text, "latex": as_latex, "json": as_json}
+def generic_latex(generic: GenericDynamics) -> str:
+    """Return what follows for any law, step by step, as a notebook shows it."""
+    return _display([*generic.steps, *_generic_results(generic)])
+
+
+def _display(lines: Sequence[Line]) -> str:
+    return rf"$\displaystyle \begin{{aligned}} {_aligned(lines)} \end{{aligned}}$"
+
+
+def _aligned(lines: Sequence[Line]) -> str:
+    rows = []
+    for name, value in lines:
+        if isinstance(value, Eq):
+            rows.append(rf"{to_latex(value.lhs)} &= {to_latex(value.rhs)} && \text{{{name}}}")
+        elif isinstance(value, Matrix):
+            rows.append(rf"J_{{({name_latex(name)})}} &= {to_latex(value)}")
+        else:
+            rows.append(f"{name_latex(name)} &= {to_latex(value)}")
+    return r" \\ ".join(rows)
+
+
+def findings_html(findings: Sequence[Finding]) -> str:
+    """Table of verdicts on claims, with LaTeX between dollars, as a notebook shows it."""
+    rows = [
+        [
+            _words(finding.limit),
+            _words(finding.ordering),
+            _math(rf"{name_latex(finding.quantity)} \simeq {to_latex(finding.claimed)}"),
+            finding.verdict,
+            "" if finding.ratio is None else _math(to_latex(finding.ratio)),
+            _words("" if finding.verdict == "proved" else finding.reason),
+        ]
+        for finding in findings
+    ]
+    return _table(["limit", "ordering", "claim", "verdict", "found/claimed", "reason"], rows)
+
+
+#: Quantities of a regime that an overview shows.
+OVERVIEW = ("a", "zeta", "delta", "dh_dt")
+
+
+def diagram_html(diagram: Diagram) -> str:
+    """Tables of regimes and of crossovers, with LaTeX between dollars, as a notebook shows them."""
+    law, deflection = diagram.law, symbol_latex("delta")
+    outside = f"{deflection} > R"
+    regimes, lines = [], []
+    for regime in diagram.regimes:
+        forms = [
+            _math(form_latex(regime.forms[name].leading, law, name in RATES, regime.balance))
+            if name in regime.forms
+            else _words(regime.undecided.get(name, ""))
+            for name in OVERVIEW
+        ]
+        regimes.append([
+            regime.side,
+            _words(regime.name) + ("" if regime.inside else f" (outside the model: {_math(outside)})"),
+            ", ".join(_math(condition_latex(c.small, c.large, law)) for c in regime.conditions),
+            *forms,
+            *("" if exponent is None else _math(to_latex(exponent)) for exponent in (regime.lambda1, regime.lambda2)),
+        ])  # fmt: skip
+    for crossover in diagram.crossovers:
+        line = " = ".join(line_latex(crossover.line.lhs, crossover.line.rhs, law))
+        lines.append([crossover.side, _words(crossover.first), _words(crossover.second), _math(line)])
+    units = rf"\kappa = {to_latex(force / force_unit(law))},\; V = {to_latex(force / (eta * R))}"
+    conservative = {True: "U_h = 0", False: r"U_h \neq 0", None: ""}[diagram.conservative]
+    heads = [_math(name_latex(name)) for name in (*OVERVIEW, "lambda1", "lambda2")]
+    return (
+        f"<p>{_words(law.name)}: {_math(units)}; {_math('F')} and {_math(deflection)} stand for their sizes. "
+        f"{_math(conservative)}</p>"
+        + _table(["side", "regime", "where", *heads], regimes)
+        + (_table(["side", "between", "and", "crossover"], lines) if lines else "")
+    )
+
+
+def _math(text: str) -> str:
+    return f"${escape(text)}$" if text else ""
+
+
+def _words(text: str) -> str:
+    """What somebody wrote: neither markup nor a formula."""
+    return f'<span class="tex2jax_ignore mathjax_ignore">{escape(text)}</span>' if text else ""
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def line(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f'<{tag} style="text-align: left">{cell}</{tag}>' for cell in cells) + "</tr>"
+
+    body = "".join(line(row, "td") for row in rows)
+    return f"<table><thead>{line(heads, 'th')}</thead><tbody>{body}</tbody></table>"
