@@ -13,7 +13,7 @@ power; they stay in the coefficients, as sums of log(symbol).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from time import monotonic
 
@@ -126,6 +126,8 @@ class Scale:
         Terms kept in a series.
     deadline : float
         Of :func:`time.monotonic`.
+    imaginary : bool
+        Whether the root of something negative is taken, and not refused.
     """
 
     size: int
@@ -133,10 +135,11 @@ class Scale:
     orders: Mapping[Symbol, Order]
     kept: int = KEPT
     deadline: float = float("inf")
+    imaginary: bool = False
 
     def knowing(self, symbol: Symbol, series: Series) -> Scale:
         """The same, with one symbol more."""
-        return Scale(self.size, {**self.known, symbol: series}, self.orders, self.kept, self.deadline)
+        return replace(self, known={**self.known, symbol: series})
 
 
 def scale_of(
@@ -211,7 +214,7 @@ def expand(expr: Expr, scale: Scale) -> Series:
     if expr.is_Symbol:
         return scale.known.get(expr, Series({zero(scale): expr}))
     if not expr.free_symbols & scale.known.keys():
-        return Series({zero(scale): expr} if expr != 0 else {})
+        return Series({} if is_zero(expr) else {zero(scale): expr})
     if isinstance(expr, Add):
         return _cut(added(expand(term, scale) for term in expr.args), scale.kept)
     if isinstance(expr, Mul):
@@ -278,18 +281,22 @@ def is_zero(coefficient: Expr) -> bool:
     size = sum(abs(_at_sample(term, own)) for term in Add.make_args(coefficient))
     if abs(_at_sample(coefficient, own)) > size * Rational(1, 10**20):
         return False
-    for attempt in (multiplied_out, _radicals, simplify):
-        if attempt is simplify and coefficient.count_ops() > MOST_OPERATIONS:
-            break
-        if attempt(coefficient) == 0:
-            return True
+    if is_small(coefficient) and any(attempt(coefficient) == 0 for attempt in (multiplied_out, _radicals, simplify)):
+        return True
     raise UndecidedError(f"whether {coefficient} vanishes is not known")
+
+
+def is_small(expr: Expr) -> bool:
+    """Whether rewriting an expression comes to an end soon."""
+    powers = (abs(power.exp) for power in expr.atoms(Pow) if power.exp.is_Rational and power.base.has(Add))
+    return expr.count_ops() <= MOST_OPERATIONS and max((max(p.p, p.q) for p in powers), default=0) <= MOST_OPERATIONS
 
 
 def _at_sample(coefficient: Expr, own: list[Symbol]) -> Expr:
     """Value at positive numbers that satisfy no simple relation."""
     values = {symbol: Rational(17 + 12 * i, 13 + 7 * i) for i, symbol in enumerate(own)}
-    value = coefficient.subs(values).evalf(40)
+    # not by subs: an exact number to a high power may have no end of digits
+    value = coefficient.evalf(40, subs=values)
     if not value.is_number or not value.is_finite:
         raise UndecidedError(f"{coefficient} has no value")
     return value
@@ -352,7 +359,7 @@ def _compose(small: Series, coefficients: Iterable[Expr], scale: Scale) -> Serie
     """Sum of coefficients[k] * small**k, for a series that vanishes with the ratios."""
     total, power = Series(), Series({zero(scale): S.One})
     for coefficient in coefficients:
-        if coefficient != 0:
+        if not is_zero(coefficient):
             total = _cut(added([total, scaled(power, coefficient)]), scale.kept)
         power = multiplied(power, small, scale.kept)
         rest = [*power.terms, *power.remainder]
@@ -365,8 +372,10 @@ def _compose(small: Series, coefficients: Iterable[Expr], scale: Scale) -> Serie
 def raised(base: Series, power: Rational, what: object, scale: Scale) -> Series:
     """Power of a series."""
     dominant, coefficient = leading(base, what)
-    if not power.is_integer and sign_of(coefficient, what, scale) < 0:
+    if not power.is_integer and not scale.imaginary and sign_of(coefficient, what, scale) < 0:
         raise UndecidedError(f"{what} is negative under a root")
+    if power.is_negative:
+        require_definite(coefficient, what, scale)
     exponent = Fraction(power.p, power.q)
     factor = Series({tuple(exponent * x for x in dominant): coefficient**power})
     if len(base.terms) == 1 and not base.remainder:
@@ -384,7 +393,7 @@ def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
         If it is not known.
     """
     candidates: list[Callable[[], Expr]] = [lambda: coefficient, lambda: large_logarithms(coefficient, scale)]
-    if coefficient.count_ops() <= MOST_OPERATIONS:
+    if is_small(coefficient):
         candidates.append(lambda: simplify(coefficient))
     for candidate in candidates:
         value = candidate()
@@ -395,14 +404,28 @@ def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
     raise UndecidedError(f"the sign of {what} is not known: its leading coefficient is {coefficient}")
 
 
+def require_definite(coefficient: Expr, what: object, scale: Scale) -> None:
+    """See that a coefficient vanishes nowhere, as a difference of logarithms, or of equally large terms, may.
+
+    Raises
+    ------
+    UndecidedError
+        If that is not known.
+    """
+    for factor in Mul.make_args(coefficient):
+        base, _ = factor.as_base_exp()
+        if not base.is_Symbol and base.free_symbols & scale.orders.keys():
+            sign_of(base, what, scale)
+
+
 def in_large_logarithms(coefficient: Expr, scale: Scale) -> tuple[Expr, list[Symbol]]:
     """Write the logarithms of a coefficient in L_i = log(1/r_i), which are large and positive; returns these too."""
     large = [Dummy(f"L_{i}", positive=True) for i in range(scale.size)]
     spread = expand_log(coefficient)
     values = {
-        log(symbol): log(symbol) * S(not any(order))
-        - sum((Rational(x.numerator, x.denominator) * L for x, L in zip(order, large, strict=True)), start=S.Zero)
+        log(symbol): -sum((exact(x) * L for x, L in zip(order, large, strict=True)), start=S.Zero)
         for symbol, order in scale.orders.items()
+        if any(order)
     }
     return spread.subs(values), large
 

@@ -70,6 +70,12 @@ def split(cone: Cone, values: Sequence[int | Fraction]) -> tuple[list[Cone], lis
     return above, below
 
 
+def facets(cones: Iterable[Cone]) -> list[Cone]:
+    """Return the facets of simplicial cones, each once: all rays but one."""
+    found = {frozenset(facet): facet for cone in cones for i in range(len(cone)) if (facet := cone[:i] + cone[i + 1 :])}
+    return list(found.values())
+
+
 def cut(cones: Iterable[Cone], normals: Iterable[Normal]) -> list[Cone]:
     """Return the part of some simplicial cones where every normal has a product that is not negative.
 

@@ -13,7 +13,7 @@ is evaluated in high precision along several scalings, down to eps = 1e-30, and 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise, product
 from time import monotonic
@@ -35,10 +35,11 @@ from softdyn.derive.asymptotics import (
     minimal,
     outgrowing,
     relative,
+    require_definite,
     scale_of,
 )
 from softdyn.derive.balance import contact_series, definitions, series_of, settle, size
-from softdyn.derive.cones import Cone, Normal, orthants
+from softdyn.derive.cones import Cone, Normal, facets, orthants
 from softdyn.derive.law import is_rigid, sample_values
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, h
 
@@ -157,8 +158,11 @@ def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, de
         cones = _region(law, limit, directions, deadline)
         if not cones:
             raise UndecidedError("no scaling has this ordering")
-        judged = settle(cones, lambda cone: _judge(law, cone, directions, side_of(limit), quantity, claimed, deadline))
-        pieces = [piece for _, piece in judged]
+        while cones:
+            judged = settle(cones, lambda cone: _judge(law, cone, directions, side_of(limit), quantity, claimed, deadline))
+            pieces += [piece for _, piece in judged]
+            # where two parts meet, terms that compete are equally large: another case
+            cones = [wall for wall in facets(cone for cone, _ in judged) if _is_inside(law, limit, directions, wall, deadline)]
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
     piece = _together(pieces)
@@ -169,8 +173,8 @@ def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, de
 
 
 def _together(pieces: Sequence[Piece]) -> Piece:
-    """One verdict on all parts of an ordering: the worst one, and how the others differ from it."""
-    worst = min(pieces, key=lambda piece: ("undecided", "disproved", "proved").index(piece.verdict))
+    """One verdict on all parts of an ordering: a claim that is wrong in one of them is wrong."""
+    worst = min(pieces, key=lambda piece: ("disproved", "undecided", "proved").index(piece.verdict))
     certificate = tuple(
         (eps, max(piece.certificate[i][1] for piece in pieces if piece.certificate))
         for i, (eps, _) in enumerate(worst.certificate)
@@ -193,23 +197,31 @@ def _axes(law: ContactLaw, limit: Limit) -> dict[Symbol, Normal]:
 
 def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], deadline: float) -> list[Cone]:
     """Cones of scalings that fill the ordering of a limit."""
+    settled = settle(orthants(len(directions)), lambda cone: _is_inside(law, limit, directions, cone, deadline))
+    return [cone for cone, inside in settled if inside]
+
+
+def _is_inside(
+    law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], cone: Cone, deadline: float
+) -> bool:
+    """Whether the scalings in a cone have the ordering of a limit.
+
+    Raises
+    ------
+    SplitError
+        If some have it, and others have not.
+    """
     side = side_of(limit)
     pairs = inequalities(limit)
-
-    def inside(cone: Cone) -> bool:
-        scale = _knowing_force(
-            law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p)
-        )
-        for small, large in pairs:
-            low, high = (leading(expand(_sized(x, side), scale), x)[0] for x in (small, large))
-            quotient = tuple(x - y for x, y in zip(low, high, strict=True))
-            if any(x < 0 for x in quotient) and any(x > 0 for x in quotient):
-                raise SplitError(quotient, f"{small} << {large}")
-            if not any(x > 0 for x in quotient):
-                return False
-        return True
-
-    return [cone for cone, holds in settle(orthants(len(directions)), inside) if holds]
+    scale = _knowing_force(law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p))
+    for small, large in pairs:
+        low, high = (leading(expand(_sized(x, side), scale), x)[0] for x in (small, large))
+        quotient = tuple(x - y for x, y in zip(low, high, strict=True))
+        if any(x < 0 for x in quotient) and any(x > 0 for x in quotient):
+            raise SplitError(quotient, f"{small} << {large}")
+        if not any(x > 0 for x in quotient):
+            return False
+    return True
 
 
 def _sized(length: Expr, side: int) -> Expr:
@@ -253,6 +265,8 @@ def _judge(
     try:
         found, claim, series = _compared(law, cone, directions, side, name, claimed, deadline)
         (order, numerator), (other, denominator) = leading(found, quantity), leading(claim, f"the claim for {quantity}")
+        require_definite(numerator / denominator, quantity, scale_of(cone, directions))
+        require_definite(denominator, f"the claim for {quantity}", scale_of(cone, directions))
     except SplitError:
         raise
     except UndecidedError as reason:
@@ -303,7 +317,8 @@ def _compared(
     known = {**scale.known, delta: deflection}
     if "F" in wanted:
         known[F] = series["F"]  # type: ignore[assignment]
-    scale = Scale(scale.size, known, scale.orders, scale.kept, deadline)
+    # a claim may well be wrong by a factor of i
+    scale = replace(scale, known=known, imaginary=True)
     if isinstance(found, Series) and not found.terms and not found.remainder:
         # smaller than any power, as exp(-h) is: the quotient with the claim may be none the less
         quotient = powsimp(getattr(law, name, S.Zero) / claimed)
@@ -342,9 +357,9 @@ def _without_logarithms(ratio: Expr, scale: Scale) -> tuple[Expr | None, bool]:
         signs = {(c.is_positive, c.is_negative) for c in lower.values()}
         if len(factors) == 1 and (len(lower) == 1 or signs in ({(True, False)}, {(False, True)})):
             return factors.pop(), True
-    if len(upper) == len(lower) == 1:
-        powers = [x - y for x, y in zip(*upper, *lower, strict=True)]
-        if all(x >= 0 for x in powers) or all(x <= 0 for x in powers):
+    # one outgrows the other
+    for small, large in ((upper, lower), (lower, upper)):
+        if all(any(m != n and all(x <= y for x, y in zip(m, n, strict=True)) for n in large) for m in small):
             return ratio, False
     return None, False
 
@@ -483,7 +498,9 @@ def _sample(law: ContactLaw, decades: Mapping[Symbol, Expr], side: int) -> dict[
     """Values of all symbols, in units R = E = eta = 1."""
     values = {symbol: mpmath.mpf(1) for symbol in COMMON_PARAMETERS}
     values.update({symbol: mpmath.mpf(value.p) / value.q for symbol, value in sample_values(law).items()})
-    values.update({symbol: mpmath.mpf(10) ** (mpmath.mpf(power.p) / power.q) for symbol, power in decades.items()})
+    for i, (symbol, power) in enumerate(decades.items()):
+        # at the same power of eps, sizes must still differ
+        values[symbol] = (mpmath.mpf(13 + 7 * i) / (17 + 12 * i)) * mpmath.mpf(10) ** (mpmath.mpf(power.p) / power.q)
     return {**values, size_of_delta: values[size], delta: side * values[size]}
 
 
