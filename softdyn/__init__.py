@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
 
 if TYPE_CHECKING:
-    from softdyn.api import load_result, read_scene, simulate
+    from softdyn.api import check, films, load_result, read_scene, regimes, simulate, write_report
     from softdyn.results import PairResult
     from softdyn.scene import Scene, Table
 
@@ -31,9 +31,13 @@ __all__ = [
     "SceneError",
     "SoftdynError",
     "Table",
+    "check",
+    "films",
     "load_result",
     "read_scene",
+    "regimes",
     "simulate",
+    "write_report",
 ]
 
 

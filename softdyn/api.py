@@ -4,14 +4,31 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from softdyn.errors import SceneError
 from softdyn.pair import Progress, simulate_pair
 from softdyn.results import PairResult, load_result
 from softdyn.scene import Scene, Table, read_scene, suggestion
 
-__all__ = ["PairResult", "Scene", "Table", "load_result", "read_scene", "simulate"]
+if TYPE_CHECKING:
+    from softdyn.derive import ContactLaw
+    from softdyn.derive.films import Films
+    from softdyn.derive.limits import Finding
+    from softdyn.derive.regimes import Diagram
+
+__all__ = [
+    "PairResult",
+    "Scene",
+    "Table",
+    "check",
+    "films",
+    "load_result",
+    "read_scene",
+    "regimes",
+    "simulate",
+    "write_report",
+]
 
 
 def simulate(
@@ -56,3 +73,95 @@ def simulate(
     if missing:
         raise SceneError(f"simulate needs {', '.join(missing)}")
     return simulate_pair(Scene(**keywords), progress)
+
+
+def check(law: ContactLaw | str | Path) -> list[Finding]:
+    """Prove or disprove the limits that a law claims.
+
+    Parameters
+    ----------
+    law : ContactLaw or str
+        Or a stock law's name, ``path/law.py``, or ``path/law.py:name``.
+
+    Returns
+    -------
+    list of Finding
+        Verdict and evidence for each claim.
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is no such law, or if it is faulty.
+    """
+    from softdyn.derive.limits import check_limits
+
+    return check_limits(_law(law))
+
+
+def regimes(law: ContactLaw | str | Path) -> Diagram:
+    """Find the asymptotic regimes of a law in the plane of gap and force, and the crossovers between them.
+
+    Parameters
+    ----------
+    law : ContactLaw or str
+
+    Returns
+    -------
+    Diagram
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is no such law, or if it is faulty.
+
+    Examples
+    --------
+    >>> import softdyn
+    >>> softdyn.regimes("rognon_gay").regime("Poiseuille").forms["zeta"].leading
+    6*pi*R**2*eta/h
+    """
+    from softdyn.derive.regimes import discover
+
+    return discover(_law(law))
+
+
+def films(law: ContactLaw | str | Path) -> Films | None:
+    """Find the equilibrium films of a law, their stability and relaxation rates; None if it has no remote force.
+
+    Parameters
+    ----------
+    law : ContactLaw or str
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is no such law, or if it is faulty.
+    """
+    from softdyn.derive.films import find_films
+
+    return find_films(regimes(law))
+
+
+def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
+    """Write all that is known of a law as one self-contained web page.
+
+    Parameters
+    ----------
+    law : ContactLaw or str
+    path : path
+        Of the page, .html.
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is no such law, if it is faulty, or if the page cannot be written.
+    """
+    from softdyn import report
+
+    report.write_report(_law(law), Path(path))
+
+
+def _law(law: ContactLaw | str | Path) -> ContactLaw:
+    from softdyn.laws import find, load
+
+    return load(find(law))[0]
