@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
-from sympy import Expr, Pow, S, Symbol, diff
+from sympy import Expr, Symbol, diff
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
@@ -50,10 +50,8 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     net = Symbol("net", real=True)
 
     def slope(variable: Symbol) -> Expr:
-        # a radius is often a square root, and simpler through its square
-        if isinstance(law.a, Pow) and law.a.exp == S.Half:
-            return diff(law.a.base, variable) / (2 * a)
-        return diff(law.a, variable)
+        # in the form that cancels least: what cancels in a sum costs terms of its series
+        return d.slope_of_radius(law, variable)
 
     dX_dt = Symbol("dX_dt", real=True)
     if is_dry(law):

@@ -175,12 +175,17 @@ def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
     return [direct, (diff(square, first, second) / 2 - slopes) / a]
 
 
+def slope_of_radius(law: ContactLaw, *variables: Symbol) -> Expr:
+    """A partial derivative of a, in (a, h, delta), in the form that cancels least."""
+    return sound(*_derivatives_of_radius(law, *variables))
+
+
 def stiffness_of(law: ContactLaw) -> Expr:
     """C = (F_a a_delta + F_delta)/2 of a law, in a, h, delta and the parameters."""
     known = {
         F_a: diff(law.F_ela, a),
         F_delta: diff(law.F_ela, delta),
-        a_delta: sound(*_derivatives_of_radius(law, delta)),
+        a_delta: slope_of_radius(law, delta),
     }
     return sound(generic_dynamics().stiffness.subs(known))
 
@@ -188,21 +193,17 @@ def stiffness_of(law: ContactLaw) -> Expr:
 @lru_cache(maxsize=32)
 def partials(law: ContactLaw) -> dict[Symbol, Expr]:
     """Return the declared expressions and their partial derivatives, in (a, h, delta), sound in floating point."""
-
-    def radius(*variables: Symbol) -> Expr:
-        return sound(*_derivatives_of_radius(law, *variables))
-
     # rigid particles have no elastic force of their own: they transmit any
     elastic = h * 0 if law.F_ela == oo else law.F_ela
     return {
         F_ela: sound(elastic),
         F_adh: sound(law.F_adh),
         zeta: sound(law.zeta),
-        a_h: radius(h),
-        a_delta: radius(delta),
-        a_hh: radius(h, h),
-        a_hdelta: radius(h, delta),
-        a_deltadelta: radius(delta, delta),
+        a_h: slope_of_radius(law, h),
+        a_delta: slope_of_radius(law, delta),
+        a_hh: slope_of_radius(law, h, h),
+        a_hdelta: slope_of_radius(law, h, delta),
+        a_deltadelta: slope_of_radius(law, delta, delta),
         F_a: sound(diff(elastic, a)),
         F_delta: sound(diff(elastic, delta)),
         F_aa: sound(diff(elastic, a, a)),
