@@ -40,6 +40,8 @@ FINE = 400
 MARGIN = 2.0
 LEAST = (-4.0, 2.0)
 MOST_DECADES = 14.0
+#: Forces that curves are drawn for, about.
+MOST_CURVES = 7
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,32 @@ def parameter_values(law: ContactLaw) -> dict[Symbol, float]:
     return {**dict.fromkeys(COMMON_PARAMETERS, 1.0), **{symbol: float(value) for symbol, value in typical.items()}}
 
 
+def sides_of(diagram: Diagram) -> tuple[Side, ...]:
+    """Sides with regimes of their own: compression alone, if tension mirrors it."""
+    return (
+        ("compression", "tension") if _seen(diagram, "compression") != _seen(diagram, "tension") else ("compression",)
+    )
+
+
+def _seen(diagram: Diagram, side: Side) -> set[Any]:
+    """What is drawn of the regimes of one side; the rate with the sign of its effect, closing or opening the gap."""
+    found = set()
+    for regime in diagram.regimes:
+        if regime.side == side:
+            rate = regime.forms["dh_dt"].leading * SIGN[side] if "dh_dt" in regime.forms else None
+            deflection = regime.forms["delta"].leading if "delta" in regime.forms else None
+            found.add((frozenset(regime.conditions), regime.inside, deflection, rate))
+    return found
+
+
+def shown_forces(diagram: Diagram, plane: Plane) -> Array:
+    """Forces, over the unit, that curves are drawn for: powers of ten within the window, below the model's edge."""
+    edges = [Y.max() for side in sides_of(diagram) for line, X, Y in boundaries(diagram, side, plane) if line is None]
+    first, last = math.ceil(plane.ylim[0] + 0.1), math.floor(max(edges, default=plane.ylim[1]) - 0.1)
+    step = max(1, math.ceil((last - first) / MOST_CURVES))
+    return 10.0 ** np.arange(last, first - 1, -step, dtype=float)[::-1]
+
+
 # -------------------------------------------------------------------------------------------------------------- forms
 
 
@@ -144,13 +172,26 @@ def _logarithm(form: Expr, values: tuple[tuple[Symbol, float], ...], unit: float
         p = sum(float(power) for base, power in factors if base == h)
         q = sum(float(power) for base, power in factors if base == force)
         return lambda X, Y: c + p * X + q * (Y + math.log10(unit))
-    function = lambdify((h, force), form.subs(known), "numpy")
+    function = _function(form, values)
 
     def of_any(X: Any, Y: Any) -> Any:
         with np.errstate(all="ignore"):
-            return np.log10(np.abs(function(10.0 ** np.asarray(X, float), unit * 10.0 ** np.asarray(Y, float))))
+            value = np.log10(np.abs(function(10.0 ** np.asarray(X, float), unit * 10.0 ** np.asarray(Y, float))))
+        return np.broadcast_to(value, np.broadcast_shapes(np.shape(X), np.shape(Y)))
 
     return of_any
+
+
+def evaluate(form: Expr, plane: Plane, X: Array, Y: Array) -> Array:
+    """Value of a form in h, F and the parameters, at points given by log10(h/R) and log10(kappa)."""
+    function = _function(form, tuple(plane.values.items()))
+    with np.errstate(all="ignore"):
+        return np.broadcast_to(function(10.0**X, plane.unit * 10.0**Y), np.broadcast(X, Y).shape).astype(float)
+
+
+@lru_cache(maxsize=1000)
+def _function(form: Expr, values: tuple[tuple[Symbol, float], ...]) -> Callable[..., Any]:
+    return lambdify((h, force), form.subs(dict(values)), "numpy")
 
 
 def ordering(regime: Regime) -> tuple[Expr, ...] | None:
