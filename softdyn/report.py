@@ -1,0 +1,553 @@
+"""All that is known of a law, as one web page to hand to a colleague.
+
+The page holds everything itself: formulas and figures are drawings within it, and it needs neither a network nor a
+script. The same law and versions give the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from base64 import b64encode
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+from markupsafe import Markup
+from sympy import Eq, Expr, S, Symbol, oo, sstr
+
+import softdyn
+from softdyn.derive.dynamics import generic_dynamics, law_quantities, partials
+from softdyn.derive.emit import emit
+from softdyn.derive.films import Films, find_films
+from softdyn.derive.forms import force, force_unit
+from softdyn.derive.kernel import kernel_ir, total_operations
+from softdyn.derive.law import dimensions_for, expressions, law_hash, parameters_of
+from softdyn.derive.limits import Finding, chains, check_limits, side_of
+from softdyn.derive.printing import KINDS
+from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
+from softdyn.derive.specialise import OUTPUTS, Needs
+from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, eta
+from softdyn.derive.typeset import (
+    RATES,
+    condition_latex,
+    correction_latex,
+    form_latex,
+    line_latex,
+    name_latex,
+    to_latex,
+)
+from softdyn.errors import SoftdynError
+from softdyn.formulas import definitions, formula, widest
+from softdyn.results import written_whole
+from softdyn.tables import same_size, twin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from softdyn.derive.law import ContactLaw, Limit
+
+#: Sets LaTeX; the second argument says it in words.
+Show = Callable[[str, object], Markup]
+
+TEMPLATES = ("page.html.j2", "style.css.j2")
+MEANINGS = {R: "radius of the particles", E: "elastic modulus", eta: "viscosity of the fluid"}
+ARGUMENTS = {"a": r"(h, \delta)", "F_ela": r"(a, \delta)", "zeta": "(a, h)", "F_adh": "(a, h)"}
+WHAT = {
+    "a": "radius of the interacting region",
+    "F_ela": "elastic force",
+    "zeta": "normal friction coefficient",
+    "F_adh": "remote force",
+    "F": "transmitted force",
+    "delta": "deflection",
+    "C": "stiffness",
+    "D": "friction of the centres",
+    "dh_dt": "rate of the gap",
+    "dX_dt": "rate of the distance",
+    "U_h": "energy's slope in the gap",
+}
+#: Width, in the font's size, of what still stands on a line of the page.
+LINE = 46.0
+
+#: Kinds of scenes, and what they need of a kernel; those of ``generated/`` first.
+SCENES: dict[str, Needs] = {
+    "approach: constant force, compression": Needs("constant", "compression", {}, ("a", "X", "dh_dt")),
+    "general: any force, as a table; every output": Needs("table", "either", {}, OUTPUTS),
+    "any force, as a table; X alone": Needs("table", "either", {}, ("X",)),
+    "force as a table, compression": Needs("table", "compression", {}, ("a", "X", "dh_dt")),
+    "pull-off: constant force, tension": Needs("constant", "tension", {}, ("a", "X", "dh_dt")),
+    "approach in units of R and eta": Needs("constant", "compression", {"R": "1", "eta": "1"}, ("a", "X", "dh_dt")),
+}
+
+
+def write_report(law: ContactLaw, path: Path) -> None:
+    """Write a page on a law: declaration, derivation, limits, regimes, figures, kernels.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    path : Path
+        The file, HTML; it is written whole, or not at all.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be written.
+    """
+    text = page(law)
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def page(law: ContactLaw) -> str:
+    """Return the page on a law."""
+    glyphs: dict[str, str] = {}
+    show = partial(_shown, glyphs)
+    findings = check_limits(law)
+    diagram = discover(law)
+    films = find_films(diagram)
+    about = {
+        "law": law,
+        "hash": law_hash(law),
+        "versions": {name: version(name) for name in ("sympy", "mpmath", "matplotlib")},
+        "softdyn": softdyn.__version__,
+        "summary": summary(findings, diagram, films),
+        "declared": [
+            {"name": WHAT[name], "formula": show(f"{name_latex(name)}{ARGUMENTS[name]} = {to_latex(expr)}", expr)}
+            for name, expr in expressions(law).items()
+        ],
+        "parameters": parameters(law, show),
+        "any_law": any_law(show),
+        "this_law": this_law(law, show),
+        "limits": [limit_entry(limit, findings, diagram, show) for limit in law.limits],
+        "figures": figures(diagram),
+        "regimes": regimes(diagram, show),
+        "units": units(law, show),
+        "energy": energy(show),
+        "conservative": diagram.conservative,
+        "films": None if films is None else film_entries(films, law, show),
+        "kernels": kernels(law),
+        "kinds": KINDS,
+    }
+    template = _environment().get_template("page.html.j2")
+    text = template.render(**about, style=_environment().get_template("style.css.j2").render())
+    return text.replace("<!-- outlines -->", definitions(glyphs), 1)
+
+
+def _environment() -> Environment:
+    folder = files("softdyn.templates").joinpath("report")
+    texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in TEMPLATES}
+    return Environment(
+        loader=DictLoader(texts), undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def _shown(glyphs: dict[str, str], latex: str, text: object) -> Markup:
+    return Markup(formula(latex, text if isinstance(text, str) else sstr(text), glyphs))
+
+
+def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) -> list[str]:
+    """What was found, in sentences."""
+    lines = []
+    counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
+    if findings:
+        parts = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+        lines.append(f"{len(findings)} claims on {len({f.limit for f in findings})} limits: {parts}.")
+    else:
+        lines.append("Its author claims no limits.")
+    pressed = [regime for regime in diagram.regimes if regime.side == "compression"]
+    inside = sum(regime.inside for regime in pressed)
+    outside = len(pressed) - inside
+    lines.append(
+        f"{inside} regime{'s' * (inside != 1)} of gap and force in compression"
+        + (f", and {outside} outside the model, where the deflection exceeds the radius." if outside else ".")
+    )
+    if diagram.conservative is not None:
+        lines.append("Conservative." if diagram.conservative else "Not conservative: its elastic energy depends on the gap.")
+    if films is not None:
+        stable = sum(branch.stable for branch in films.branches)
+        lines.append(
+            f"Equilibrium films: {stable} stable and {len(films.branches) - stable} unstable "
+            f"famil{'y' if len(films.branches) == 1 else 'ies'} at typical parameters."
+        )
+    return lines
+
+
+def parameters(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
+    """Rows of the table of parameters."""
+    rows = []
+    dimensions = dimensions_for(law)
+    for symbol in parameters_of(law):
+        bounds = law.ranges.get(symbol)
+        if bounds is not None:
+            low, high = (S(bound) for bound in bounds)
+            allowed = show(rf"{to_latex(low)} < {to_latex(symbol)} < {to_latex(high)}", f"{low} < {symbol} < {high}")
+        else:
+            allowed = Markup("positive") if symbol.is_positive else Markup("any number")
+        typical = law.typical.get(symbol)
+        rows.append({
+            "symbol": show(to_latex(symbol), symbol),
+            "meaning": MEANINGS.get(symbol, "the law's own"),
+            "dimension": str(dimensions[symbol]),
+            "allowed": allowed,
+            "typical": "" if typical is None else show(to_latex(S(typical)), typical),
+        })  # fmt: skip
+    return rows
+
+
+# --------------------------------------------------------------------------------------------------------- derivation
+
+
+def any_law(show: Show) -> list[dict[str, Any]]:
+    """Steps that lead from eqs. 1 and 2 to eqs. 7 and 9, for any law."""
+    generic = generic_dynamics()
+    steps = [
+        *generic.steps,
+        ("local exponent of the deflection, at constant force", Eq(Symbol("lambda1"), generic.lambda1)),
+        ("local exponent of the gap's rate, at constant force", Eq(Symbol("lambda2"), generic.lambda2)),
+    ]
+    return [
+        {"text": _sentence(text), "formula": show(to_latex(step), f"{sstr(step.lhs)} = {sstr(step.rhs)}")}
+        for text, step in steps
+    ]
+
+
+#: What the derivation calls its steps, as the paper numbers them.
+NUMBERED = {
+    "force balance, viscous part": "Force balance, viscous part (eq. 1)",
+    "solved for dh/dt (eq. 7)": "Solved for the rate of the gap (eq. 7)",
+    "force balance, elastic part, differentiated": "Force balance, elastic part (eq. 1), differentiated",
+    "solved for d(delta)/dt": "Solved for the rate of the deflection",
+    "geometry": "Geometry (eq. 2): distance of the centres",
+    "centre dynamics (eq. 9)": "Distance differentiated, rates inserted: centre dynamics (eq. 9)",
+}
+
+
+def _sentence(text: str) -> str:
+    return NUMBERED.get(text, text[:1].upper() + text[1:])
+
+
+def this_law(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
+    """The same for one law: partial derivatives, then what follows from them."""
+    slopes = {"a_h", "a_delta", "F_a", "F_delta"}
+    found: dict[str, Expr] = {symbol.name: expr for symbol, expr in partials(law).items() if symbol.name in slopes}
+    quantities = law_quantities(law)
+    found |= {name: quantities[name] for name in ("C", "D", "dh_dt", "dX_dt", "lambda1", "lambda2")}
+    lines = []
+    for name, expr in found.items():
+        latex = f"{name_latex(name)} = {to_latex(expr)}"
+        fits = widest(latex) <= LINE
+        lines.append({
+            "text": {**WHAT, "lambda1": "local exponent of the deflection", "lambda2": "local exponent of the rate"}.get(
+                name, "slope"
+            ),
+            "formula": show(latex, f"{name} = {sstr(expr)}") if fits else show(name_latex(name), name),
+            "long": not fits,
+        })  # fmt: skip
+    return lines
+
+
+# ------------------------------------------------------------------------------------------------------------- limits
+
+
+def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, show: Show) -> dict[str, Any]:
+    """One claimed limit and the verdicts on what it claims."""
+    law = diagram.law
+    side: Side = "compression" if side_of(limit) > 0 else "tension"
+    regime = next((r for r in diagram.regimes if r.side == side and limit.name in r.name.split(" / ")), None)
+    balance = None if regime is None else regime.balance
+    claims = []
+    for finding in findings:
+        if finding.limit != limit.name or limit.claims.get(finding.quantity) is not finding.claimed:
+            continue
+        claimed = finding.claimed.subs(F, force) if side == "compression" else finding.claimed
+        written = form_latex(claimed, law, finding.quantity in RATES, balance)
+        claims.append({
+            "quantity": WHAT.get(finding.quantity, finding.quantity),
+            "claim": show(
+                rf"{name_latex(finding.quantity)} \simeq {written}", f"{finding.quantity} ~ {sstr(finding.claimed)}"
+            ),
+            "verdict": finding.verdict,
+            "reason": finding.reason,
+            "chain": [
+                show(rf"{to_latex(whole)} \to {to_latex(term)}", f"{sstr(whole)} -> {sstr(term)}")
+                for whole, term in finding.chain
+            ],
+            "ratio": None if finding.ratio is None else ratio(finding, law, show),
+            "certificate": [(power_of_ten(eps), f"{deviation:.1e}") for eps, deviation in finding.certificate],
+        })  # fmt: skip
+    order = [r" \ll ".join(to_latex(size) for size in chain) for chain in chains(limit)]
+    words = [" << ".join(sstr(size) for size in chain) for chain in chains(limit)]
+    return {
+        "name": limit.name,
+        "order": [show(latex, text) for latex, text in zip(order, words, strict=True)],
+        "claims": claims,
+    }
+
+
+def ratio(finding: Finding, law: ContactLaw, show: Show) -> Markup:
+    """Found over claimed, and how fast it gets there."""
+    assert finding.ratio is not None
+    number = to_latex(finding.ratio)
+    latex, text = number, sstr(finding.ratio)
+    if finding.rate:
+        changes = correction_latex(finding.rate, True, law)
+        latex = changes if finding.ratio == 1 else rf"{number} \left({changes}\right)"
+        latex += r" + \ldots" if finding.ratio == 1 else ""
+        text += " times 1 + " + " + ".join(f"({sstr(term)})" for term in finding.rate)
+    return show(latex, text)
+
+
+def power_of_ten(value: float) -> str:
+    """A power of ten, as text."""
+    mantissa, exponent = f"{value:.0e}".split("e")
+    power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{power}" if mantissa == "1" else f"{mantissa}·10{power}"
+
+
+# ------------------------------------------------------------------------------------------------------------ regimes
+
+
+def units(law: ContactLaw, show: Show) -> list[Markup]:
+    """What forms are written in."""
+    unit = force_unit(law)
+    return [
+        show(rf"\kappa = {to_latex(force / unit)}", f"kappa = F/({unit})"),
+        show(rf"V = {to_latex(force / (eta * R))}", "V = F/(eta R)"),
+    ]
+
+
+def regimes(diagram: Diagram, show: Show) -> dict[str, Any]:
+    """Regimes of both sides, those in tension where they differ; crossovers and points."""
+    twins = {(r.side, r.name): twin(diagram, r) for r in diagram.regimes}
+    same = all(twins[r.side, r.name] is not None for r in diagram.regimes if r.side == "tension")
+    tension = [r for r in diagram.regimes if r.side == "tension"]
+    own = [regime_entry(r, diagram, show) for r in tension if twins[r.side, r.name] is None]
+    differing = []
+    for regime in tension:
+        other = twins[regime.side, regime.name]
+        if other is None:
+            continue
+        names = [name for name, form in regime.forms.items() if not same_size(form, other.forms[name])]
+        if names:
+            differing.append({"name": regime.name, "forms": form_rows(regime, names, diagram, show)})
+    sides: list[Side] = ["compression"] if same else ["compression", "tension"]
+    return {
+        "compression": [regime_entry(r, diagram, show) for r in diagram.regimes if r.side == "compression"],
+        "tension": own,
+        "same": same,
+        "differing": differing,
+        "crossovers": [crossover_entry(c, diagram, show) for c in diagram.crossovers if c.side in sides],
+        "points": [
+            {
+                "side": point.side,
+                "regimes": point.regimes,
+                "at": [
+                    _line(Symbol("h"), point.h, diagram.law, show),
+                    _line(force, point.force, diagram.law, show),
+                ],
+            }
+            for point in diagram.points
+            if point.side in sides
+        ],
+        "sides": sides,
+        "scales": [show(rf"{to_latex(s)} = {to_latex(S(diagram.law.typical[s]))}", s) for s in diagram.scales],
+    }
+
+
+def regime_entry(regime: Regime, diagram: Diagram, show: Show) -> dict[str, Any]:
+    """One regime: where it is, and the forms of all quantities."""
+    law = diagram.law
+    return {
+        "name": regime.name,
+        "side": regime.side,
+        "inside": regime.inside,
+        "conditions": [
+            show(condition_latex(c.small, c.large, law), f"{sstr(c.small)} << {sstr(c.large)}")
+            for c in regime.conditions
+        ],
+        "exponents": [
+            None if exponent is None else show(to_latex(exponent), exponent)
+            for exponent in (regime.lambda1, regime.lambda2)
+        ],
+        "shown": [_leading(name, regime, law, show) for name in ("delta", "dh_dt")],
+        "forms": form_rows(regime, list(regime.forms), diagram, show),
+        "undecided": [
+            {"quantity": WHAT.get(name, name), "symbol": show(name_latex(name), name), "reason": reason}
+            for name, reason in regime.undecided.items()
+        ],
+        "edge": None if regime.edge is None else _line(force, regime.edge, law, show),
+    }
+
+
+def _leading(name: str, regime: Regime, law: ContactLaw, show: Show) -> Markup | None:
+    if name not in regime.forms:
+        return None
+    leading = regime.forms[name].leading
+    return show(form_latex(leading, law, name in RATES, regime.balance), leading)
+
+
+def form_rows(regime: Regime, names: Sequence[str], diagram: Diagram, show: Show) -> list[dict[str, Any]]:
+    """Leading forms of some quantities, with the next corrections."""
+    law = diagram.law
+
+    def corrections(form: Form) -> Markup | None:
+        if not form.corrections:
+            return None
+        latex = correction_latex(form.corrections, form.resolved, law, regime.balance)
+        return show(latex, "1 + " + " + ".join(f"({sstr(term)})" for term in form.corrections))
+
+    return [
+        {
+            "quantity": WHAT[name],
+            "form": show(
+                rf"{name_latex(name)} \simeq "
+                + form_latex(regime.forms[name].leading, law, name in RATES, regime.balance),
+                f"{name} ~ {sstr(regime.forms[name].leading)}",
+            ),
+            "corrections": corrections(regime.forms[name]),
+        }
+        for name in names
+    ]
+
+
+def crossover_entry(crossover: Crossover, diagram: Diagram, show: Show) -> dict[str, Any]:
+    """One crossover: the line, and where else quantities other than its own would put it."""
+    line = crossover.line
+    return {
+        "first": crossover.first,
+        "second": crossover.second,
+        "side": crossover.side,
+        "line": _line(line.lhs, line.rhs, diagram.law, show),
+        "quantity": show(name_latex(crossover.quantity), crossover.quantity) if crossover.quantity else None,
+        "others": [
+            (show(name_latex(name), name), _line(line.lhs, rhs, diagram.law, show))
+            for name, rhs in crossover.others.items()
+        ],
+    }
+
+
+def _line(left: Expr, right: Expr, law: ContactLaw, show: Show) -> Markup:
+    return show(" = ".join(line_latex(left, right, law)), f"{left} = {sstr(right)}")
+
+
+def energy(show: Show) -> list[Markup]:
+    """The energy of a contact, and its balance."""
+    ela = to_latex(Symbol("F_ela"))
+    return [
+        show(
+            rf"U(h, \delta) = \int_0^{{\delta}} 2 {ela}(a(h, d), d)\,\mathrm{{d}}d",
+            "U(h, delta) = integral from 0 to delta of 2 F_ela(a(h, d), d) dd",
+        ),
+        show(
+            r"-\int F_\mathrm{ext}\,\mathrm{d}X = \Delta U - \int U_h\,\mathrm{d}h + \int \zeta \dot{h}^2\,\mathrm{d}t"
+            r" + \Delta W",
+            "- integral of F_ext dX = change of U - integral of U_h dh + integral of zeta (dh/dt)^2 dt + change of W",
+        ),
+        show(r"F_\mathrm{adh} = -\mathrm{d}W/\mathrm{d}h", "F_adh = -dW/dh"),
+    ]
+
+
+def film_entries(films: Films, law: ContactLaw, show: Show) -> dict[str, Any]:
+    """Equilibrium films: in closed form, between regimes, and in numbers."""
+    rate = rf"s = {to_latex(films.rate)}"
+    gap = None if films.h_eq is None else rf"h_\mathrm{{eq}} = {to_latex(films.h_eq)}"
+    return {
+        "h_eq": None if gap is None else show(gap, f"h_eq = {sstr(films.h_eq)}"),
+        "rate": show(rate, f"s = {sstr(films.rate)}"),
+        "films": [
+            {
+                "side": film.side,
+                "closing": film.closing,
+                "opening": film.opening,
+                "stable": {True: "stable", False: "unstable", None: "edge"}[film.stable],
+                "gap": None if film.h_eq is None else show(to_latex(film.h_eq), film.h_eq),
+                "rate": None if film.rate is None else show(form_latex(film.rate, law), film.rate),
+                "edge": None if film.edge is None else _line(F, film.edge, law, show),
+            }
+            for film in films.films
+        ],
+        "branches": [
+            {
+                "stable": "stable" if branch.stable else "unstable",
+                "ranges": [
+                    f"{values[0]:.3g} … {values[-1]:.3g}" for values in (branch.h, branch.force, branch.rate)
+                ],
+            }
+            for branch in films.branches
+        ],
+    }
+
+
+# ------------------------------------------------------------------------------------------------------------ figures
+
+
+def figures(diagram: Diagram) -> list[dict[str, str]]:
+    """The map of the regimes and the curves along lines of constant force, or why there is none."""
+    from softdyn import phases
+
+    names = ", ".join(dict.fromkeys(regime.name for regime in diagram.regimes if regime.side == "compression"))
+    drawn = []
+    for draw, alt in (
+        (phases.phase_diagram, f"Map of the regimes over gap and force, on logarithmic scales: {names}."),
+        (
+            phases.exponent_plots,
+            "Deflection, rate of the gap and their local exponents against the gap, at several constant forces, "
+            "with the leading forms of each regime.",
+        ),
+    ):
+        try:
+            drawn.append({"alt": alt, "source": _data_address(draw(diagram)), "reason": ""})
+        except SoftdynError as reason:
+            drawn.append({"alt": alt, "source": "", "reason": str(reason)})
+    return drawn
+
+
+def _data_address(figure: Figure) -> str:
+    """A figure as SVG within the page: in an image, its names and scripts, if any, cannot touch the page."""
+    from softdyn.figures import paper_style
+
+    buffer = io.BytesIO()
+    with paper_style():
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
+
+
+# ------------------------------------------------------------------------------------------------------------ kernels
+
+
+def kernels(law: ContactLaw) -> list[dict[str, Any]]:
+    """Kernels of a law for several kinds of scenes, with their operations and source; or why there is none."""
+    entries = []
+    for scene, needs in SCENES.items():
+        used = {symbol.name for symbol in parameters_of(law)}
+        needs = Needs(needs.drive, needs.deflection, {k: v for k, v in needs.fixed.items() if k in used}, needs.outputs)
+        try:
+            ir = kernel_ir(law, needs)
+        except SoftdynError as reason:
+            entries.append({"scene": scene, "reason": str(reason)})
+            continue
+        source = emit(ir, "c")
+        parts = {"balance": ir.balance, "gap rate": ir.gap_rate, "outputs": ir.quantities}
+        entries.append({
+            "scene": scene,
+            "reason": "",
+            "operations": {name: sum(ir.operations[part].values()) for part, name in PARTS.items()},
+            "kinds": {kind: sum(counts[kind] for counts in ir.operations.values()) for kind in KINDS},
+            "total": total_operations(ir),
+            "savings": ir.savings,
+            "outputs": ir.outputs,
+            "code": {
+                name: "\n".join(f"{left} = {right}" for left, right in code.lines) for name, code in parts.items()
+            },
+            "source": source,
+            "length": len(source.splitlines()),
+        })  # fmt: skip
+    return entries
+
+
+PARTS = {"balance": "force balance", "gap_rate": "gap rate", "quantities": "outputs"}
