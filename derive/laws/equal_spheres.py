@@ -1,0 +1,117 @@
+"""Two equal elastic spheres in a viscous fluid, with the constants of two equal spheres.
+
+The structure is that of Rognon & Gay, arXiv 0803.1573 (law ``rognon_gay``), whose friction near contact is that of a
+sphere and a plane, and whose constants are not Hertz's. Exact here, to leading order:
+
+- friction at delta = 0, by a closed fit to the series of Brenner, Chem. Eng. Sci. 16 (1961) 242, within 0.7 % for h/R
+  from 1e-4 to 1e2, with the exact leading terms on both ends: (3/2) pi eta R^2/h and 3 pi eta R;
+- elasticity at h << delta: Hertz, F = (4/3) E/(1 - nu^2) a delta with a = sqrt(R delta) (Johnson, Contact Mechanics,
+  1985, ch. 4; delta is the deflection of one sphere);
+- elasticity at delta << h << R: lubrication pressure, (1 + r^2/(R h))^-2, on two half-spaces deflects their centres
+  by (1 - nu^2) F/(2 E sqrt(R h)), which is the same expression with a = (3/2) sqrt(R h). The next term in delta/h,
+  3/8 in a^2/(R h), is that of a constant force (0.3728 by quadrature);
+- friction at h << delta << R: the film drains at its centre under Hertz's pressure, dh/dt = -h^3 F/(4 pi eta a^4),
+  which is 0.375 of the rate between parallel discs of that radius.
+
+In between, a and zeta are interpolations. The first correction of the friction, 1 + 0.80 delta/h, is that of surfaces
+held in their deflected shape (0.8035 by quadrature); at constant force, where the deflection relaxes as the gap
+closes, it is 1.51. Nothing is claimed of the elasticity beyond h ~ R, where delta/R ~ F/(E R^2) up to a constant, nor
+of tension, where only the terms of delta << h are those of spheres; D at h << delta follows from the interpolation.
+
+Valid for delta << R, which Hertz's law and half-spaces suppose, in Stokes flow, for no-slip surfaces. The Poisson
+ratio of an isotropic solid lies in -1 < nu <= 1/2. The range declared is open, and must contain 1/2, which most soft
+solids have: it is that in which the law has a meaning.
+"""
+
+from sympy import Abs, Rational, Symbol, log, pi, sqrt
+
+from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, eta, h
+
+nu = Symbol("nu", real=True)  # Poisson's ratio
+
+hbar = R * h / (R + h)  # the smaller of gap and radius, smoothly
+a0 = Rational(3, 2) * sqrt(R * hbar)  # the radius at delta = 0
+modulus = E / (1 - nu**2)  # of plane strain
+brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
+
+near = 3 * pi * eta * R**2 / (2 * h)
+film = 4 * pi * eta * R**2 * delta**2 / h**3
+
+law = ContactLaw(
+    name="equal_spheres",
+    description="two equal elastic spheres with their true constants: Brenner's friction, Hertz's force, drainage",
+    source="Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573",
+    a=sqrt(R * (hbar + Abs(delta) + 5 * hbar**2 / (2 * (2 * hbar + Abs(delta))))),
+    F_ela=Rational(4, 3) * modulus * a * delta,
+    zeta=8 * pi * eta * brenner * a**4 / (R * hbar**2 * (1 + Rational(25, 2) * (a0 / a) ** 6)),
+    F_adh=0,
+    parameters={nu: DIMENSIONLESS},
+    ranges={nu: (-1, 1)},
+    typical={nu: Rational(1, 2)},
+    limits=(
+        Limit(
+            "Stokes",
+            order=(delta, R, h),
+            claims={
+                "a": 3 * R / 2,
+                "zeta": 3 * pi * eta * R,
+                "delta": F / (2 * modulus * R),
+                "C": modulus * R,
+                "D": 3 * pi * eta * R,
+                "dh_dt": -F / (3 * pi * eta * R),
+                "dX_dt": -F / (3 * pi * eta * R),
+            },
+        ),
+        Limit(
+            "Poiseuille",
+            order=(delta, h, R),
+            claims={
+                "a": 3 * sqrt(R * h) / 2,
+                "zeta": near,
+                "delta": F / (2 * modulus * sqrt(R * h)),
+                "C": modulus * sqrt(R * h),
+                "D": near,
+                "dh_dt": -F / near,
+                "dX_dt": -F / near,
+            },
+        ),
+        Limit(
+            "Hertz",
+            order=(h, delta, R),
+            claims={
+                "a": sqrt(R * delta),
+                "zeta": film,
+                "delta": (3 * F / (4 * modulus * sqrt(R))) ** Rational(2, 3),
+                "C": modulus * sqrt(R * delta),
+                "D": Rational(3, 5) * film,
+                "dh_dt": -F / film,
+                "dX_dt": Rational(-5, 3) * F / film,
+            },
+        ),
+        Limit(
+            "Stokes, pulled",
+            order=(-delta, R, h),
+            claims={
+                "a": 3 * R / 2,
+                "zeta": 3 * pi * eta * R,
+                "delta": F / (2 * modulus * R),
+                "D": 3 * pi * eta * R,
+                "dh_dt": -F / (3 * pi * eta * R),
+                "dX_dt": -F / (3 * pi * eta * R),
+            },
+        ),
+        Limit(
+            "Poiseuille, pulled",
+            order=(-delta, h, R),
+            claims={
+                "a": 3 * sqrt(R * h) / 2,
+                "zeta": near,
+                "delta": F / (2 * modulus * sqrt(R * h)),
+                "C": modulus * sqrt(R * h),
+                "D": near,
+                "dh_dt": -F / near,
+                "dX_dt": -F / near,
+            },
+        ),
+    ),
+)
