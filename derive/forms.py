@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sympy import Expr, Mul, S, Symbol, powsimp, sstr
+from sympy import Add, Expr, Mul, Rational, S, Symbol, expand_log, expand_power_base, gcd_list, log, powsimp, sstr
 
 from softdyn.derive.dimensions import FORCE, LENGTH
 from softdyn.derive.law import parameters_of
@@ -59,12 +59,12 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
     written = powsimp((form / (force / (eta * R)) if outside else form).subs({force: kappa * unit, h: x * R}))
     number = S.One
     powers: dict[Symbol, Expr] = {}
-    for factor in Mul.make_args(written.expand(power_base=True) if written.is_Mul or written.is_Pow else written):
+    for factor in Mul.make_args(expand_power_base(written)):
         base, power = factor.as_base_exp()
-        if factor.is_number:
-            number *= factor
-        elif base.is_Symbol and power.is_number:
+        if base.is_Symbol and power.is_number:
             powers[base] = powers.get(base, S.Zero) + power
+        elif not factor.free_symbols & {kappa, x, R, E, eta}:
+            number *= factor  # of own parameters too, such as 1 - nu^2
         else:
             return None
     if outside:
@@ -76,11 +76,34 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
     return Product(number, {symbol: powers[symbol] for symbol in sorted_ if powers[symbol] != 0})
 
 
+def joined_logarithms(form: Expr) -> Expr:
+    """Write sums of multiples of logarithms as one multiple of one logarithm."""
+    return form.replace(lambda part: part.is_Add and part.has(log), _joined) if form.has(log) else form
+
+
+def _joined(total: Expr) -> Expr:
+    argument: dict[Expr, Rational] = {}
+    rest = []
+    for term in Add.make_args(expand_log(total)):
+        number, factor = term.as_coeff_Mul()
+        if isinstance(factor, log) and number.is_Rational:
+            argument[factor.args[0]] = argument.get(factor.args[0], S.Zero) + number
+        else:
+            rest.append(term)
+    if not argument:
+        return total
+    common = Rational(gcd_list([abs(power) for power in argument.values()]))
+    inside = Mul(*(base ** (power / common) for base, power in argument.items()))
+    if inside.is_number and inside < 1:
+        inside, common = 1 / inside, -common
+    return Add(*rest, common * log(inside))
+
+
 def plain(form: Expr, unit: Expr, rate: bool = False) -> str:
     """Text of a form, as "3*6**(1/3)/4 R kappa^(2/3)"."""
     product = as_product(form, unit, rate)
-    if product is None:
-        return sstr(form)
+    if product is None or product.powers.keys() - {eta, E, R, V, kappa, x} - unit.free_symbols:
+        return sstr(form)  # forces and lengths of the law's own are best read where they stand
     parts = [_power(symbol, power) for symbol, power in product.powers.items()]
     number = sstr(product.number)
     if number == "-1" and parts:

@@ -40,6 +40,7 @@ from softdyn.derive.asymptotics import (
 )
 from softdyn.derive.balance import contact_series, definitions, series_of, settle, size
 from softdyn.derive.cones import Cone, Normal, facets, orthants
+from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.law import is_rigid, sample_values
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, h
 
@@ -372,7 +373,7 @@ def _rate(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ...]
         terms[order] = terms.get(order, S.Zero) - term
     terms = {order: term for order, term in terms.items() if term != 0}
     orders = minimal([*terms, *top.remainder, *bottom.remainder])
-    return tuple(powsimp(terms[order]) for order in orders if order in terms), orders
+    return tuple(joined_logarithms(powsimp(terms[order])) for order in orders if order in terms), orders
 
 
 def _chain(

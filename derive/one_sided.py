@@ -88,7 +88,8 @@ def _without_gap(radius: Expr) -> Expr:
     """Limit of a as h -> 0 at given delta, the same for both signs of delta."""
     sides = []
     for side in (1, -1):
-        order, coefficient = leading(expand(radius.subs(delta, side * size), scale_of(((1,),), {h: (1,)})), "a")
+        scale = scale_of(((1,),), {h: (1,)}, kept=1)
+        order, coefficient = leading(expand(radius.subs(delta, side * size), scale), "a")
         if any(order):
             raise UndecidedError(f"it goes as {coefficient}")
         sides.append(coefficient)

@@ -18,7 +18,7 @@ from itertools import combinations, count
 from time import monotonic
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Eq, Expr, Rational, S, Symbol, diff, log, logcombine, powsimp, simplify
+from sympy import Eq, Expr, Rational, S, Symbol, diff, log, powsimp, simplify
 
 from softdyn.derive.asymptotics import (
     KEPT,
@@ -39,7 +39,7 @@ from softdyn.derive.asymptotics import (
 from softdyn.derive.balance import contact_series, definitions, settle, size
 from softdyn.derive.cones import Cone, Normal, cut, dot, hull_normals, merged, orthants, primitive, shared_facets
 from softdyn.derive.dynamics import a_h
-from softdyn.derive.forms import force
+from softdyn.derive.forms import force, joined_logarithms
 from softdyn.derive.law import is_dry, is_rigid, typical_values
 from softdyn.derive.limits import inequalities, side_of
 from softdyn.derive.symbols import F, R, a, delta, h
@@ -471,7 +471,7 @@ def _in_force(state: Expr, deflection: Expr) -> Expr:
 def _tidy(form: Expr) -> Expr:
     """Collect powers, and join logarithms."""
     if form.has(log):
-        return logcombine(form)
+        return joined_logarithms(form)
     return powsimp(form) if form.is_Mul or form.is_Pow else form
 
 

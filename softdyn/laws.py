@@ -52,13 +52,11 @@ def stock_laws() -> dict[str, str]:
     found = {}
     for path in sorted(STOCK_FOLDER.glob("*.py")):
         if path.stem != "__init__":
-            call = next(
-                node
+            found[path.stem] = next(
+                ast.literal_eval(node.value)
                 for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "ContactLaw"
+                if isinstance(node, ast.keyword) and node.arg == "description"
             )
-            words = {keyword.arg: keyword.value for keyword in call.keywords}
-            found[path.stem] = ast.literal_eval(words["description"])
     return found
 
 

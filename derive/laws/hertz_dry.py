@@ -1,0 +1,32 @@
+"""Two elastic spheres without a fluid: what is left of ``equal_spheres`` as eta -> 0.
+
+Hertz's contact alone, quasi-static: no gap, h = 0, and the centres follow the force, dX/dt = -(dF/dt)/C.
+"""
+
+from sympy import Rational, sqrt
+
+from softdyn.derive import E, F, Limit, R, delta
+from softdyn.derive.laws.equal_spheres import law as equal_spheres
+from softdyn.derive.laws.equal_spheres import nu
+from softdyn.derive.one_sided import dry
+
+modulus = E / (1 - nu**2)
+
+law = dry(
+    equal_spheres,
+    name="hertz_dry",
+    description="two elastic spheres, Hertz's contact alone: equal_spheres as eta -> 0",
+    source="Hertz (Johnson, Contact Mechanics, 1985, ch. 4)",
+    limits=(
+        Limit(
+            "Hertz",
+            order=(delta, R),
+            claims={
+                "a": sqrt(R * delta),
+                "F": Rational(4, 3) * modulus * sqrt(R) * delta ** Rational(3, 2),
+                "delta": (3 * F / (4 * modulus * sqrt(R))) ** Rational(2, 3),
+                "C": modulus * sqrt(R * delta),
+            },
+        ),
+    ),
+)
