@@ -195,14 +195,14 @@ def test_every_output_is_accurate_against_mpmath(target: str) -> None:
 OWN = {"screened": (0.4, -0.003), "cone": (0.8,), "rimmed": (0.3,), "branched": (0.25,)}
 
 
-def conditioned(law_name: str, states: States) -> tuple[dict[str, Exact], dict[str, Array]]:
+def conditioned(law: ContactLaw, states: States) -> tuple[dict[str, Exact], dict[str, Array]]:
     """Exact outputs, and the sizes that an evaluation with rounded arguments can be held to.
 
     To the size is added the effect of an error in the arguments, the sum of abs(x df/dx) over all arguments x: rounded
     exponents and bases of powers have it.
     """
     with mpmath.workdps(DIGITS):
-        evaluate = exact(LAWS[law_name])
+        evaluate = exact(law)
         p = _in(mpmath.mpf, states.p)
         values, totals = [], []
         small = mpmath.mpf(10) ** -20
@@ -225,7 +225,7 @@ def conditioned(law_name: str, states: States) -> tuple[dict[str, Exact], dict[s
 def invented_case(law_name: str) -> tuple[States, dict[str, Exact], dict[str, Array]]:
     """Return a few hundred states of an invented law, its exact outputs there, and their sizes."""
     states = random_states(7, 300, *PARAMETERS[-1], *OWN[law_name])
-    return (states, *conditioned(law_name, states))
+    return (states, *conditioned(LAWS[law_name], states))
 
 
 @pytest.mark.slow
