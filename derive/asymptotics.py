@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from time import monotonic
+from time import process_time
 
 from sympy import (
     Abs,
@@ -60,8 +60,8 @@ from sympy.logic.boolalg import And, Boolean, Not, Or
 
 from softdyn.derive.cones import Cone, Normal, dot
 
-#: Powers of the ratios.
-Order = tuple[Fraction, ...]
+#: Powers of the ratios: whole ones as int, which is many times faster.
+Order = tuple[int | Fraction, ...]
 
 #: Terms kept in a series; further ones go into its remainder.
 KEPT = 8
@@ -125,7 +125,7 @@ class Scale:
     kept : int
         Terms kept in a series.
     deadline : float
-        Of :func:`time.monotonic`.
+        Of :func:`time.process_time`.
     imaginary : bool
         Whether the root of something negative is taken, and not refused.
     """
@@ -157,14 +157,14 @@ def scale_of(
     directions : mapping from Symbol to Normal
         The exponent of each symbol, as a linear form of the axes.
     """
-    orders = {symbol: tuple(Fraction(dot(direction, ray)) for ray in cone) for symbol, direction in directions.items()}
+    orders = {symbol: tuple(dot(direction, ray) for ray in cone) for symbol, direction in directions.items()}
     known = {symbol: Series({order: symbol}) for symbol, order in orders.items()}
     return Scale(len(cone), known, orders, kept, deadline)
 
 
 def zero(scale: Scale) -> Order:
     """Return the order of what does not vary."""
-    return (Fraction(0),) * scale.size
+    return (0,) * scale.size
 
 
 def negligible(small: Order, large: Order) -> bool:
@@ -209,7 +209,7 @@ def expand(expr: Expr, scale: Scale) -> Series:
     UndecidedError
         Where the method does not apply, saying why.
     """
-    if monotonic() > scale.deadline:
+    if process_time() > scale.deadline:
         raise OutOfTimeError("the time allowed is over")
     if expr.is_Symbol:
         return scale.known.get(expr, Series({zero(scale): expr}))
@@ -361,12 +361,21 @@ def _compose(small: Series, coefficients: Iterable[Expr], scale: Scale) -> Serie
     for coefficient in coefficients:
         if not is_zero(coefficient):
             total = _cut(added([total, scaled(power, coefficient)]), scale.kept)
-        power = multiplied(power, small, scale.kept)
-        rest = [*power.terms, *power.remainder]
-        if all(any(e == r or negligible(e, r) for r in total.remainder) for e in rest):
+        power = _beyond(multiplied(power, small, scale.kept), total.remainder)
+        if not power.terms and not power.remainder:
             return total  # nothing more is known, or there is nothing more
     cut_off = frozenset(minimal([*power.terms, *power.remainder]))
     return _cut(Series(total.terms, total.remainder | cut_off), scale.kept)
+
+
+def _beyond(series: Series, remainder: Iterable[Order]) -> Series:
+    """What of a series is not lost in a remainder."""
+
+    def lost(order: Order) -> bool:
+        return any(order == r or negligible(order, r) for r in remainder)
+
+    terms = {order: c for order, c in series.terms.items() if not lost(order)}
+    return Series(terms, frozenset(order for order in series.remainder if not lost(order)))
 
 
 def raised(base: Series, power: Rational, what: object, scale: Scale) -> Series:
@@ -377,11 +386,15 @@ def raised(base: Series, power: Rational, what: object, scale: Scale) -> Series:
     if power.is_negative:
         require_definite(coefficient, what, scale)
     exponent = Fraction(power.p, power.q)
-    factor = Series({tuple(exponent * x for x in dominant): coefficient**power})
+    factor = Series({tuple(_whole(exponent * x) for x in dominant): coefficient**power})
     if len(base.terms) == 1 and not base.remainder:
         return factor
     unit = _compose(relative(base, what), (binomial(power, k) for k in range(KEPT + 1)), scale)
     return multiplied(factor, unit, scale.kept)
+
+
+def _whole(power: Fraction) -> int | Fraction:
+    return power.numerator if power.denominator == 1 else power
 
 
 def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:

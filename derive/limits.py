@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise, product
-from time import monotonic
+from time import process_time
 from typing import TYPE_CHECKING, Any, Literal
 
 import mpmath
@@ -54,7 +54,7 @@ CERTIFICATE_SCALES = (10, 20, 30)
 CERTIFICATE_WEIGHTS = ("1", "1/3", "2/5")
 
 #: Seconds after which a law's claims that are not yet decided are given up.
-PATIENCE = 20.0
+PATIENCE = 15.0
 
 
 @dataclass(frozen=True)
@@ -142,9 +142,9 @@ def check_limits(law: ContactLaw, patience: float = PATIENCE) -> Findings:
     ----------
     law : ContactLaw
     patience : float
-        Seconds after which what is not yet decided is left undecided.
+        Seconds of processor time after which what is not yet decided is left undecided.
     """
-    deadline = monotonic() + patience
+    deadline = process_time() + patience
     return Findings(
         _check_claim(law, limit, quantity, claimed, deadline)
         for limit in law.limits

@@ -15,13 +15,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
-from time import monotonic
+from time import process_time
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Eq, Expr, Rational, S, Symbol, diff, log, powsimp, simplify
+from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, log, powsimp, simplify
 
 from softdyn.derive.asymptotics import (
     KEPT,
+    MOST_OPERATIONS,
     Order,
     Scale,
     Series,
@@ -59,8 +60,8 @@ MEETING = ("delta", "dh_dt", "zeta", "a", "C", "D", "dX_dt", "F_adh", "U_h")
 #: Terms of a series kept to see the next corrections.
 CORRECTION_TERMS = 4
 
-#: Seconds after which what is not yet decided is given up.
-PATIENCE = 20.0
+#: Seconds of processor time after which what is not yet decided is given up.
+PATIENCE = 15.0
 
 #: Decades by which a parameter must differ from 1, in units of R, E and eta, to count as small or large.
 SEPARATION = 0.5
@@ -227,14 +228,14 @@ def discover(law: ContactLaw, patience: float = PATIENCE) -> Diagram:
     ----------
     law : ContactLaw
     patience : float
-        Seconds after which what is not yet decided is left undecided.
+        Seconds of processor time after which what is not yet decided is left undecided.
 
     Returns
     -------
     Diagram
         What the method cannot decide is listed with the reason, in each regime's ``undecided``.
     """
-    deadline = monotonic() + patience
+    deadline = process_time() + patience
     directions, scales = _directions(law)
     conservative = is_conservative(law)
     found: list[Regime] = []
@@ -371,8 +372,10 @@ def _steepness(term: Expr) -> Expr:
     UndecidedError
         If it is not a number.
     """
-    power = size * diff(term, size) / term
-    power = power if power.is_number else simplify(power)
+    base, power = term.as_independent(size, as_Add=False)[1].as_base_exp()
+    if base == size or base == 1:
+        return power if base == size else S.Zero
+    power = simplify(size * diff(term, size) / term)
     if not power.is_number:
         raise UndecidedError(f"{term} is no power of delta")
     return power
@@ -485,10 +488,15 @@ def _corrections(changes: Sequence[Series], deflection: Expr) -> tuple[tuple[Exp
         }
         for order in minimal([*known, *change.remainder]):
             if order in known and order not in change.remainder:
-                largest[_in_force(known[order], deflection)] = None
+                largest[_in_force(_short(known[order]), deflection)] = None
             else:
                 resolved = False
     return tuple(largest), resolved
+
+
+def _short(term: Expr) -> Expr:
+    """A coefficient that is a sum, in few words."""
+    return simplify(term) if term.has(Add) and term.count_ops() <= MOST_OPERATIONS else term
 
 
 def _exponent(form: Form | None) -> Expr | None:

@@ -246,7 +246,7 @@ def _compare(options: argparse.Namespace) -> int:
     return 0
 
 
-#: Seconds after which symbolic work is given up.
+#: Seconds of processor time after which symbolic work is given up.
 PATIENCE = 20.0
 
 
@@ -265,16 +265,16 @@ def _patience(what: str, limit: float = PATIENCE) -> Iterator[None]:
     def give_up(*_: object) -> None:
         raise SoftdynError(f"{what}: given up after {limit:.0f} s, since one step of sympy's does not come to an end")
 
-    before = signal.signal(signal.SIGALRM, give_up) if alarm else None
+    before = signal.signal(signal.SIGVTALRM, give_up) if alarm else None
     if alarm:
-        signal.setitimer(signal.ITIMER_REAL, limit)
+        signal.setitimer(signal.ITIMER_VIRTUAL, limit)
     try:
         yield
     finally:
         timer.cancel()
         if alarm:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+            signal.signal(signal.SIGVTALRM, before)
 
 
 def _generate(options: argparse.Namespace) -> int:
