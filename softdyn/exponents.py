@@ -18,14 +18,14 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import Expr, diff
+from sympy import Expr, diff, oo
 
 from softdyn.api import simulate
 from softdyn.derive.forms import force
 from softdyn.derive.law import parameters_of
 from softdyn.derive.regimes import SIGN, Diagram, Regime, Side
 from softdyn.derive.symbols import h
-from softdyn.errors import IntegrationError
+from softdyn.errors import IntegrationError, SceneError
 from softdyn.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
 
 Array = NDArray[np.float64]
@@ -152,10 +152,15 @@ def measure(diagram: Diagram, target: str = "auto") -> Measurement:
     Raises
     ------
     SceneError
-        If the law gives no typical value of one of its own parameters.
+        If the law has no deflection, or no gap; or gives no typical value of one of its own parameters.
     CompileError
     """
     law = diagram.law
+    if law.F_ela == oo or law.zeta == 0:
+        raise SceneError(
+            f"law {law.name!r} is one-sided, {'without a deflection' if law.F_ela == oo else 'without a gap'}: the pair "
+            "engine has nothing to run; measure the law that it is a limit of"
+        )
     shown = plane_of(diagram)
     low, high = shown.xlim
     plane = replace(

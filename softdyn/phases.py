@@ -17,19 +17,33 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
-from sympy import Eq, Expr, S, latex
+from sympy import Expr, S, diff, latex, oo, powsimp, simplify
 
-from softdyn.derive.films import Branch, branches
+from softdyn.derive.dimensions import DIMENSIONLESS
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
-from softdyn.derive.symbols import R, eta
-from softdyn.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, crossover_text, mathtext, paper_style
-from softdyn.plane import Plane, boundaries, holds, logarithm, plane_of, region, shown_forces, sides_of, states
+from softdyn.derive.regimes import Crossover, Diagram, Regime, Side
+from softdyn.derive.symbols import R, eta, h
+from softdyn.derive.typeset import symbol_latex
+from softdyn.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
+from softdyn.plane import (
+    Plane,
+    boundaries,
+    films,
+    holds,
+    largest_forces,
+    logarithm,
+    plane_of,
+    region,
+    shown_forces,
+    sides_of,
+    states,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
+    from softdyn.derive.law import ContactLaw
     from softdyn.exponents import Measurement
 
 Array = NDArray[np.float64]
@@ -187,20 +201,25 @@ def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool
     title = TITLES[side] if not alone else "compression; in tension the same"
     axes.set_title(f"regimes: {title}")
     axes.set_xlabel("$h/R$")
-    axes.set_ylabel(r"$\kappa$" if side == "compression" else r"$|\kappa|$", labelpad=1)
+    axes.set_ylabel(r"$\kappa$" if side == "compression" else r"$-\kappa$", labelpad=1)
     decade_ticks(axes.xaxis, plane.xlim)
     decade_ticks(axes.yaxis, plane.ylim)
     regimes = [regime for regime in diagram.regimes if regime.side == side]
+    X = np.linspace(*plane.xlim, 200)
+    edge = np.log10(largest_forces(diagram.law, 10**X, side) / plane.unit)
+    axes.fill_between(X, np.minimum(edge, plane.ylim[1]), plane.ylim[1], color=OUTSIDE, lw=0, zorder=0.4)
     for regime in regimes:
         for corners in region(regime, plane, within_model=False):
             axes.add_patch(Polygon(corners, facecolor=OUTSIDE, edgecolor=OUTSIDE, lw=0.5, zorder=0.5))
-    shown: dict[str, list[Array]] = {}
-    for regime in regimes:
-        shown[regime.name] = region(regime, plane)
-        for corners in shown[regime.name]:
-            colour, strength = colours(diagram, side)[regime.name]
-            axes.add_patch(Polygon(corners, facecolor="white", edgecolor="none", zorder=0.6))
-            axes.add_patch(Polygon(corners, facecolor=colour, alpha=strength, edgecolor="none", zorder=0.7))
+    shown = {regime.name: region(regime, plane) for regime in regimes}
+    # where the constants of three crossovers do not agree on a point, regions overlap: the smaller is seen
+    for i, name in enumerate(sorted(shown, key=lambda name: -sum(map(_area, shown[name])))):
+        for corners in shown[name]:
+            colour, strength = colours(diagram, side)[name]
+            axes.add_patch(Polygon(corners, facecolor="white", edgecolor="none", zorder=0.6 + i / 1000))
+            axes.add_patch(
+                Polygon(corners, facecolor=colour, alpha=strength, edgecolor="none", zorder=0.6005 + i / 1000)
+            )
     lines = list(boundaries(diagram, side, plane))
     for crossover, X, Y in lines:
         axes.plot(X, Y, color=INK, lw=1.1 if crossover is not None else 2.0, zorder=2)
@@ -210,15 +229,18 @@ def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool
         if point.side == side and any(diagram.regime(name, side).inside for name in point.regimes):
             at = (logarithm(point.h, plane)(0, 0), logarithm(point.force, plane)(0, 0) - math.log10(plane.unit))
             axes.plot(*map(float, at), "o", color=INK, ms=4.5, zorder=4)
-    films = draw_films(axes, diagram, plane, side)
+    longest_film = draw_films(axes, diagram, plane, side)
     labels = Labels(axes)
     _name_regions(labels, shown, [regime for regime in regimes if not regime.inside], plane)
     _label_outside(labels, regimes, plane)
-    if films:
-        labels.along(*films, r"$h_\mathrm{eq}(F)$", FILM, 1.3)
-    for crossover, X, Y in lines:
-        if crossover is not None:
-            labels.along(X, Y, f"${line_text(crossover, diagram)}$", INK)
+    if longest_film:
+        labels.along(*longest_film, r"$h_\mathrm{eq}(F)$", FILM, 1.4)
+    said: set[str] = set()
+    for crossover, X, Y in sorted(lines, key=lambda line: -float(np.hypot(np.ptp(line[1]), np.ptp(line[2])))):
+        text = "" if crossover is None else f"${line_text(crossover, diagram)}$"
+        # a line that bounds several regimes is told once
+        if text and text not in said and labels.along(X, Y, text, INK):
+            said.add(text)
     undecided = sum(not regime.forms for regime in regimes)
     if undecided:
         axes.text(
@@ -236,38 +258,32 @@ def decade_ticks(axis: Any, limits: tuple[float, float]) -> None:
 
 
 def line_text(crossover: Crossover, diagram: Diagram) -> str:
-    """Mathtext of a crossover's formula: kappa = c (h/R)^p; F = ... in the parameters, where there are others."""
-    try:
-        return crossover_text(crossover, force_unit(diagram.law), _ONE)
-    except ValueError:
-        line: Eq = crossover.line
-        return f"{mathtext(line.lhs)} = {mathtext(line.rhs)}"
+    """Mathtext of a crossover, on one line: kappa = c (h/R)^p, or F = ... where c would not be a pure number."""
+    law, value = diagram.law, crossover.line.rhs
+    if crossover.line.lhs == h:
+        return f"h = {_inline(value)}"
+    power = simplify(h * diff(value, h) / value)
+    factor = powsimp(value / force_unit(law) * (R / h) ** power) if power.is_number else value
+    if any(law.parameters.get(symbol) != DIMENSIONLESS for symbol in factor.free_symbols):
+        return f"F = {_inline(value)}"
+    number = _inline(factor)
+    parts = [rf"({number})" if power != 0 and "/" in number else number] if factor != 1 or power == 0 else []
+    parts += [r"(h/R)" + (f"^{{{_inline(power)}}}" if power != 1 else "")] if power != 0 else []
+    return r"\kappa = " + r"\,".join(parts)
 
 
-_ONE = R / R
+def _inline(expr: Expr) -> str:
+    names = {symbol: "F" if symbol == force else symbol_latex(symbol.name) for symbol in expr.free_symbols}
+    return latex(expr, symbol_names=names, fold_short_frac=True, fold_frac_powers=True)
 
 
 def draw_films(axes: Axes, diagram: Diagram, plane: Plane, side: Side) -> tuple[Array, Array] | None:
-    """Films of one side, stable ones solid and unstable ones dashed; returns the longest piece in the window."""
-    pieces = []
-    for branch in branches(diagram.law) if diagram.law.F_adh != 0 else ():
-        X, Y = film_points(branch, plane, side)
-        if len(X) > 1:
-            axes.plot(X, Y, color=FILM, lw=2.2, ls="-" if branch.stable else (0, (3, 1.5)), zorder=3)
-            pieces.append((X, Y))
-    return max(pieces, key=lambda piece: float(np.hypot(np.ptp(piece[0]), np.ptp(piece[1]))), default=None)
-
-
-def film_points(branch: Branch, plane: Plane, side: Side) -> tuple[Array, Array]:
-    """Points of a film in the window, on one side: log10(h/R) and log10(kappa)."""
-    gaps, forces = np.array(branch.h), np.array(branch.force) * SIGN[side]
-    pushed = forces > 0
-    X, Y = np.log10(gaps[pushed]), np.log10(forces[pushed] / plane.unit)
-    seen = (plane.xlim[0] <= X) & (plane.xlim[1] >= X) & (plane.ylim[0] <= Y) & (plane.ylim[1] >= Y)
-    # one point more at each end, cut by the frame
-    seen[1:] |= seen[:-1].copy()
-    seen[:-1] |= seen[1:].copy()
-    return X[seen], Y[seen]
+    """Films of one side, stable ones solid and unstable ones dashed; returns the longest piece."""
+    pieces = list(films(diagram.law, plane, side))
+    for X, Y, stable in pieces:
+        axes.plot(X, Y, color=FILM, lw=2.2, ls="-" if stable else (0, (3, 1.5)), zorder=3)
+    longest = max(pieces, key=lambda piece: float(np.hypot(np.ptp(piece[0]), np.ptp(piece[1]))), default=None)
+    return None if longest is None else longest[:2]
 
 
 # ------------------------------------------------------------------------------------------------------------- labels
@@ -299,13 +315,13 @@ class Labels:
             text.remove()
         return fits
 
-    def along(self, X: Array, Y: Array, label: str, colour: str, distance: float = 0.85) -> bool:
-        """Set a label along a line, so many times its size beside it, where there is room; leave it out if not."""
+    def along(self, X: Array, Y: Array, label: str, colour: str, distance: float = 1.0) -> bool:
+        """Set a label along a line, close beside it, where there is room; leave it out if there is none."""
         pixels = self.axes.transData.transform(np.c_[X, Y])
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))])
         for size in (9.5, 8, 7):
             for place in (0.5, 0.35, 0.65, 0.2, 0.8):
-                for offset in (1, -1):
+                for beside in (1, -1):
                     here, ahead = (
                         np.array([np.interp(s * lengths[-1], lengths, pixels[:, k]) for k in (0, 1)])
                         for s in (place, min(1.0, place + 0.02))
@@ -313,17 +329,20 @@ class Labels:
                     way = ahead - here
                     way = -way if way[0] < 0 or (abs(way[0]) < 1e-9 and way[1] < 0) else way
                     way = way / (np.hypot(*way) or 1.0)
-                    at = here + offset * distance * size * self.axes.figure.dpi / 72 * np.array([-way[1], way[0]])
-                    x, y = self.axes.transData.inverted().transform(at)
+                    to_data = self.axes.transData.inverted().transform
                     text = self.axes.text(
-                        float(x), float(y), label, color=colour, fontsize=size,
+                        0, 0, label, color=colour, fontsize=size,
                         ha="center", va="center", rotation=math.degrees(math.atan2(way[1], way[0])),
                         rotation_mode="anchor", path_effects=HALO, zorder=6,
                     )  # fmt: skip
-                    width = np.hypot(*(corners_of(text, self.renderer, 0)[1] - corners_of(text, self.renderer, 0)[0]))
+                    text.set_position(tuple(to_data(here)))
+                    box = corners_of(text, self.renderer, 0)
+                    width, height = (float(np.hypot(*(box[k] - box[1]))) for k in (0, 2))
                     if width > 0.9 * lengths[-1]:
                         text.remove()
                         break
+                    away = beside * distance * (height / 2 + 0.3 * size) * np.array([-way[1], way[0]])
+                    text.set_position(tuple(to_data(here + away)))
                     if self.place(text):
                         return True
         return False
@@ -371,8 +390,9 @@ def _name_regions(labels: Labels, shown: dict[str, list[Array]], outside: Sequen
         largest = max(polygons, key=_area)
         style: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "path_effects": HALO, "zorder": 6}
         if any(
-            labels.place(axes.text(float(at[0]), float(at[1]), name, fontsize=size, **style), [largest])
+            labels.place(axes.text(float(at[0]), float(at[1]), written, fontsize=size, **style), [largest])
             for size in (11, 9, 7.5)
+            for written in dict.fromkeys((name, name.replace(", ", ",\n"), name.replace(" ", "\n")))
             for at in _places_in(largest)
         ):
             continue
@@ -413,12 +433,11 @@ def _label_outside(labels: Labels, regimes: Sequence[Regime], plane: Plane) -> N
     if not beyond:
         return
     top = max(float(polygon[:, 1].max()) for polygon in beyond)
+    said = rf"outside the model: ${'-' if regimes[0].side == 'tension' else ''}\delta > R$"
     for height in (0.5, 0.3, 0.15):
         for place in (0.5, 0.3, 0.7):
             at = (plane.xlim[0] + place * (plane.xlim[1] - plane.xlim[0]), top - height)
-            text = labels.axes.text(
-                *at, r"outside the model: $|\delta| > R$", ha="center", va="center", fontsize=8.5, zorder=6
-            )
+            text = labels.axes.text(at[0], at[1], said, ha="center", va="center", fontsize=8.5, zorder=6)
             if labels.place(text):
                 return
 
@@ -440,22 +459,33 @@ def draw_curves(
     regimes = [regime for regime in diagram.regimes if regime.side == side and regime.inside and regime.forms]
     # V = F/(eta R)
     rates = np.abs(exact["dh_dt"]) / (plane.unit * kappas[:, None])
-    sizes = [("delta", exact["delta"], r"$|\delta|/R$"), ("dh_dt", rates, r"$|\dot{h}|/V,\;\; V = |F|/(\eta R)$")]
+    sign = "" if side == "compression" else "-"
+    rate = rf"$\left|\dot{{h}}\right|/V,\;\; V = {sign}F/(\eta R)$"
+    sizes = [("delta", exact["delta"], rf"${sign}\delta/R$"), ("dh_dt", rates, rate)]
     for axes, (quantity, values, label) in zip(panels, sizes, strict=False):
         _draw_sizes(axes, X, kappas, values, quantity, regimes, plane)
         axes.set_title(f"{label}: exact; dotted: leading forms")
     exponents = [
-        ("lambda1", r"$\lambda_1 = d\,\ln|\delta|\,/\,d\,\ln h$"),
-        ("lambda2", r"$\lambda_2 = d\,\ln|\dot{h}|\,/\,d\,\ln h$"),
+        ("lambda1", r"$\lambda_1 = d\,\ln\delta\,/\,d\,\ln h$"),
+        ("lambda2", r"$\lambda_2 = d\,\ln\dot{h}\,/\,d\,\ln h$"),
     ]
     for axes, (name, label) in zip(panels[2:], exponents, strict=False):
         _draw_exponents(axes, X, kappas, exact[name], name, regimes, plane)
         dots = _draw_measured(axes, measured, name, side, plane)
         axes.set_title(label + ("; dots: measured" if dots else ""))
     for axes in panels:
+        if not any(np.isfinite(line.get_ydata()).any() for line in axes.lines):
+            axes.set_yticks([])
+            axes.text(0.5, 0.5, f"none: {_one_sided(diagram.law)}", transform=axes.transAxes, ha="center", va="center")
         axes.set_xlim(plane.xlim)
         axes.set_xlabel("$h/R$", labelpad=1)
         decade_ticks(axes.xaxis, plane.xlim)
+
+
+def _one_sided(law: ContactLaw) -> str:
+    if law.F_ela == oo:
+        return "the law is rigid"
+    return "the law has no gap" if law.zeta == 0 else "the model holds nowhere here"
 
 
 def force_key(figure: Figure, diagram: Diagram, plane: Plane) -> None:
@@ -464,8 +494,9 @@ def force_key(figure: Figure, diagram: Diagram, plane: Plane) -> None:
         Line2D([], [], color=force_colour(kappa, plane), lw=2, label=_power_of_ten(round(math.log10(kappa))))
         for kappa in shown_forces(diagram, plane)
     ]
+    sign = "" if len(sides_of(diagram)) == 1 else r"\pm"
     figure.legend(
-        handles=handles, title=r"$|\kappa|$ of the curves", ncols=len(handles), fontsize=8, title_fontsize=8,
+        handles=handles, title=rf"${sign}\kappa$ of the curves", ncols=len(handles), fontsize=8, title_fontsize=8,
         loc="upper right", bbox_to_anchor=(0.99, 1 - 0.05 / figure.get_figheight()), handlelength=1.2,
         columnspacing=1.2, frameon=False, borderaxespad=0,
     )  # fmt: skip
@@ -513,8 +544,8 @@ def _draw_exponents(
                 axes.plot(X, Z, color=INK, lw=0.8, ls=(0, (1, 1.5)), zorder=1.5)
     low, high = (min(plateaus), max(plateaus)) if plateaus else (-1.0, 1.0)
     within = values[np.isfinite(values)]
-    # a film makes an exponent diverge: what is shown is at most as far from the plateaus as they are from each other
-    span = high - low + 1.0
+    # a film makes an exponent diverge: what is shown is at most half as far from the plateaus as these are apart
+    span = 0.5 * (high - low) + 0.5
     low = min(low, max(float(within.min()), low - span)) if len(within) else low
     high = max(high, min(float(within.max()), high + span)) if len(within) else high
     margin = 0.08 * (high - low) + 0.02
@@ -522,7 +553,13 @@ def _draw_exponents(
     exact = {float(value): value for value in _plateaus(regimes, name)}
     for value in plateaus:
         axes.axhline(value, color="#BBBBBB", lw=0.6, zorder=0.5)
-    axes.set_yticks(plateaus, [f"${latex(exact[value], fold_short_frac=True)}$" for value in plateaus])
+    apart = 0.045 * float(np.ptp(axes.get_ylim()))
+    told: list[float] = []
+    # whole numbers first; what would run into them is not told
+    for value in sorted(plateaus, key=lambda value: (value % 1 != 0, abs(value))):
+        if all(abs(value - other) > apart for other in told):
+            told.append(value)
+    axes.set_yticks(told, [f"${latex(exact[value], fold_short_frac=True)}$" for value in told])
 
 
 def _plateaus(regimes: Sequence[Regime], name: str) -> list[Expr]:
