@@ -14,7 +14,7 @@ from html import escape
 from math import lcm
 from typing import TYPE_CHECKING
 
-from sympy import Abs, Add, Eq, Expr, Matrix, Mul, Pow, Rational, S, Symbol, exp, factorrat, sstr
+from sympy import Abs, Add, Dummy, Eq, Expr, Matrix, Mul, Pow, Rational, S, Symbol, exp, factorrat, log, sstr
 from sympy.printing.conventions import split_super_sub
 from sympy.printing.latex import LatexPrinter, greek_letters_set
 
@@ -112,8 +112,7 @@ class _Printer(LatexPrinter):
         return {**own, **self.names}.get(symbol.name) or symbol_latex(symbol.name)
 
     def _print_Rational(self, number: Rational) -> str:
-        sign = "-" if number < 0 else ""
-        return f"{sign}{abs(number.p)}" if number.q == 1 else rf"{sign}\frac{{{abs(number.p)}}}{{{number.q}}}"
+        return str(number.p) if number.q == 1 else self._product((number,))
 
     def _print_Abs(self, expr: Abs, power: str | None = None) -> str:
         (inner,) = expr.args
@@ -125,6 +124,12 @@ class _Printer(LatexPrinter):
         text = rf"\mathrm{{sign}}\left({self._print(expr.args[0])}\right)"
         return text if power is None else f"{_bracketed(text)}^{{{power}}}"
 
+    def _print_log1p(self, expr: Expr) -> str:
+        return self._print(log(1 + expr.args[0]))
+
+    def _print_expm1(self, expr: Expr) -> str:
+        return _bracketed(self._print(exp(expr.args[0]) - 1))
+
     def _print_ExpBase(self, expr: Expr, power: str | None = None) -> str:
         text = self._print(expr.args[0])
         if len(text) > 40:
@@ -133,16 +138,16 @@ class _Printer(LatexPrinter):
         return f"e^{{{_small(text)}}}" if power is None else rf"\left(e^{{{_small(text)}}}\right)^{{{power}}}"
 
     def _print_Add(self, expr: Add, order: object = None) -> str:
-        content, whole = expr.primitive()
-        if content.q > 1 and all(abs(term.as_coeff_Mul()[0]) == content for term in expr.args):
+        content, whole = _content(expr)
+        if content.q > 1:
             return self._product((content, whole))
         terms = sorted(expr.args, key=_rank)
         first = next((term for term in terms if not _negative(term)), terms[0])
         terms = [first, *(term for term in terms if term is not first)]
         text = ""
         for term in terms:
-            sign = " - " if _negative(term) else " + "
-            inner = self._print(-term if _negative(term) else term)
+            inner = self._print(term)
+            sign, inner = (" - ", inner[1:]) if inner.startswith("-") else (" + ", inner)
             text += (sign if text else sign.strip(" +")) + inner
         return text
 
@@ -161,6 +166,13 @@ class _Printer(LatexPrinter):
         for factor in factors:
             if factor.is_Rational:
                 number *= factor
+            elif factor.as_base_exp()[0].is_Add and factor.as_base_exp()[1].is_Integer:
+                base, power = factor.as_base_exp()
+                content, whole = _content(base)
+                if whole.as_coeff_Add()[0].is_negative:  # rather -(1 - x) than x - 1
+                    content, whole = -content, -whole
+                number *= content**power
+                rest.append(whole**power)
             else:
                 rest.append(factor)
         radicals, rest = _radicals(rest)
@@ -179,7 +191,12 @@ class _Printer(LatexPrinter):
         if index == 2 and roots[0]:
             roots[0].append(radicand)
             radicand, index = S.One, 1
-        top = [] if abs(number.p) == 1 else [str(abs(number.p))]
+        decades = len(str(number.q)) - 1
+        if decades > 2 and number.q == 10**decades:
+            top = [*([] if abs(number.p) == 1 else [str(abs(number.p)), r"\cdot"]), f"10^{{-{decades}}}"]
+            number = S(number.p)
+        else:
+            top = [] if abs(number.p) == 1 else [str(abs(number.p))]
         if radicand != 1:
             top.append((r"\sqrt" if index == 2 else rf"\sqrt[{index}]") + f"{{{self._print(radicand)}}}")
         bottom = [] if number.q == 1 else [str(number.q)]
@@ -237,6 +254,13 @@ def _join(parts: Sequence[str]) -> str:
     return text
 
 
+def _content(total: Expr) -> tuple[Rational, Expr]:
+    """A sum as a number times a sum, where all of its terms have the same."""
+    content, whole = total.primitive()
+    same = all(abs(term.as_coeff_Mul()[0]) == content for term in total.args)
+    return (content, whole) if same else (S.One, total)
+
+
 def _negative(term: Expr) -> bool:
     return bool(term.as_coeff_Mul()[0].is_negative)
 
@@ -273,30 +297,50 @@ def form_latex(form: Expr, law: ContactLaw, rate: bool = False, balance: Expr | 
         Leading form of F in h and delta: its number stands by kappa, where that leaves a simpler one outside.
     """
     unit = force_unit(law)
-    product = as_product(form, unit)
+    sums: dict[Expr, Expr] = {}
+    hidden = _hidden(form, sums)
+    product = as_product(hidden, unit)
     if product is None:
         return to_latex(form)
     if rate and product.powers.keys() & unit.free_symbols - {R}:
-        product = as_product(form, unit, rate=True) or product
-    powers = dict(product.powers)
+        product = as_product(hidden, unit, rate=True) or product
+    number = product.number * Mul(*(s**power for s, power in product.powers.items() if s in sums))
+    powers = {symbol: power for symbol, power in product.powers.items() if symbol not in sums}
     k, p = powers.get(kappa, S.Zero), powers.pop(gap_ratio, S.Zero)
     alone = V not in powers and not (form.has(force) and form.has(*unit.free_symbols - {R}))
     if alone and (powers.keys() - {kappa} or form.has(force)):
         return to_latex(form)  # neither kappa nor h/R are to the point
-    number, after = product.number, []
+    after = []
     if k and not k.is_Integer:
-        inside = _number_by_force(number, powers.pop(kappa), balance)
+        balanced = S.One if balance is None else _hidden(balance, sums)
+        inside = _number_by_force(
+            number, powers.pop(kappa), balanced.as_independent(*balanced.free_symbols - sums.keys())[0]
+        )
         number = _collected(number / inside**k)
-        after.append(_raised(to_latex(inside * kappa), k, inside != 1))
+        after.append(_raised(to_latex((inside * kappa).subs(sums)), k, inside != 1))
     if abs(p) == 1:
         powers[h], powers[R] = p, powers.get(R, S.Zero) - p
     elif p:
         text = r"\frac{h}{R}" if p > 0 else r"\frac{R}{h}"
         after.append(rf"\sqrt{{{text}}}" if abs(p) == S.Half else _raised(text, abs(p), closed=True))
-    before = to_latex(Mul(number, *(symbol**power for symbol, power in powers.items())))
+    before = to_latex(Mul(number.subs(sums), *(symbol**power for symbol, power in powers.items())))
     if not after:
         return before
     return _join([*({"1": [], "-1": ["-"]}.get(before, [before])), *after])
+
+
+def _hidden(product: Expr, sums: dict[Expr, Expr]) -> Expr:
+    """A product with symbols for the sums in it, which are added to ``sums``."""
+    known = {value: symbol for symbol, value in sums.items()}
+    factors = []
+    for factor in Mul.make_args(product):
+        base, power = factor.as_base_exp()
+        if base.is_Add and not base.is_number:
+            symbol = known.setdefault(base, Dummy(f"sum{len(known)}", positive=True))
+            sums[symbol] = base
+            factor = symbol**power
+        factors.append(factor)
+    return Mul(*factors)
 
 
 def _raised(text: str, power: Expr, closed: bool) -> str:
@@ -305,13 +349,13 @@ def _raised(text: str, power: Expr, closed: bool) -> str:
     return f"{_bracketed(text) if closed else text}^{{{_small(to_latex(power))}}}"
 
 
-def _number_by_force(number: Expr, power: Expr, balance: Expr | None) -> Expr:
-    """A number c such that number = c^power times something with no roots but square ones."""
-    known = [] if balance is None else [1 / balance.subs(dict.fromkeys(balance.free_symbols, 1))]
+def _number_by_force(number: Expr, power: Expr, balance: Expr) -> Expr:
+    """A number c such that number = c^power times something with no roots but square ones; 1/balance if it is one."""
     algebraic = abs(number.as_independent(S.Pi)[0])
-    for inside in (*known, _collected(algebraic ** (1 / power))):
-        roots = _radicals([*Mul.make_args(inside), *Mul.make_args(_collected(number / inside**power))])[0]
-        if all(root.q <= 2 for _, root in roots) and not (inside.is_Add or _collected(inside).has(Add)):
+    own = _collected(algebraic ** (1 / power))
+    for inside in (1 / balance, *([own] if len(sstr(own)) <= len(sstr(algebraic)) else [])):
+        factors = [*Mul.make_args(inside), *Mul.make_args(_collected(number / inside**power))]
+        if all(p.is_Rational and p.q <= 2 for p in (factor.as_base_exp()[1] for factor in factors)):
             return inside
     return S.One
 

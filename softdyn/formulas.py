@@ -20,13 +20,19 @@ from matplotlib.textpath import TextToPath
 #: Outlines are in hundredths of the font's size.
 EM = 100
 FONT = "stix"
+#: Kept free above and below.
+MARGIN = 8
 #: Letters of SVG paths, and how many points each takes.
 LETTERS = {Path.MOVETO: ("M", 1), Path.LINETO: ("L", 1), Path.CURVE3: ("Q", 2), Path.CURVE4: ("C", 3)}
+#: Fractions within so many others are still of full size.
+NESTED = 1
 #: A line may end before these; before a factor only where a piece is too wide for any line.
 SIGNS = (" = ", r" \simeq ", r" \ll ", r" \gg ", r" \to ", " + ", " - ")
 FACTOR = " "
 #: Width, in the font's size, beyond which a piece is cut between factors.
 WIDE = 40.0
+#: A minus that is the sign of what follows, and stands close to it.
+SIGNED = re.compile(r"((?:^|= |\\[a-z]+ |\())-")
 TOKEN = re.compile("|".join(map(re.escape, SIGNS)) + r"|\\[a-zA-Z]+|\\.|.", re.DOTALL)
 
 
@@ -66,10 +72,9 @@ def pieces(latex: str) -> list[str]:
     ValueError
         If mathtext cannot set it.
     """
+    whole = SIGNED.sub(r"\1{-}", displayed(latex))
     return [
-        part
-        for piece in cut(displayed(latex), SIGNS)
-        for part in ([piece] if width(piece) <= WIDE else cut(piece, (FACTOR,)))
+        part for piece in cut(whole, SIGNS) for part in ([piece] if width(piece) <= WIDE else cut(piece, (FACTOR,)))
     ]
 
 
@@ -94,19 +99,21 @@ def cut(latex: str, before: Sequence[str]) -> list[str]:
 
 
 def displayed(latex: str) -> str:
-    """Fractions in full size, but for those within other fractions, exponents and subscripts."""
+    """Fractions in full size, but for those deep within others, in exponents and subscripts."""
     text, outer = "", []
-    small, groups = False, 0
+    depth, groups, deeper = 0, 0, 0
     for token in TOKEN.findall(latex):
         if token == "{":
-            outer.append((small, max(groups - 1, 0)))
-            small, groups = small or groups > 0, 0
+            outer.append((depth, max(groups - 1, 0), deeper))
+            depth, groups, deeper = depth + deeper * (groups > 0), 0, 0
         elif token == "}":
-            small, groups = outer.pop()
+            depth, groups, deeper = outer.pop()
         elif token == r"\frac":
-            token, groups = token if small else r"\dfrac", 2
+            token, groups, deeper = r"\dfrac" if depth <= NESTED else token, 2, 1
+        elif token in ("^", "_"):
+            groups, deeper = 1, NESTED + 1
         elif token != " ":
-            groups = int(token in ("^", "_"))
+            groups = 0
         text += token
     return text
 
@@ -133,6 +140,7 @@ def _drawn(latex: str) -> tuple[str, dict[str, str]]:
         for identifier, x, y, size in placed
     ]
     shapes += [f'<path d="{_path(*bar)}"/>' for bar in bars]
+    high, depth = high + 2 * MARGIN, depth + MARGIN
     style = f"width:{wide / EM:.4g}em; height:{high / EM:.4g}em; vertical-align:{-depth / EM:.4g}em"
     image = (
         f'<svg viewBox="0 0 {wide:.5g} {high:.5g}" style="{style}" aria-hidden="true">'

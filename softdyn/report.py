@@ -7,9 +7,8 @@ script. The same law and versions give the same bytes.
 from __future__ import annotations
 
 import io
-import re
 from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
@@ -18,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
-from sympy import Eq, Expr, S, Symbol, oo, sstr
+from sympy import Eq, Expr, S, Symbol, sstr
 
 import softdyn
 from softdyn.derive.dynamics import generic_dynamics, law_quantities, partials
 from softdyn.derive.emit import emit
-from softdyn.derive.films import Films, find_films
+from softdyn.derive.films import Film, Films, find_films
 from softdyn.derive.forms import force, force_unit
 from softdyn.derive.kernel import kernel_ir, total_operations
 from softdyn.derive.law import dimensions_for, expressions, law_hash, parameters_of
@@ -31,7 +30,7 @@ from softdyn.derive.limits import Finding, chains, check_limits, side_of
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
 from softdyn.derive.specialise import OUTPUTS, Needs
-from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, eta
+from softdyn.derive.symbols import E, F, R, eta
 from softdyn.derive.typeset import (
     RATES,
     condition_latex,
@@ -69,6 +68,13 @@ WHAT = {
     "dh_dt": "rate of the gap",
     "dX_dt": "rate of the distance",
     "U_h": "energy's slope in the gap",
+}
+EXPONENTS = {"lambda1": "local exponent of the deflection", "lambda2": "local exponent of the gap's rate"}
+SLOPES = {
+    "a_h": "radius by the gap",
+    "a_delta": "radius by the deflection",
+    "F_a": "elastic force by the radius",
+    "F_delta": "elastic force by the deflection",
 }
 #: Width, in the font's size, of what still stands on a line of the page.
 LINE = 46.0
@@ -129,7 +135,7 @@ def page(law: ContactLaw) -> str:
         "units": units(law, show),
         "energy": energy(show),
         "conservative": diagram.conservative,
-        "films": None if films is None else film_entries(films, law, show),
+        "films": None if films is None else film_entries(films, diagram, show),
         "kernels": kernels(law),
         "kinds": KINDS,
     }
@@ -167,12 +173,14 @@ def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) 
         + (f", and {outside} outside the model, where the deflection exceeds the radius." if outside else ".")
     )
     if diagram.conservative is not None:
-        lines.append("Conservative." if diagram.conservative else "Not conservative: its elastic energy depends on the gap.")
+        lines.append(
+            "Conservative." if diagram.conservative else "Not conservative: its elastic energy depends on the gap."
+        )
     if films is not None:
         stable = sum(branch.stable for branch in films.branches)
         lines.append(
-            f"Equilibrium films: {stable} stable and {len(films.branches) - stable} unstable "
-            f"famil{'y' if len(films.branches) == 1 else 'ies'} at typical parameters."
+            f"Families of equilibrium films at typical parameters: {stable} stable, "
+            f"{len(films.branches) - stable} unstable."
         )
     return lines
 
@@ -207,8 +215,7 @@ def any_law(show: Show) -> list[dict[str, Any]]:
     generic = generic_dynamics()
     steps = [
         *generic.steps,
-        ("local exponent of the deflection, at constant force", Eq(Symbol("lambda1"), generic.lambda1)),
-        ("local exponent of the gap's rate, at constant force", Eq(Symbol("lambda2"), generic.lambda2)),
+        *((f"{EXPONENTS[name]}, at constant force", Eq(Symbol(name), getattr(generic, name))) for name in EXPONENTS),
     ]
     return [
         {"text": _sentence(text), "formula": show(to_latex(step), f"{sstr(step.lhs)} = {sstr(step.rhs)}")}
@@ -233,18 +240,16 @@ def _sentence(text: str) -> str:
 
 def this_law(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
     """The same for one law: partial derivatives, then what follows from them."""
-    slopes = {"a_h", "a_delta", "F_a", "F_delta"}
-    found: dict[str, Expr] = {symbol.name: expr for symbol, expr in partials(law).items() if symbol.name in slopes}
+    found: dict[str, Expr] = {symbol.name: expr for symbol, expr in partials(law).items() if symbol.name in SLOPES}
     quantities = law_quantities(law)
-    found |= {name: quantities[name] for name in ("C", "D", "dh_dt", "dX_dt", "lambda1", "lambda2")}
+    after = ("C", "D", "dh_dt", "dX_dt", "lambda1", "lambda2")
+    found |= {name: quantities[name] for name in after if name in quantities}
     lines = []
     for name, expr in found.items():
         latex = f"{name_latex(name)} = {to_latex(expr)}"
         fits = widest(latex) <= LINE
         lines.append({
-            "text": {**WHAT, "lambda1": "local exponent of the deflection", "lambda2": "local exponent of the rate"}.get(
-                name, "slope"
-            ),
+            "text": {**WHAT, **EXPONENTS, **SLOPES}[name],
             "formula": show(latex, f"{name} = {sstr(expr)}") if fits else show(name_latex(name), name),
             "long": not fits,
         })  # fmt: skip
@@ -278,7 +283,7 @@ def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, sho
                 for whole, term in finding.chain
             ],
             "ratio": None if finding.ratio is None else ratio(finding, law, show),
-            "certificate": [(power_of_ten(eps), f"{deviation:.1e}") for eps, deviation in finding.certificate],
+            "certificate": [(decimal(eps), decimal(deviation)) for eps, deviation in finding.certificate],
         })  # fmt: skip
     order = [r" \ll ".join(to_latex(size) for size in chain) for chain in chains(limit)]
     words = [" << ".join(sstr(size) for size in chain) for chain in chains(limit)]
@@ -302,11 +307,13 @@ def ratio(finding: Finding, law: ContactLaw, show: Show) -> Markup:
     return show(latex, text)
 
 
-def power_of_ten(value: float) -> str:
-    """A power of ten, as text."""
-    mantissa, exponent = f"{value:.0e}".split("e")
+def decimal(value: float) -> str:
+    """A number to three digits, as it is written by hand."""
+    mantissa, _, exponent = f"{value:.3g}".partition("e")
+    if not exponent:
+        return mantissa.replace("-", "−")
     power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{power}" if mantissa == "1" else f"{mantissa}·10{power}"
+    return f"10{power}" if mantissa == "1" else f"{mantissa}·10{power}".replace("-", "−")
 
 
 # ------------------------------------------------------------------------------------------------------------ regimes
@@ -316,8 +323,9 @@ def units(law: ContactLaw, show: Show) -> list[Markup]:
     """What forms are written in."""
     unit = force_unit(law)
     return [
-        show(rf"\kappa = {to_latex(force / unit)}", f"kappa = F/({unit})"),
-        show(rf"V = {to_latex(force / (eta * R))}", "V = F/(eta R)"),
+        # on a line of text: no fractions
+        show(rf"\kappa = F/{'({})' if unit.is_Mul else '{}'}".format(to_latex(unit)), f"kappa = F/({unit})"),
+        show(r"V = F/(\eta R)", "V = F/(eta R)"),
     ]
 
 
@@ -440,20 +448,26 @@ def energy(show: Show) -> list[Markup]:
     ela = to_latex(Symbol("F_ela"))
     return [
         show(
-            rf"U(h, \delta) = \int_0^{{\delta}} 2 {ela}(a(h, d), d)\,\mathrm{{d}}d",
-            "U(h, delta) = integral from 0 to delta of 2 F_ela(a(h, d), d) dd",
+            rf"U(h, \delta) = \int_0^{{\,\delta}} 2 {ela}(a(h, \delta'), \delta')\,\mathrm{{d}}\delta'",
+            "U(h, delta) = integral from 0 to delta of 2 F_ela(a(h, s), s) ds",
         ),
         show(
-            r"-\int F_\mathrm{ext}\,\mathrm{d}X = \Delta U - \int U_h\,\mathrm{d}h + \int \zeta \dot{h}^2\,\mathrm{d}t"
-            r" + \Delta W",
+            r"-\int\, F_\mathrm{ext}\,\mathrm{d}X = \Delta U - \int\, U_h\,\mathrm{d}h"
+            r" + \int\, \zeta \dot{h}^2\,\mathrm{d}t + \Delta W",
             "- integral of F_ext dX = change of U - integral of U_h dh + integral of zeta (dh/dt)^2 dt + change of W",
         ),
         show(r"F_\mathrm{adh} = -\mathrm{d}W/\mathrm{d}h", "F_adh = -dW/dh"),
     ]
 
 
-def film_entries(films: Films, law: ContactLaw, show: Show) -> dict[str, Any]:
+def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
     """Equilibrium films: in closed form, between regimes, and in numbers."""
+    law = diagram.law
+
+    def leading(film: Film) -> Markup | None:
+        balance = diagram.regime(film.closing, film.side).balance
+        return None if film.rate is None else show(form_latex(film.rate, law, balance=balance), film.rate)
+
     rate = rf"s = {to_latex(films.rate)}"
     gap = None if films.h_eq is None else rf"h_\mathrm{{eq}} = {to_latex(films.h_eq)}"
     return {
@@ -466,7 +480,7 @@ def film_entries(films: Films, law: ContactLaw, show: Show) -> dict[str, Any]:
                 "opening": film.opening,
                 "stable": {True: "stable", False: "unstable", None: "edge"}[film.stable],
                 "gap": None if film.h_eq is None else show(to_latex(film.h_eq), film.h_eq),
-                "rate": None if film.rate is None else show(form_latex(film.rate, law), film.rate),
+                "rate": leading(film),
                 "edge": None if film.edge is None else _line(F, film.edge, law, show),
             }
             for film in films.films
@@ -475,7 +489,7 @@ def film_entries(films: Films, law: ContactLaw, show: Show) -> dict[str, Any]:
             {
                 "stable": "stable" if branch.stable else "unstable",
                 "ranges": [
-                    f"{values[0]:.3g} … {values[-1]:.3g}" for values in (branch.h, branch.force, branch.rate)
+                    f"{decimal(values[0])} … {decimal(values[-1])}" for values in (branch.h, branch.force, branch.rate)
                 ],
             }
             for branch in films.branches
