@@ -158,8 +158,8 @@ def measure(diagram: Diagram, target: str = "auto") -> Measurement:
     law = diagram.law
     if law.F_ela == oo or law.zeta == 0:
         raise SceneError(
-            f"law {law.name!r} is one-sided, {'without a deflection' if law.F_ela == oo else 'without a gap'}: the pair "
-            "engine has nothing to run; measure the law that it is a limit of"
+            f"law {law.name!r} is one-sided, without a {'deflection' if law.F_ela == oo else 'gap'}: "
+            "the pair engine cannot run it; measure the law that it is a limit of"
         )
     shown = plane_of(diagram)
     low, high = shown.xlim
