@@ -44,6 +44,7 @@ from sympy import (
     erfc,
     exp,
     expand_log,
+    factor_terms,
     factorial,
     log,
     sign,
@@ -136,10 +137,13 @@ class Scale:
     kept: int = KEPT
     deadline: float = float("inf")
     imaginary: bool = False
+    #: Series found so far: the same sums stand in many places of a law.
+    found: dict[Expr, Series] = field(default_factory=dict, compare=False, repr=False)
 
     def knowing(self, symbol: Symbol, series: Series) -> Scale:
         """The same, with one symbol more."""
-        return replace(self, known={**self.known, symbol: series})
+        found = {expr: value for expr, value in self.found.items() if symbol not in expr.free_symbols}
+        return replace(self, known={**self.known, symbol: series}, found=found)
 
 
 def scale_of(
@@ -213,13 +217,20 @@ def expand(expr: Expr, scale: Scale) -> Series:
         raise OutOfTimeError("the time allowed is over")
     if expr.is_Symbol:
         return scale.known.get(expr, Series({zero(scale): expr}))
+    if expr not in scale.found:
+        scale.found[expr] = _expanded(expr, scale)
+    return scale.found[expr]
+
+
+def _expanded(expr: Expr, scale: Scale) -> Series:
     if not expr.free_symbols & scale.known.keys():
         return Series({} if is_zero(expr) else {zero(scale): expr})
     if isinstance(expr, Add):
         return _cut(added(expand(term, scale) for term in expr.args), scale.kept)
     if isinstance(expr, Mul):
-        product = Series({zero(scale): S.One})
-        for factor in expr.args:
+        fixed, varying = expr.as_independent(*scale.known, as_Add=False)
+        product = Series({} if is_zero(fixed) else {zero(scale): fixed})
+        for factor in Mul.make_args(varying):
             product = multiplied(product, expand(factor, scale), scale.kept)
         return product
     if isinstance(expr, Pow) and expr.exp.is_negative and _grows_exponentially(expr.base, scale):
@@ -261,7 +272,8 @@ def _collected(terms: Mapping[Order, list[Expr]]) -> dict[Order, Expr]:
         if len(coefficients) == 1:
             sums[order] = coefficients[0]
         else:
-            total = Add(*coefficients)
+            # with what is common to all terms outside, so that products cancel
+            total = factor_terms(Add(*coefficients))
             if not is_zero(total):
                 sums[order] = total
     return sums
@@ -327,6 +339,9 @@ def scaled(series: Series, factor: Expr) -> Series:
 
 def multiplied(left: Series, right: Series, kept: int) -> Series:
     """Product of two series."""
+    for single, other in ((left, right), (right, left)):
+        if len(single.terms) == 1 and not single.remainder:
+            return _shifted(other, *next(iter(single.terms.items())))
     terms: dict[Order, list[Expr]] = {}
     for e1, c1 in left.terms.items():
         for e2, c2 in right.terms.items():
@@ -336,6 +351,14 @@ def multiplied(left: Series, right: Series, kept: int) -> Series:
         *(_plus(e, r) for e in minimal([*right.terms, *right.remainder]) for r in left.remainder),
     }
     return _cut(Series(_collected(terms), frozenset(remainder)), kept)
+
+
+def _shifted(series: Series, order: Order, coefficient: Expr) -> Series:
+    """Product of a series and one term: nothing can cancel, and nothing is lost."""
+    return Series(
+        {_plus(order, e): coefficient * c for e, c in series.terms.items()},
+        frozenset(_plus(order, r) for r in series.remainder),
+    )
 
 
 def _plus(left: Order, right: Order) -> Order:

@@ -94,8 +94,7 @@ def series_of(
         If the cone must be cut.
     """
     needed = _needed(definitions(law), set(wanted))
-    known = dict(scale.known)
-    known[delta] = Series({order: side * c for order, c in known[size].terms.items()})
+    here = scale.knowing(delta, Series({order: side * c for order, c in scale.known[size].terms.items()}))
     found: dict[str, Series | UndecidedError] = {}
     unknown: dict[Symbol, UndecidedError] = {}
     for symbol, expr in definitions(law).items():
@@ -104,7 +103,6 @@ def series_of(
         try:
             for missing in sorted(expr.free_symbols & unknown.keys(), key=str):
                 raise unknown[missing]
-            here = Scale(scale.size, known, scale.orders, scale.kept, scale.deadline)
             series = expand(expr, here)
             if expr != 0 and (series.terms or series.remainder):
                 leading(series, symbol)
@@ -113,7 +111,7 @@ def series_of(
         except UndecidedError as reason:
             found[symbol.name], unknown[symbol] = reason, reason
         else:
-            found[symbol.name], known[symbol] = series, series
+            found[symbol.name], here = series, here.knowing(symbol, series)
     return found
 
 

@@ -319,7 +319,7 @@ def _compared(
     if "F" in wanted:
         known[F] = series["F"]  # type: ignore[assignment]
     # a claim may well be wrong by a factor of i
-    scale = replace(scale, known=known, imaginary=True)
+    scale = replace(scale, known=known, imaginary=True, found={})
     if isinstance(found, Series) and not found.terms and not found.remainder:
         # smaller than any power, as exp(-h) is: the quotient with the claim may be none the less
         quotient = powsimp(getattr(law, name, S.Zero) / claimed)
