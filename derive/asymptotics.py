@@ -275,7 +275,7 @@ def _collected(terms: Mapping[Order, list[Expr]]) -> dict[Order, Expr]:
             # with what is common to all terms outside, so that products cancel
             total = factor_terms(Add(*coefficients))
             if not is_zero(total):
-                sums[order] = total
+                sums[order] = factor_terms(total)
     return sums
 
 
@@ -326,10 +326,14 @@ def _cut(series: Series, kept: int) -> Series:
     known = {e: c for e, c in series.terms.items() if not any(e == r or negligible(e, r) for r in remainder)}
     if len(known) <= kept:
         return Series(known, frozenset(remainder))
-    # whatever is moved must not leave behind a term that it dominates: sorting by degree ensures it
-    ordered = sorted(known, key=lambda e: (sum(e), e))
-    moved = ordered[kept:]
-    return Series({e: known[e] for e in ordered[:kept]}, frozenset(minimal([*remainder, *moved])))
+    # the largest terms first, then those that only these dominate, and so on: no term is moved before one it dominates
+    ordered: list[Order] = []
+    rest = set(known)
+    while len(ordered) < kept:
+        layer = minimal(rest)
+        ordered += sorted(layer, key=lambda e: (sum(e), e))
+        rest.difference_update(layer)
+    return Series({e: known[e] for e in ordered[:kept]}, frozenset(minimal([*remainder, *ordered[kept:], *rest])))
 
 
 def scaled(series: Series, factor: Expr) -> Series:
