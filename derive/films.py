@@ -10,18 +10,20 @@ Near a film dh/dt = -(F - F_adh)/zeta is linear in h - h_eq: the rate is -(dF_ad
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sympy import Add, Eq, Expr, Mul, Pow, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
+from sympy import Add, Expr, Mul, Pow, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
 from softdyn.derive.balance import definitions, size
+from softdyn.derive.cones import Normal, dot
 from softdyn.derive.dynamics import F_a, a_delta, a_h
+from softdyn.derive.forms import force
 from softdyn.derive.law import sample_values
-from softdyn.derive.regimes import SIGN, Diagram, Regime, Side, force
+from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
 if TYPE_CHECKING:
@@ -139,66 +141,78 @@ def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
 # -------------------------------------------------------------------------------------------------- between regimes
 
 
-def _film(diagram: Diagram, crossover: object, closed: Expr | None) -> Film | None:
-    one, other = (diagram.regime(name, crossover.side) for name in (crossover.first, crossover.second))  # type: ignore[attr-defined]
+def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film | None:
+    """Film on a crossover, if the gap closes on one side of it and opens on the other."""
+    side = crossover.side
+    one, other = (diagram.regime(name, side) for name in (crossover.first, crossover.second))
     if not all("dh_dt" in regime.forms for regime in (one, other)):
         return None
-    signs = [regime.forms["dh_dt"].leading.could_extract_minus_sign() for regime in (one, other)]
-    if signs[0] == signs[1]:
+    signs = [_sign(diagram.law, regime.dh_dt) for regime in (one, other)]
+    if signs[0] * signs[1] >= 0:
         return None
-    closing, opening = (one, other) if signs[0] else (other, one)
-    line: Eq = crossover.line  # type: ignore[attr-defined]
-    side: Side = crossover.side  # type: ignore[attr-defined]
-    if line.lhs == force and h not in line.rhs.free_symbols:
-        return Film(closing.name, opening.name, side, None, None, None, SIGN[side] * line.rhs)
-    above = _at_larger_gaps(closing, line)
-    h_eq = _film_gap(line)
-    if h_eq is None or closed is not None:
-        h_eq = closed.subs(F, SIGN[side] * force) if closed is not None else None
-    return Film(closing.name, opening.name, side, above, h_eq, _leading_rate(diagram, closing, opening, side), None)
+    closing, opening, inward = (one, other, 1) if signs[0] < 0 else (other, one, -1)
+    # larger gaps at the same force: h = R eps^p and delta ~ h^lambda1 with a smaller p
+    upward = -inward * (crossover.facet[0] + crossover.facet[1] * closing.lambda1)
+    if upward == 0:
+        edge = SIGN[side] * crossover.line.rhs if crossover.line.lhs == force else None
+        return Film(closing.name, opening.name, side, None, None, None, edge)
+    if closed is not None:
+        h_eq = closed.subs(F, SIGN[side] * force)
+    else:
+        line = crossover.line
+        exponential = crossover.quantity == ""  # the film lies there up to logarithms only
+        h_eq = line.rhs if line.lhs == h else inverted(line.rhs, h, force)
+        h_eq = None if exponential else h_eq
+    rate = _leading_rate(diagram, closing, crossover.facet)
+    return Film(closing.name, opening.name, side, bool(upward > 0), h_eq, rate, None)
 
 
-def _at_larger_gaps(closing: Regime, line: Eq) -> bool:
-    """Whether a regime lies at larger gaps than a line, at the same force."""
-    for condition in closing.conditions:
-        if {condition.small, condition.large} == {line.lhs, line.rhs}:
-            if line.lhs == h:
-                return bool(condition.small == line.rhs)
-            grows = simplify(h * diff(line.rhs, h) / line.rhs).is_positive
-            # F << f(h): larger gaps, if f grows with h
-            return bool((condition.small == force) == grows)
-    return False
+def _sign(law: ContactLaw, form: Expr) -> int:
+    """Sign of a leading form, which is the same everywhere in its regime."""
+    value = form.subs(sample_values(law)).subs(dict.fromkeys(form.free_symbols, 1)).evalf()
+    return (value > 0) - (value < 0)
 
 
-def _film_gap(line: Eq) -> Expr | None:
-    if line.lhs == h:
-        return None
-    return inverted(line.rhs, h, force)
+def _leading_rate(diagram: Diagram, closing: Regime, facet: Normal) -> Expr | None:
+    """Leading form of the relaxation rate on the face between two regimes, in h = h_eq and F.
 
-
-def _leading_rate(diagram: Diagram, closing: Regime, opening: Regime, side: Side) -> Expr | None:
-    """F (-dln F_adh/dh)/zeta: what the rate is where F_adh = F, to leading order, in h = h_eq and F."""
+    Where one term of F_adh balances all that is left, F or the other terms, it is as large as these: the rate is
+    -dln(F_adh)/dh times the rate at which the gap closes without it. Where two terms of F_adh balance each other, their
+    slopes do not.
+    """
     law = diagram.law
-    if law.F_adh.has(a) or "zeta" not in closing.forms:
+    on_it = [ray for cone in closing.cones for ray in cone if dot(facet, ray) == 0]
+    face = next(
+        (
+            tuple(ray for ray in cone if ray in on_it)
+            for cone in closing.cones
+            if sum(ray in on_it for ray in cone) == len(cone) - 1
+        ),
+        None,
+    )
+    if law.F_adh.has(a) or "zeta" not in closing.forms or face is None:
         return None
-    slope = -powsimp(simplify(diff(law.F_adh, h) / law.F_adh))
     directions = {h: (1, 0, 0), size: (0, 1, 0), **{s: (0, 0, n) for s, n in diagram.scales.items()}}
-    for regime in (opening, closing):
-        cone = regime.cones[0]
-        try:
-            steepness = leading(expand(slope, scale_of(cone, {s: n[: len(cone[0])] for s, n in directions.items()})))[1]
-        except UndecidedError:
-            continue
-        return powsimp(SIGN[side] * force * steepness / closing.forms["zeta"].leading)
-    return None
+    scale = scale_of(face, {symbol: normal[: len(face[0])] for symbol, normal in directions.items()}, kept=1)
+    try:
+        remote, slope = (leading(expand(expr, scale))[1] for expr in (law.F_adh, diff(law.F_adh, h)))
+    except UndecidedError:
+        return None
+    if remote.is_Add:
+        return powsimp(-slope / closing.forms["zeta"].leading)
+    return powsimp(-simplify(slope / remote) * _sign(law, remote) * -closing.dh_dt)
 
 
 # ------------------------------------------------------------------------------------------------------- in numbers
 
 #: Gaps, in units of R, at which films are looked for.
 GAPS = (1e-10, 1e2)
-#: Gaps per decade.
+#: Gaps per decade, at first, and how often their intervals are halved where a branch begins or ends.
 DENSITY = 40
+DEEPEST = 30
+
+#: A film: gap, force, relaxation rate.
+Point = tuple[float, float, float]
 
 
 def branches(law: ContactLaw) -> tuple[Branch, ...]:
@@ -213,19 +227,38 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
     elastic = lambdify(arguments, known[F], "math")
     radius = lambdify((h, delta), law.a.subs(numbers), "math")
     rate = lambdify(arguments, relaxation_rate(law).subs(numbers), "math")
-    count = round(DENSITY * math.log10(GAPS[1] / GAPS[0]))
-    found: list[tuple[float, float, float]] = []
-    for i in range(count + 1):
-        gap = GAPS[0] * (GAPS[1] / GAPS[0]) ** (i / count)
+
+    def at(gap: float) -> Point | None:
         try:
-            deflection = _deflection(
-                lambda x, gap=gap: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x)
-            )
-            at = (radius(gap, deflection), gap, deflection)
-            found.append((gap, float(remote(*at)), float(rate(*at))))
+            deflection = _deflection(lambda x: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x))
+            state = (radius(gap, deflection), gap, deflection)
+            point = (gap, float(remote(*state)), float(rate(*state)))
         except (OverflowError, ZeroDivisionError, ValueError):
-            continue
-    return tuple(_branches([point for point in found if all(map(math.isfinite, point)) and point[1] != 0]))
+            return None
+        return point if all(map(math.isfinite, point)) and point[1] != 0 else None
+
+    count = round(DENSITY * math.log10(GAPS[1] / GAPS[0]))
+    gaps = [GAPS[0] * (GAPS[1] / GAPS[0]) ** (i / count) for i in range(count + 1)]
+    points = [at(gap) for gap in gaps]
+    found = [points[0], *(point for i in range(count) for point in _between(at, *gaps[i : i + 2], *points[i : i + 2]))]
+    return tuple(_branches([point for point in found if point is not None]))
+
+
+def _between(
+    at: Callable[[float], Point | None], low: float, high: float, one: Point | None, other: Point | None, depth: int = 0
+) -> list[Point | None]:
+    """Samples above one gap up to another, ever denser towards where films begin, or turn, or their force vanishes.
+
+    A film pressed flat hardly thins as the force grows: its branch ends within a small range of gaps.
+    """
+    if depth == DEEPEST or (one is None and other is None) or (one and other and _kind(one) == _kind(other)):
+        return [other]
+    middle = math.sqrt(low * high)
+    between = at(middle)
+    return [
+        *_between(at, low, middle, one, between, depth + 1),
+        *_between(at, middle, high, between, other, depth + 1),
+    ]
 
 
 def _deflection(excess: object) -> float:
@@ -254,12 +287,16 @@ def _deflection(excess: object) -> float:
     return (low + high) / 2
 
 
-def _branches(points: Sequence[tuple[float, float, float]]) -> list[Branch]:
+def _kind(film: Point) -> tuple[bool, bool]:
+    """Whether a film is stable, and whether it is pressed."""
+    return film[2] > 0, film[1] > 0
+
+
+def _branches(points: Sequence[Point]) -> list[Branch]:
     """Cut a curve of films where its stability, or the sign of its force, changes."""
-    runs: list[list[tuple[float, float, float]]] = []
+    runs: list[list[Point]] = []
     for point in points:
-        key = (point[2] > 0, point[1] > 0)
-        if runs and (runs[-1][-1][2] > 0, runs[-1][-1][1] > 0) == key:
+        if runs and _kind(runs[-1][-1]) == _kind(point):
             runs[-1].append(point)
         else:
             runs.append([point])
