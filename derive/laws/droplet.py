@@ -23,7 +23,7 @@ from softdyn.derive import FORCE, LENGTH, ContactLaw, E, F, Limit, R, a, delta, 
 
 sigma = Symbol("sigma", positive=True)  # surface tension
 
-hbar = R * h / (R + h)  # the smaller of gap and radius, smoothly
+hbar = 1 / (1 / R + 1 / h)  # the smaller of gap and radius, smoothly; its slope in this form does not cancel
 brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
 
 near = 3 * pi * eta * R**2 / (2 * h)

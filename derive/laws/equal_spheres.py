@@ -29,7 +29,7 @@ from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, 
 
 nu = Symbol("nu", real=True)  # Poisson's ratio
 
-hbar = R * h / (R + h)  # the smaller of gap and radius, smoothly
+hbar = 1 / (1 / R + 1 / h)  # the smaller of gap and radius, smoothly; its slope in this form does not cancel
 a0 = Rational(3, 2) * sqrt(R * hbar)  # the radius at delta = 0
 modulus = E / (1 - nu**2)  # of plane strain
 brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes

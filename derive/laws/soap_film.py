@@ -54,12 +54,12 @@ law = ContactLaw(
         ),
         Limit(
             "round, repelled",
-            order=((delta, h, ell, R), (sigma, Pi0 * R)),
+            order=(delta, h, ell, R),
             claims={"F_adh": pi * R * Pi0 * ell, "dh_dt": 2 * Pi0 * ell * h / (3 * eta * R)},
         ),
         Limit(
             "film, repelled",
-            order=((h, ell, delta, R), (sigma, Pi0 * R)),
+            order=((h, ell, delta, R), (sigma, E * R)),  # Pi0 being some E
             claims={"F_adh": 2 * pi * R * Pi0 * delta, "dh_dt": Pi0 * h**3 / (3 * eta * R * delta)},
         ),
     ),
