@@ -60,7 +60,11 @@ LATEX_NAMES = {
     # what Python leaves of lambda
     "lam": r"\lambda",
     "lamda": r"\lambda",
+    "ell": r"\ell",
 }
+
+#: Greek capitals that look like no Latin ones.
+CAPITALS = frozenset("Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split())
 
 #: The order in which factors and terms are written; "" stands for all other names.
 RANK = {name: i for i, name in enumerate("pi|eta|E||kappa|dF_dt|F|V|R|a|h|delta|X|dh_dt|ddelta_dt".split("|"))}
@@ -87,7 +91,7 @@ def symbol_latex(name: str) -> str:
 
 
 def _word(name: str) -> str:
-    if name in greek_letters_set:
+    if name in greek_letters_set or name in CAPITALS:
         return rf"\{name}"
     if len(name) == 1 or name.isdigit():
         return name
@@ -233,12 +237,18 @@ def _bracketed(text: str) -> str:
 def _small(text: str) -> str:
     """Fractions of an exponent on the line."""
     text = re.sub(r"^- ", "-", text)
-    plain = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", lambda m: f"{_closed(m[1])}/{_closed(m[2])}", text)
+    group = r"\{((?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*)\}"
+
+    def on_the_line(match: re.Match[str]) -> str:
+        top, bottom = match.groups()
+        return f"{_closed(top) if re.search('[-+]', top) else top}/{_closed(bottom)}"
+
+    plain = re.sub(r"\\frac" + group + group, on_the_line, text)
     return text if r"\frac" in plain else plain
 
 
 def _closed(text: str) -> str:
-    return text if re.fullmatch(r"-?(\\?\w+)", text) else f"({text})"
+    return text if re.fullmatch(r"-?\\?\w+(_?\{\w+\})?", text) else f"({text})"
 
 
 #: What does not stand close to the factor before it.

@@ -54,7 +54,7 @@ def formula(latex: str, text: str, glyphs: MutableMapping[str, str]) -> str:
         return f'<code class="formula">{escape(text)}</code>'
     for _, used in drawn:
         glyphs.update(used)
-    images = "<wbr>".join(image for image, _ in drawn)
+    images = "".join(image for image, _ in drawn)
     return f'<span class="formula" role="img" aria-label="{escape(text)}">{images}</span>'
 
 

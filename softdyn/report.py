@@ -104,9 +104,8 @@ def write_report(law: ContactLaw, path: Path) -> None:
     SceneError
         If the file cannot be written.
     """
-    text = page(law)
-    with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    with written_whole(path) as temporary:  # a path that cannot be written is refused before the work is done
+        temporary.write_text(page(law), encoding="utf-8")
 
 
 def page(law: ContactLaw) -> str:
@@ -536,7 +535,7 @@ def _data_address(figure: Figure) -> str:
 
 def kernels(law: ContactLaw) -> list[dict[str, Any]]:
     """Kernels of a law for several kinds of scenes, with their operations and source; or why there is none."""
-    entries = []
+    entries: list[dict[str, Any]] = []
     for scene, needs in SCENES.items():
         used = {symbol.name for symbol in parameters_of(law)}
         needs = Needs(needs.drive, needs.deflection, {k: v for k, v in needs.fixed.items() if k in used}, needs.outputs)
