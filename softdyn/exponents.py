@@ -186,9 +186,9 @@ def measure(diagram: Diagram, target: str = "auto") -> Measurement:
                     runs.append(run)
                     targets.add(used)
     deviations = tuple(
-        _deviation(diagram, regime, exponent, plane, runs, levels[regime.name, regime.side])
+        deviation
         for regime in _decided(diagram)
-        for exponent in QUANTITY
+        for deviation in _deviations(diagram, regime, plane, runs, levels[regime.name, regime.side])
     )
     return Measurement(law.name, ", ".join(sorted(targets)), parameters, deviations, tuple(runs), tuple(failures))
 
@@ -229,33 +229,58 @@ def _forces(
 
 
 def _inside(diagram: Diagram, regime: Regime, plane: Plane, X: Array, Y: Array, small: float) -> NDArray[np.bool_]:
-    """Whether points are inside a regime, where all its next corrections are small."""
+    """Whether points are inside a regime, with all five that a difference is made of."""
+    inside = _corrections_are_small(diagram, regime, plane, X, Y, small)
+    for shift in (-ENDS / DENSITY, ENDS / DENSITY):
+        if inside.any():
+            inside &= _corrections_are_small(diagram, regime, plane, X + shift, Y, small)
+    return inside
+
+
+def _corrections_are_small(
+    diagram: Diagram, regime: Regime, plane: Plane, X: Array, Y: Array, small: float
+) -> NDArray[np.bool_]:
+    """Whether points are in a regime, far from its bounds, where all its next corrections are small."""
     inside = holds(regime, plane, X, Y)
-    for ratio in [condition.ratio for condition in regime.conditions] + ([force / regime.edge] if regime.edge else []):
-        inside &= evaluate(ratio, plane, X, Y) < APART * small
+    ratios = [(condition.small, condition.large) for condition in regime.conditions]
+    ratios += [(force, regime.edge)] if regime.edge is not None else []
+    for low, high in ratios:
+        inside &= evaluate(low, plane, X, Y) < APART * small * evaluate(high, plane, X, Y)
     for exponent in QUANTITY:
         form = regime.forms[QUANTITY[exponent]]
         for correction in form.corrections:
             inside &= np.abs(evaluate(correction, plane, X, Y)) < small
-    if inside.any() and _remote_is_left_out(diagram, regime):
-        for term in _remote(diagram, regime.side, plane, X, Y):
-            inside &= np.abs(term) < small
+    if diagram.law.F_adh != 0 and inside.any():
+        unlisted, slope, competing = _remote(diagram, regime, plane, X, Y)
+        inside &= (np.abs(unlisted) < small) & (np.abs(slope) < small) & (competing < small)
     return inside
 
 
-def _remote_is_left_out(diagram: Diagram, regime: Regime) -> bool:
-    """Whether F_adh is smaller than any power in a regime: such corrections are not listed."""
-    return diagram.law.F_adh != 0 and "F_adh" not in regime.forms
+def _remote(diagram: Diagram, regime: Regime, plane: Plane, X: Array, Y: Array) -> tuple[Array, Array, Array]:
+    """What F_adh adds to dh/dt beyond its own leading form and corrections: they leave out what is below any power.
 
-
-def _remote(diagram: Diagram, side: Side, plane: Plane, X: Array, Y: Array) -> tuple[Array, Array]:
-    """Relative correction -F_adh/F of dh/dt, and what it adds to lambda2."""
-    step = 1e-3
+    Returns
+    -------
+    unlisted, slope : arrays
+        A relative correction of dh/dt, and what it adds to lambda2.
+    competing : array
+        The smaller of F and F_adh over the larger, in size.
+    """
+    step, sign, form = 1e-3, SIGN[regime.side], regime.forms.get("F_adh")
     terms = []
     for shift in (-step, 0.0, step):
         gaps, forces = 10.0 ** (X + shift), plane.unit * 10.0**Y
-        terms.append(-SIGN[side] * states(diagram.law, side, gaps, forces)["F_adh"] / forces)
-    return terms[1], (terms[2] - terms[0]) / (2 * step * math.log(10))
+        exact = sign * states(diagram.law, regime.side, gaps, forces)["F_adh"]
+        listed = np.zeros(exact.shape)
+        if form is not None:
+            corrections = [evaluate(term, plane, X + shift, Y) for term in form.corrections]
+            listed = sign * evaluate(form.leading, plane, X + shift, Y) * (1 + sum(corrections))
+        with np.errstate(all="ignore"):
+            terms.append((listed - exact) / (forces - listed))
+    with np.errstate(all="ignore"):
+        ratio = np.abs(exact) / forces
+        competing = np.minimum(ratio, 1 / ratio)
+    return terms[1], (terms[2] - terms[0]) / (2 * step * math.log(10)), competing
 
 
 def _stretches(diagram: Diagram, plane: Plane, side: Side, kappa: float, X: Array) -> Iterator[Array]:
@@ -296,42 +321,40 @@ def _slope(y: Array) -> Array:
     return (y[:-4] - 8 * y[1:-3] + 8 * y[3:-1] - y[4:]) / (12 * step)
 
 
-def _deviation(
-    diagram: Diagram, regime: Regime, exponent: Exponent, plane: Plane, runs: list[Run], small: float
-) -> Deviation:
-    form = regime.forms[QUANTITY[exponent]]
-    predicted = regime.lambda1 if exponent == "lambda1" else regime.lambda2
-    assert predicted is not None
-    resolved = all(regime.forms[quantity].resolved for quantity in QUANTITY.values())
-    found = Deviation(regime.name, regime.side, exponent, str(predicted), resolved, small, 0)
-    gaps, kappas, off, expected = ([np.empty(0)] for _ in range(4))
+def _deviations(diagram: Diagram, regime: Regime, plane: Plane, runs: list[Run], small: float) -> Iterator[Deviation]:
+    """Compare the two exponents of a regime with what was measured inside."""
+    inside = []
     for run in runs:
         X = np.log10(np.array(run.h))
-        Y = np.full(len(X), math.log10(run.kappa))
-        here = _inside(diagram, regime, plane, X, Y, small) if run.side == regime.side else np.zeros(len(X), bool)
-        if not here.any():
+        if run.side == regime.side:
+            here = _inside(diagram, regime, plane, X, np.full(len(X), math.log10(run.kappa)), small)
+            if here.any():
+                inside.append((run, here))
+    at = [np.array([(math.log10(gap), math.log10(run.kappa)) for gap in np.array(run.h)[here]]) for run, here in inside]
+    X, Y = np.concatenate([np.empty((0, 2)), *at]).T
+    for exponent in QUANTITY:
+        form = regime.forms[QUANTITY[exponent]]
+        predicted = regime.lambda1 if exponent == "lambda1" else regime.lambda2
+        assert predicted is not None
+        resolved = all(regime.forms[quantity].resolved for quantity in QUANTITY.values())
+        found = Deviation(regime.name, regime.side, exponent, str(predicted), resolved, small, len(X))
+        if not len(X):
+            yield found
             continue
-        X, Y = X[here], Y[here]
-        shift = np.sum([np.zeros(len(X)), *(_slope_of(term, plane, X, Y) for term in form.corrections)], axis=0)
-        if exponent == "lambda2" and _remote_is_left_out(diagram, regime):
-            shift = shift + _remote(diagram, regime.side, plane, X, Y)[1]
-        gaps.append(10.0**X)
-        kappas.append(10.0**Y)
-        off.append(np.array(getattr(run, exponent))[here] - evaluate(predicted, plane, X, Y))
-        expected.append(shift)
-    deviation, shift = np.concatenate(off), np.concatenate(expected)
-    if not len(deviation):
-        return found
-    worst = int(np.argmax(np.abs(deviation)))
-    return replace(
-        found,
-        points=len(deviation),
-        deviation=float(deviation[worst]),
-        expected=float(shift[worst]),
-        h=float(np.concatenate(gaps)[worst]),
-        kappa=float(np.concatenate(kappas)[worst]),
-        unexplained=float(np.max(np.abs(deviation - shift))),
-    )
+        measured = np.concatenate([np.array(getattr(run, exponent))[here] for run, here in inside])
+        deviation = measured - evaluate(predicted, plane, X, Y)
+        expected = np.sum([np.zeros(len(X)), *(_slope_of(term, plane, X, Y) for term in form.corrections)], axis=0)
+        if exponent == "lambda2" and diagram.law.F_adh != 0:
+            expected = expected + _remote(diagram, regime, plane, X, Y)[1]
+        worst = int(np.argmax(np.abs(deviation)))
+        yield replace(
+            found,
+            deviation=float(deviation[worst]),
+            expected=float(expected[worst]),
+            h=float(10 ** X[worst]),
+            kappa=float(10 ** Y[worst]),
+            unexplained=float(np.max(np.abs(deviation - expected))),
+        )
 
 
 def _slope_of(correction: Expr, plane: Plane, X: Array, Y: Array) -> Array:
