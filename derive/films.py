@@ -170,7 +170,7 @@ def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film |
 def _sign(law: ContactLaw, form: Expr) -> int:
     """Sign of a leading form, which is the same everywhere in its regime."""
     value = form.subs(sample_values(law)).subs(dict.fromkeys(form.free_symbols, 1)).evalf()
-    return (value > 0) - (value < 0)
+    return int(bool(value > 0)) - int(bool(value < 0))
 
 
 def _leading_rate(diagram: Diagram, closing: Regime, facet: Normal) -> Expr | None:
