@@ -586,6 +586,6 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
     return _compose(small, derivatives(), scale)
 
 
-def exact(order: Fraction) -> Rational:
+def exact(order: int | Fraction) -> Rational:
     """Return a power as sympy writes it."""
     return Integer(order.numerator) / Integer(order.denominator)

@@ -145,12 +145,13 @@ def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film |
     """Film on a crossover, if the gap closes on one side of it and opens on the other."""
     side = crossover.side
     one, other = (diagram.regime(name, side) for name in (crossover.first, crossover.second))
-    if not all("dh_dt" in regime.forms for regime in (one, other)):
+    if not all("dh_dt" in regime.forms and regime.lambda1 is not None for regime in (one, other)):
         return None
     signs = [_sign(diagram.law, regime.dh_dt) for regime in (one, other)]
     if signs[0] * signs[1] >= 0:
         return None
     closing, opening, inward = (one, other, 1) if signs[0] < 0 else (other, one, -1)
+    assert closing.lambda1 is not None
     # larger gaps at the same force: h = R eps^p and delta ~ h^lambda1 with a smaller p
     upward = -inward * (crossover.facet[0] + crossover.facet[1] * closing.lambda1)
     if upward == 0:

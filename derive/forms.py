@@ -9,7 +9,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sympy import Add, Expr, Mul, Rational, S, Symbol, expand_log, expand_power_base, gcd_list, log, powsimp, sstr
+from sympy import (
+    Add,
+    Expr,
+    Mul,
+    Rational,
+    S,
+    Symbol,
+    expand_log,
+    expand_power_base,
+    factor_terms,
+    gcd_list,
+    log,
+    powsimp,
+    sstr,
+)
 
 from softdyn.derive.dimensions import FORCE, LENGTH
 from softdyn.derive.law import parameters_of
@@ -105,7 +119,8 @@ def plain(form: Expr, unit: Expr, rate: bool = False) -> str:
     if product is None or product.powers.keys() - {eta, E, R, V, kappa, x} - unit.free_symbols:
         return sstr(form)  # forces and lengths of the law's own are best read where they stand
     parts = [_power(symbol, power) for symbol, power in product.powers.items()]
-    number = sstr(product.number)
+    factored = factor_terms(product.number)
+    number = f"({sstr(factored)})" if factored.is_Add and parts else sstr(factored)
     if number == "-1" and parts:
         return "-" + " ".join(parts)
     return " ".join([*([number] if number != "1" or not parts else []), *parts])

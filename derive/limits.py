@@ -325,7 +325,7 @@ def _compared(
         quotient = powsimp(getattr(law, name, S.Zero) / claimed)
         if quotient != 0:
             known[a] = contact_series(law, cone, directions, side, wanted=("a",))["a"]  # type: ignore[assignment]
-            return expand(quotient, scale), Series({(0,) * scale.size: S.One}), series  # type: ignore[dict-item]
+            return expand(quotient, scale), Series({(0,) * scale.size: S.One}), series
     if isinstance(found, UndecidedError):
         raise found
     return found, expand(claimed, scale), series
@@ -352,7 +352,7 @@ def _without_logarithms(ratio: Expr, scale: Scale) -> tuple[Expr | None, bool]:
     top, bottom = written.together().as_numer_denom()
     if not (top.is_polynomial(*present) and bottom.is_polynomial(*present)):
         return None, False
-    upper, lower = outgrowing(Poly(top, *present)), outgrowing(Poly(bottom, *present))
+    upper, lower = (outgrowing(Poly(part, *present)) for part in (top, bottom))
     if upper.keys() == lower.keys():
         factors = {simplify(upper[m] / lower[m]) for m in lower}
         signs = {(c.is_positive, c.is_negative) for c in lower.values()}

@@ -168,6 +168,8 @@ class Crossover:
         F = ... in h, or h = ... where F drops out.
     others : mapping from str to Expr
         For the other quantities whose forms meet elsewhere: the right-hand side that they would give.
+    facet : Normal
+        Of the face that the regimes' cones share, pointing into the first.
     """
 
     first: str
@@ -176,6 +178,7 @@ class Crossover:
     quantity: str
     line: Eq
     others: Mapping[str, Expr]
+    facet: Normal
 
 
 @dataclass(frozen=True)
@@ -570,11 +573,11 @@ def _crossovers(regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) 
             if not lines:
                 guess = _line_of(normal, directions)
                 if guess is not None:
-                    yield Crossover(one.name, other.name, one.side, "", guess, {})
+                    yield Crossover(one.name, other.name, one.side, "", guess, {}, normal)
                 continue
             quantity, line = next(iter(lines.items()))
             elsewhere = {n: eq.rhs for n, eq in lines.items() if eq.lhs == line.lhs and eq.rhs != line.rhs}
-            yield Crossover(one.name, other.name, one.side, quantity, line, elsewhere)
+            yield Crossover(one.name, other.name, one.side, quantity, line, elsewhere, normal)
 
 
 def _meeting(
