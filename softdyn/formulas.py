@@ -11,6 +11,7 @@ import re
 from collections.abc import MutableMapping, Sequence
 from functools import cache
 from html import escape
+from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.font_manager import FontProperties
@@ -23,7 +24,12 @@ FONT = "stix"
 #: Kept free above and below.
 MARGIN = 8
 #: Letters of SVG paths, and how many points each takes.
-LETTERS = {Path.MOVETO: ("M", 1), Path.LINETO: ("L", 1), Path.CURVE3: ("Q", 2), Path.CURVE4: ("C", 3)}
+LETTERS = {
+    int(Path.MOVETO): ("M", 1),
+    int(Path.LINETO): ("L", 1),
+    int(Path.CURVE3): ("Q", 2),
+    int(Path.CURVE4): ("C", 3),
+}
 #: Fractions within so many others are still of full size.
 NESTED = 1
 #: A line may end before these; before a factor only where a piece is too wide for any line.
@@ -149,7 +155,7 @@ def _drawn(latex: str) -> tuple[str, dict[str, str]]:
     return image, {name: _path(*outline) for name, outline in outlines.items()}
 
 
-def _path(points: Sequence[Sequence[float]], codes: Sequence[int]) -> str:
+def _path(points: Any, codes: Any) -> str:
     """Data of an SVG path."""
     text, at = [], 0
     while at < len(codes):
@@ -157,7 +163,7 @@ def _path(points: Sequence[Sequence[float]], codes: Sequence[int]) -> str:
             text.append("Z")
             at += 1
             continue
-        letter, count = LETTERS[codes[at]]
+        letter, count = LETTERS[int(codes[at])]
         text.append(letter + " ".join(f"{float(x):.5g} {float(y):.5g}" for x, y in points[at : at + count]))
         at += count
     return "".join(text)

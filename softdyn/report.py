@@ -26,7 +26,7 @@ from softdyn.derive.films import Film, Films, find_films
 from softdyn.derive.forms import force, force_unit
 from softdyn.derive.kernel import kernel_ir, total_operations
 from softdyn.derive.law import dimensions_for, expressions, law_hash, parameters_of
-from softdyn.derive.limits import Finding, chains, check_limits, side_of
+from softdyn.derive.limits import Finding, chains, check_limits, ordering, side_of
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
 from softdyn.derive.specialise import OUTPUTS, Needs
@@ -266,7 +266,7 @@ def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, sho
     balance = None if regime is None else regime.balance
     claims = []
     for finding in findings:
-        if finding.limit != limit.name or limit.claims.get(finding.quantity) is not finding.claimed:
+        if (finding.limit, finding.ordering) != (limit.name, ordering(limit)):
             continue
         claimed = finding.claimed.subs(F, force) if side == "compression" else finding.claimed
         written = form_latex(claimed, law, finding.quantity in RATES, balance)
