@@ -199,7 +199,8 @@ def _leading_rate(diagram: Diagram, closing: Regime, facet: Normal) -> Expr | No
         remote, slope = (leading(expand(expr, scale))[1] for expr in (law.F_adh, diff(law.F_adh, h)))
     except UndecidedError:
         return None
-    if remote.is_Add:
+    terms = remote.expand().args if remote.expand().is_Add else ()
+    if {_sign(law, term) for term in terms} == {1, -1}:
         return powsimp(-slope / closing.forms["zeta"].leading)
     return powsimp(-simplify(slope / remote) * _sign(law, remote) * -closing.dh_dt)
 
@@ -211,6 +212,8 @@ GAPS = (1e-10, 1e2)
 #: Gaps per decade, at first, and how often their intervals are halved where a branch begins or ends.
 DENSITY = 40
 DEEPEST = 30
+#: Forces that no film is said to carry, in units of E R^2: an exponential never ends.
+FAINTEST = 1e-20
 
 #: A film: gap, force, relaxation rate.
 Point = tuple[float, float, float]
@@ -236,7 +239,7 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
             point = (gap, float(remote(*state)), float(rate(*state)))
         except (OverflowError, ZeroDivisionError, ValueError):
             return None
-        return point if all(map(math.isfinite, point)) and point[1] != 0 else None
+        return point if all(map(math.isfinite, point)) and abs(point[1]) >= FAINTEST else None
 
     count = round(DENSITY * math.log10(GAPS[1] / GAPS[0]))
     gaps = [GAPS[0] * (GAPS[1] / GAPS[0]) ** (i / count) for i in range(count + 1)]

@@ -160,10 +160,16 @@ def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, de
         if not cones:
             raise UndecidedError("no scaling has this ordering")
         while cones:
-            judged = settle(cones, lambda cone: _judge(law, cone, directions, side_of(limit), quantity, claimed, deadline))
+            judged = settle(
+                cones, lambda cone: _judge(law, cone, directions, side_of(limit), quantity, claimed, deadline)
+            )
             pieces += [piece for _, piece in judged]
             # where two parts meet, terms that compete are equally large: another case
-            cones = [wall for wall in facets(cone for cone, _ in judged) if _is_inside(law, limit, directions, wall, deadline)]
+            cones = [
+                wall
+                for wall in facets(cone for cone, _ in judged)
+                if _is_inside(law, limit, directions, wall, deadline)
+            ]
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
     piece = _together(pieces)
@@ -202,9 +208,7 @@ def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], 
     return [cone for cone, inside in settled if inside]
 
 
-def _is_inside(
-    law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], cone: Cone, deadline: float
-) -> bool:
+def _is_inside(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], cone: Cone, deadline: float) -> bool:
     """Whether the scalings in a cone have the ordering of a limit.
 
     Raises
@@ -354,13 +358,13 @@ def _without_logarithms(ratio: Expr, scale: Scale) -> tuple[Expr | None, bool]:
         return None, False
     upper, lower = (outgrowing(Poly(part, *present)) for part in (top, bottom))
     if upper.keys() == lower.keys():
-        factors = {simplify(upper[m] / lower[m]) for m in lower}
+        quotients = {simplify(upper[m] / lower[m]) for m in lower}
         signs = {(c.is_positive, c.is_negative) for c in lower.values()}
-        if len(factors) == 1 and (len(lower) == 1 or signs in ({(True, False)}, {(False, True)})):
-            return factors.pop(), True
+        if len(quotients) == 1 and (len(lower) == 1 or signs in ({(True, False)}, {(False, True)})):
+            return quotients.pop(), True
     # one outgrows the other
-    for small, large in ((upper, lower), (lower, upper)):
-        if all(any(m != n and all(x <= y for x, y in zip(m, n, strict=True)) for n in large) for m in small):
+    for weak, strong in ((upper, lower), (lower, upper)):
+        if all(any(m != n and all(x <= y for x, y in zip(m, n, strict=True)) for n in strong) for m in weak):
             return ratio, False
     return None, False
 
