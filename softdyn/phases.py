@@ -54,6 +54,8 @@ DENSITY = 40
 POLE = 30.0
 #: Typical values in a line of the caption.
 PER_LINE = 5
+#: One of so many measured points is drawn.
+EVERY = 3
 #: Inches above the axes, and for each further line of the caption.
 HEAD, LINE = 0.75, 0.19
 OUTSIDE = "#D9D9D9"
@@ -259,17 +261,17 @@ def decade_ticks(axis: Any, limits: tuple[float, float]) -> None:
 
 def line_text(crossover: Crossover, diagram: Diagram) -> str:
     """Mathtext of a crossover, on one line: kappa = c (h/R)^p, or F = ... where c would not be a pure number."""
-    law, value = diagram.law, crossover.line.rhs
+    law, value, sign = diagram.law, crossover.line.rhs, "-" if crossover.side == "tension" else ""
     if crossover.line.lhs == h:
         return f"h = {_inline(value)}"
     power = simplify(h * diff(value, h) / value)
     factor = powsimp(value / force_unit(law) * (R / h) ** power) if power.is_number else value
     if any(law.parameters.get(symbol) != DIMENSIONLESS for symbol in factor.free_symbols):
-        return f"F = {_inline(value)}"
+        return f"{sign}F = {_inline(value)}"
     number = _inline(factor)
     parts = [rf"({number})" if power != 0 and "/" in number else number] if factor != 1 or power == 0 else []
     parts += [r"(h/R)" + (f"^{{{_inline(power)}}}" if power != 1 else "")] if power != 0 else []
-    return r"\kappa = " + r"\,".join(parts)
+    return rf"{sign}\kappa = " + r"\,".join(parts)
 
 
 def _inline(expr: Expr) -> str:
@@ -452,7 +454,7 @@ def _beyond(regime: Regime, plane: Plane) -> list[Array]:
 def draw_curves(
     panels: Sequence[Axes], diagram: Diagram, plane: Plane, side: Side, measured: Measurement | None
 ) -> None:
-    """Deflection, gap rate and their exponents against h/R: exact, leading forms dotted; measured exponents as dots."""
+    """Deflection, gap rate and exponents against h/R: exact, leading forms dotted; measured exponents as circles."""
     X = np.linspace(*plane.xlim, round(DENSITY * (plane.xlim[1] - plane.xlim[0])) + 1)
     kappas = shown_forces(diagram, plane)
     exact = states(diagram.law, side, 10 ** X[None], plane.unit * kappas[:, None])
@@ -471,8 +473,8 @@ def draw_curves(
     ]
     for axes, (name, label) in zip(panels[2:], exponents, strict=False):
         _draw_exponents(axes, X, kappas, exact[name], name, regimes, plane)
-        dots = _draw_measured(axes, measured, name, side, plane)
-        axes.set_title(label + ("; dots: measured" if dots else ""))
+        circles = _draw_measured(axes, measured, name, side, plane)
+        axes.set_title(label + ("; circles: measured" if circles else ""))
     for axes in panels:
         if not any(np.isfinite(line.get_ydata()).any() for line in axes.lines):
             axes.set_yticks([])
@@ -568,10 +570,15 @@ def _plateaus(regimes: Sequence[Regime], name: str) -> list[Expr]:
 
 
 def _draw_measured(axes: Axes, measured: Measurement | None, name: str, side: Side, plane: Plane) -> bool:
-    """Measured exponents, as dots in the colour of their force; whether there are any."""
-    runs = [run for run in measured.runs if run.side == side] if measured is not None else []
+    """Measured exponents, as circles in the colour of their force; whether there are any in the window."""
+    runs = [
+        run
+        for run in (measured.runs if measured is not None else ())
+        if run.side == side and plane.ylim[0] <= math.log10(run.kappa) <= plane.ylim[1]
+    ]
     for run in runs:
         axes.plot(
-            np.log10(run.h), getattr(run, name), ".", ms=2.5, color=force_colour(run.kappa, plane), zorder=4, alpha=0.7
-        )
+            np.log10(run.h), getattr(run, name), "o", ms=3.2, mew=0.8, mfc="white", mec=force_colour(run.kappa, plane),
+            markevery=EVERY, zorder=4, ls="none",
+        )  # fmt: skip
     return bool(runs)

@@ -304,14 +304,28 @@ def test_the_curves_are_the_laws_own_equations() -> None:
             assert Z[i] == pytest.approx(np.log10(expected), abs=1e-11)
 
 
+def test_crossovers_are_told_by_their_formulas() -> None:
+    told = {
+        (crossover.side, phases.line_text(crossover, diagram_of("film")))
+        for crossover in diagram_of("film").crossovers
+        if diagram_of("film").regime(crossover.second, crossover.side).inside
+    }
+    of_hertz = r"\kappa = (4 \sqrt{2} / 9)\,(h/R)^{3 / 2}"
+    assert told == {
+        *((side, text) for side in SIDES for text in ("h = R", r"h = \lambda")),
+        *(("compression", text) for text in (of_hertz, "F = A")),
+        *(("tension", f"-{text}") for text in (of_hertz, "F = A")),
+    }
+
+
 def test_measured_exponents_are_laid_over() -> None:
     run = Run("compression", 1e-3, (0.01, 0.1, 1.0), (1e-3,) * 3, (-1e-4,) * 3, (-0.3, -0.4, -0.1), (2.0, 1.0, 0.5))
     measured = Measurement("rognon_gay", "c", {"R": 1.0, "E": 1.0, "eta": 1.0}, (), (run,), ())
     figure = phases.draw(diagram_of("rognon_gay"), measured)
     for panel, values in ((figure.axes[3], run.lambda1), (figure.axes[4], run.lambda2)):
-        (dots,) = [line for line in panel.lines if line.get_marker() == "."]
-        assert np.allclose(dots.get_xdata(), [-2, -1, 0])
-        assert tuple(dots.get_ydata()) == values
+        (circles,) = [line for line in panel.lines if line.get_marker() == "o"]
+        assert np.allclose(circles.get_xdata(), [-2, -1, 0])
+        assert tuple(circles.get_ydata()) == values
 
 
 def test_a_law_without_typical_values_is_told_what_to_declare() -> None:
