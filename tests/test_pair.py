@@ -196,10 +196,38 @@ def test_the_gap_settles_on_a_film_where_the_remote_force_balances() -> None:
         softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_h=9e-5, gaps=5, method="quadrature")
 
 
-@pytest.mark.slow
+def film_run(**changes: object) -> softdyn.PairResult:
+    parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
+    return softdyn.simulate(**{"law": film, "parameters": parameters, "h": 1.0, "force": 1e-2, **changes})
+
+
+def test_on_a_film_a_hundred_times_the_time_costs_half_as_much_again_at_most() -> None:
+    """The relaxation time is lam zeta/F. Evaluations are counted, which no other load on the machine can change."""
+    zeta = film_run(until_t=1e12, times=2, quantities=("zeta",)).zeta[-1]
+    relaxation = 1e-5 * zeta / 1e-2
+    for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+        short, long = (film_run(until_t=n * relaxation, times=2, rtol=rtol) for n in (1e4, 1e6))
+        assert long.stats["evaluations"] < 1.5 * short.stats["evaluations"]
+        assert long.stats["stiffness"] > 1e4  # steps of ten thousand relaxation times and more
+        for result in (short, long):
+            assert abs(math.log(result.h[-1] / 1e-4)) < rtol + 1e-14
+
+
+def test_the_approach_to_a_film_against_quadrature() -> None:
+    """Times to come within 1e-1 to 1e-4 of the film, each compared through the rate: an error of ln h."""
+    gaps = [1e-4 * (1 + 10.0**-k) for k in range(1, 5)]
+    exact = film_run(until_h=gaps[-1], gaps=gaps, method="quadrature", quantities=("dh_dt",))
+    for rtol in (1e-6, 1e-9, 1e-12):
+        found = film_run(until_h=gaps[-1], gaps=gaps, rtol=rtol)
+        # near the film rates, and with them errors of t, carry the rounding of h/lam - 10 against what is left of it
+        rounding = 2e-15 * 10.0 ** np.arange(1, 5) * 10
+        error = np.abs((found.t - exact.t) * exact.dh_dt / exact.h)
+        assert np.all(error <= 10 * rtol + rounding * np.abs(exact.t * exact.dh_dt / exact.h)), rtol
+
+
 def test_a_film_that_is_never_passed_ends_with_the_reason() -> None:
     parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
-    with pytest.raises(IntegrationError, match=r"steps were not enough, at t=.*h=0\.0001.*settles on a film"):
+    with pytest.raises(IntegrationError, match=r"time overflows.*h=0\.0001.*settles on a film.*until.t"):
         softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_h=9e-5)
 
 
