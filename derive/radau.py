@@ -29,6 +29,11 @@ class Collocation:
         Barycentric weights of these s + 1 points.
     inverse : tuple of float
         The inverse of the Runge-Kutta matrix, by columns: (A^-1)[i][j] at s*j + i.
+    matrix : tuple of float
+        The Runge-Kutta matrix A, by columns.
+    powers : tuple of float
+        Weights of the values at the s nodes, 0 at 0, in the polynomial's coefficients by powers of 2 theta - 1: those of
+        the power k from s*k on.
     slope_start : tuple of float
         Weights of the s + 1 values in the derivative of the polynomial at 0.
     probe : float
@@ -43,6 +48,8 @@ class Collocation:
     nodes: tuple[float, ...]
     weights: tuple[float, ...]
     inverse: tuple[float, ...]
+    matrix: tuple[float, ...]
+    powers: tuple[float, ...]
     slope_start: tuple[float, ...]
     probe: float
     value_probe: tuple[float, ...]
@@ -60,6 +67,8 @@ def radau_iia(stages: int = STAGES) -> Collocation:
         powers = mpmath.matrix([[c**j for j in range(stages)] for c in nodes])
         integrals = mpmath.matrix([[c ** (j + 1) / (j + 1) for j in range(stages)] for c in nodes])
         inverse = powers * integrals**-1
+        matrix = inverse**-1
+        centred = mpmath.matrix([[(2 * x - 1) ** j for j in range(stages + 1)] for x in points]) ** -1
         # the defect is K M, with M the product of (theta - c_i), and the error that it makes K times its integral
         node_polynomial = [mpmath.mpf(1)]
         for c in nodes:
@@ -73,6 +82,8 @@ def radau_iia(stages: int = STAGES) -> Collocation:
             nodes=_floats(points),
             weights=_floats([1 / mpmath.fprod(x - y for y in points if y != x) for x in points]),
             inverse=_floats([inverse[i, j] for j in range(stages) for i in range(stages)]),
+            matrix=_floats([matrix[i, j] for j in range(stages) for i in range(stages)]),
+            powers=_floats([centred[k, j + 1] for k in range(stages + 1) for j in range(stages)]),
             slope_start=_floats(_weights(points, mpmath.mpf(0), derivative=True)),
             probe=float(probe),
             value_probe=_floats(_weights(points, probe, derivative=False)),

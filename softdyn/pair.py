@@ -31,6 +31,7 @@ MOST_STEPS = 2_000_000
 #: An expression of time is looked at in 8 points of each of at least so many steps, lest a pulse be missed.
 FEWEST_STEPS = 16
 #: Numbers that describe a step: its start, its length, what ends it; of each component its value and its 8 stages.
+#: Under a constant force one more, the length in ln h of a step that has ln h as its independent variable.
 WIDTH = 12
 
 Progress = Callable[[float, float], None]
@@ -161,15 +162,17 @@ def _integrate(
     """Run the kernel's integrator to the end; returns the dense output of its steps, shape (steps, WIDTH)."""
     t_end = math.inf if scene.until_t is None else float(scene.until_t)
     u_stop = math.nan if scene.until_h is None else math.log(scene.until_h)
-    state = np.zeros(13)
+    state = np.zeros(15)
     state[:3] = drive.start, math.log(scene.h), delta0
     state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
+    state[13] = float(scene.method == "auto")
+    width = WIDTH + (drive.shape == "constant")
     recorded: list[Array] = []
     status = 2
     while status == 2:
-        chunk = np.empty(CHUNK * WIDTH)
+        chunk = np.empty(CHUNK * width)
         status = kernel.functions.integrate(t_end, u_stop, float(scene.rtol), p, *drive.arguments, CHUNK, state, chunk)
-        recorded.append(chunk[: int(state[9]) * WIDTH].reshape(-1, WIDTH))
+        recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
         if progress is not None:
             progress(float(state[0]), math.exp(min(state[1], 700.0)))
         if status == 2:
@@ -177,13 +180,22 @@ def _integrate(
     if status not in (0, 1):
         raise IntegrationError(_what_happened(status, scene, drive, state))
     stats = {
-        "method": "Radau IIA of 8 stages in ln h",
+        "method": _method(int(state[4]), int(state[14])),
         "steps": int(state[4]),
         "rejected": int(state[5]),
         "evaluations": int(8 * state[6] + state[7]),
         "stiffness": float(state[10]),
     }
     return np.concatenate(recorded), "h" if status == 1 else "t", stats
+
+
+def _method(steps: int, by_gap: int) -> str:
+    """What was done, in words, for the result."""
+    in_time = "Radau IIA of 8 stages in ln h"
+    if not by_gap:
+        return in_time
+    in_gap = "quadrature in steps of ln h (constant force)"
+    return in_gap if by_gap == steps else f"{in_gap}, then {in_time}"
 
 
 TOO_MANY, RUNAWAY = -10, -11
@@ -269,14 +281,17 @@ def states_at(kernel: Kernel, steps: Array, t: Array) -> Array:
 
 
 def _passages(kernel: Kernel, steps: Array, index: Array, u: Array) -> Array:
-    """Times at which ln h passes each u within the step of each index, by bisection; rising indices."""
-    low, high = steps[index, 0].copy(), steps[index, 0] + steps[index, 1]
-    rising = steps[index, 11] > 0
-    for _ in range(60):
-        middle = (low + high) / 2
-        before = (states_at(kernel, steps, middle)[0] < u) == rising
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return high
+    """Times at which ln h passes each u within the step of each index."""
+    out = np.empty(len(u))
+    kernel.functions.passages(len(u), u, index.astype(float), steps, out)
+    return out
+
+
+def _ends(steps: Array) -> Array:
+    """Return ln h at the start of each step, and at the end of the last."""
+    last = steps[-1]
+    by_gap = len(last) == WIDTH + 1 and last[12] != 0
+    return np.append(steps[:, 3], last[3] + (last[12] if by_gap else last[11]))
 
 
 def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float) -> tuple[Array, Array]:
@@ -285,7 +300,7 @@ def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float) -> tuple[Ar
         gaps = np.geomspace(scene.h, float(scene.until_h or 0), int(scene.gaps))
     else:
         gaps = np.array(scene.gaps, dtype=float)
-    u = np.append(steps[:, 3], steps[-1, 3] + steps[-1, 11])
+    u = _ends(steps)
     targets = np.log(gaps)
     index = [0] * len(gaps)
     at = 0

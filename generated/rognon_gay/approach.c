@@ -27,6 +27,8 @@
  *       The external force at n times.
  *   int64_t rognon_gay_integrate(t_end, u_stop, rtol, p, c, capacity, state, steps)
  *       The state from one time on; see there.
+ *   void rognon_gay_passages(n, u, at, steps, out)
+ *       The times at which ln h passes n values within given steps.
  *   void rognon_gay_sample(n, t, stored, steps, out)
  *       The state at n times, from the steps.
  *
@@ -67,6 +69,44 @@ static const double _INVERSE[64] = {
     -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456,
     0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409,
     0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5,
+};
+static const double _MATRIX[64] = {
+    0.028802823892616743, 0.061680826212949943, 0.055285563267234654, 0.05830068605753936,
+    0.05668200898480084, 0.05754303201724311, 0.057146971559234025, 0.0572544073721286,
+    -0.010821698052015636, 0.0633079054352858, 0.13457201985444417, 0.12047766147733864,
+    0.12704316148341016, 0.12374099223938748, 0.12522069473806977, 0.12482395066493249,
+    0.008069010203851382, -0.016766167621301963, 0.08883018189912993, 0.18641428431849139,
+    0.16808837041936572, 0.17595155228374013, 0.17264331318806794, 0.17350739781725064,
+    -0.006493073596535741, 0.011276575963180064, -0.02032248583700904, 0.10143090415741593,
+    0.2092022487638381, 0.19081981374722284, 0.1974144361397373, 0.19578608372624678,
+    0.005300041017295122, -0.008575400848083276, 0.012631022220423707, -0.021196196398555057,
+    0.099187005744833, 0.19945688894319688, 0.18521078469685745, 0.1882587726945593,
+    -0.004223309650009842, 0.006607056898423003, -0.008970025754042578, 0.012247274295397013,
+    -0.019275308810543568, 0.08243702475750181, 0.15862128747389664, 0.15206531032339257,
+    0.003069413349140929, -0.004723817373991893, 0.0061809009170075415, -0.007798637777900809,
+    0.010069646505165038, -0.014724795758020657, 0.05371248744655011, 0.09267907740148965,
+    -0.0012238207256304553, 0.0018720744944425464, -0.0024173537825988994, 0.0029703975397181405,
+    -0.003621850204038951, 0.00453480003283603, -0.006232535779335354, 0.015625,
+};
+static const double _POWERS[72] = {
+    -0.22846422013505335, 0.1850897535747451, -0.23582081997972, 0.9532316380774069,
+    0.25013414867381245, -0.09207607235985078, 0.04827666589865964, -0.01708984375,
+    -1.8169587583727254, 1.425631696375798, -1.6189489238471655, -1.5286388011415366,
+    3.099837256779687, -0.9726618084010183, 0.4888877761069608, -0.1708984375,
+    8.299490649731032, -7.032440683930033, 10.059171206875751, -10.481352867302109,
+    3.513059126845215, 1.057201966648256, -0.8008715863681131, 0.3076171875,
+    15.983944802687716, -10.864260754367306, 3.993981388193102, 8.191458200051803,
+    -15.095735271262601, 11.597337302383426, -6.116295980186141, 2.1533203125,
+    -45.52288420757575, 37.418986280822736, -38.23991314738859, 33.24792617216414,
+    -19.69838579975891, 6.532894478231333, -0.80893627649496, 1.4575089257189037e-39,
+    -33.758764202374415, 17.410379417518143, -2.410648918641197, -12.817228853617559,
+    22.317113424630126, -22.600580986157627, 16.294300431142524, -6.0908203125,
+    77.56815322909841, -56.79663545294092, 48.72602435523336, -40.24794743973546,
+    29.490461528420308, -18.324331004322836, 9.438766971747134, -2.9326171875,
+    19.591778158059423, -7.971750359526636, 0.03561645429526057, 6.1544094547072925,
+    -10.321215410147214, 11.975905492175219, -10.666892227063347, 4.6083984375,
+    -40.116295451118646, 26.22500010247347, -20.3094615947408, 16.528142496796022,
+    -13.555269004180428, 10.826310631803098, -7.8772357747827195, 3.14208984375,
 };
 static const double _SLOPE_START[9] = {
     -64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437,
@@ -348,20 +388,112 @@ static inline void _deflections(const double *restrict h, const double *restrict
     }
 }
 
-/* The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k. */
+/* The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial. */
+void rognon_gay_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
+{
+    double z[8];
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t base = 13 * (int64_t)at[i];
+        if (steps[base + 12] != 0.0) {
+            for (int64_t j = 0; j < 8; j++) {
+                z[j] = steps[base + 4 + j];
+            }
+            const double theta = (u[i] - steps[base + 3]) / steps[base + 12];
+            out[i] = steps[base] + _between(theta, z);
+            continue;
+        }
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[base + 4 + j];
+        }
+        const double target = u[i] - steps[base + 3];
+        double low = 0.0;
+        double high = 1.0;
+        for (int64_t iteration = 0; iteration < 60; iteration++) {
+            const double middle = 0.5 * (low + high);
+            const double value = _between(middle, z);
+            if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        out[i] = steps[base] + high * steps[base + 1];
+    }
+}
+
+/* The fraction of a step in ln h at which the time t, from its start, is reached: Newton's iteration.
+
+   powers: the time as a polynomial of 2 theta - 1, which rises. */
+static inline double _gap_at(double t, const double *restrict z, const double *restrict powers)
+{
+    double low = -1.0;
+    double high = 1.0;
+    double before = 0.0;
+    double x = 1.0;
+    for (int64_t j = 0; j < 8; j++) {
+        if (z[j] >= t) {
+            low = 2.0 * _NODES[j] - 1.0;
+            high = 2.0 * _NODES[j + 1] - 1.0;
+            x = z[j] > before ? low + (high - low) * (t - before) / (z[j] - before) : high;
+            break;
+        }
+        before = z[j];
+    }
+    for (int64_t iteration = 0; iteration < 20; iteration++) {
+        double value = powers[8];
+        double slope = 0.0;
+        for (int64_t k = 0; k < 8; k++) {
+            slope = slope * x + value;
+            value = value * x + powers[7 - k];
+        }
+        const double change = (value - t) / slope;
+        if (value > t) {
+            high = x;
+        } else {
+            low = x;
+        }
+        const double trial = x - change;
+        x = low <= trial && trial <= high ? trial : 0.5 * (low + high);
+        if (fabs(change) <= 1e-08) {
+            break;
+        }
+    }
+    return 0.5 * (1.0 + x);
+}
+
+/* The state at n times, in increasing order, from the 13 numbers of each of the steps stored: out[k*n + i] is component k. */
 void rognon_gay_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
 {
     double z[8];
+    double powers[9];
+    int64_t known = -1;
     int64_t at = 0;
     for (int64_t i = 0; i < n; i++) {
-        while (at < stored - 1 && t[i] >= steps[12 * (at + 1)]) {
+        while (at < stored - 1 && t[i] >= steps[13 * (at + 1)]) {
             at += 1;
         }
-        const double theta = (t[i] - steps[12 * at]) / steps[12 * at + 1];
-        for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[12 * at + 4 + j];
+        if (steps[13 * at + 12] != 0.0) {
+            if (known != at) {
+                known = at;
+                for (int64_t j = 0; j < 8; j++) {
+                    z[j] = steps[13 * at + 4 + j];
+                }
+                for (int64_t k = 0; k < 9; k++) {
+                    powers[k] = 0.0;
+                    for (int64_t j = 0; j < 8; j++) {
+                        powers[k] += _POWERS[8 * k + j] * z[j];
+                    }
+                }
+            }
+            const double part = _gap_at(t[i] - steps[13 * at], z, powers);
+            out[i] = steps[13 * at + 3] + part * steps[13 * at + 12];
+            continue;
         }
-        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z);
+        const double theta = (t[i] - steps[13 * at]) / steps[13 * at + 1];
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[13 * at + 4 + j];
+        }
+        out[0 * n + i] = steps[13 * at + 3] + _between(theta, z);
     }
 }
 
@@ -370,16 +502,25 @@ void rognon_gay_sample(int64_t n, const double *restrict t, int64_t stored, cons
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 13 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-   longest step allowed. It is updated, and a further call goes on from it.
-   steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
-   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+   longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
+   steps, of 13*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the length of the step in ln h if that
+   is the independent variable, when the stages are times, or 0.
 
    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
    -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
 int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict c, int64_t capacity, double *restrict state, double *restrict steps)
 {
+    double landing;
+    double step;
+    double u_defect;
+    double u_late;
+    double h_probe;
+    double error;
+    double other;
+    double factor;
     double w[4];
     double given[8];
     double h[8];
@@ -410,6 +551,7 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
     double fresh = 1.0;
     double crossing = INFINITY;
     double shrink_only = 0.0;
+    double stride = 0.5;
     double u_dot = 0.0;
     int64_t status = 2;
     int64_t stored = 0;
@@ -467,13 +609,98 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
                 }
             }
         }
+        /* while the gap moves, it serves as the independent variable: its time is an integral, without iterations */
+        if (state[13] == 1.0 && fabs(u_dot) > 0.1 * fabs(slopes[7])) {
+            stride = u_dot > 0.0 ? fabs(stride) : -fabs(stride);
+            landing = 0.0;
+            step = stride;
+            if ((u_stop - u) * u_dot > 0.0 && fabs(u_stop - u) <= 1.01 * fabs(stride)) {
+                step = u_stop - u;
+                landing = 1.0;
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                h[i] = exp(u + _NODES[i + 1] * step);
+                given[i] = c[0];
+                deflection[i] = delta;
+            }
+            _deflections(h, given, deflection, p, w, above, below);
+            for (int64_t i = 0; i < 8; i++) {
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
+            }
+            passes += 1.0;
+            int64_t astray = 0;
+            for (int64_t i = 0; i < 8; i++) {
+                u_z[i] = 0.0;
+                above[i] = step / u_rate[i];
+                if (!(above[i] > 0.0)) {
+                    astray += 1;
+                }
+            }
+            for (int64_t j = 0; j < 8; j++) {
+                for (int64_t i = 0; i < 8; i++) {
+                    u_z[i] += _MATRIX[8 * j + i] * above[j];
+                }
+            }
+            u_defect = -step / u_dot;
+            u_late = 0.0;
+            for (int64_t i = 0; i < 8; i++) {
+                u_defect += _SLOPE_START[i + 1] * u_z[i];
+                u_late += _SLOPE_PROBE[i + 1] * u_z[i];
+            }
+            h_probe = exp(u + 0.5501108282781375 * step);
+            _gap_rate(0, h_probe, _solve_delta(h_probe, c[0], deflection[4], p, w), c[0], p, below, w);
+            singles += 1.0;
+            error = 0.014424143230897014 * fabs(u_defect);
+            other = 0.07596008870469767 * fabs(u_late - step / below[0]);
+            error = error > other ? error : other;
+            /* an error of the time is one of ln h by the rate */
+            const double fastest = fabs(u_dot) > fabs(u_rate[7]) ? fabs(u_dot) : fabs(u_rate[7]);
+            error = error * fastest / (rtol + 4.5e-16 * (1.0 + fabs(u)));
+            factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
+            if (astray > 0 || !(error <= 1.0)) {
+                rejected += 1.0;
+                stride = step * (factor > 0.2 && factor < 1.0 && astray == 0 ? factor : 0.2);
+                /* where the rate vanishes on the way, time has to take over */
+                state[13] = fabs(stride) > 1e-06 ? 1.0 : 0.0;
+                continue;
+            }
+            if (!isfinite(t + u_z[7])) {
+                status = -2;
+                break;
+            }
+            const int64_t here = 13 * stored;
+            steps[here] = t;
+            steps[here + 1] = u_z[7];
+            steps[here + 2] = 0.0;
+            steps[here + 3] = u;
+            for (int64_t i = 0; i < 8; i++) {
+                steps[here + 4 + i] = u_z[i];
+            }
+            steps[here + 12] = step;
+            stored += 1;
+            accepted += 1.0;
+            state[14] += 1.0;
+            t = t + u_z[7];
+            u = landing == 1.0 ? u_stop : u + step;
+            u_dot = u_rate[7];
+            delta = deflection[7];
+            _slopes(7, h[7], delta, c[0], p, slopes);
+            factor = factor < 8.0 ? factor : 8.0;
+            stride = fabs(step * factor) < 3.0 ? step * factor : 3.0;
+            dt = 0.1 / (fabs(u_dot) + fabs(slopes[7]));
+            last = 0.0;
+            if (t < t_end && landing == 1.0) {
+                status = 1;
+            }
+            continue;
+        }
         /* land on the limit, and leave no sliver before it */
         if (crossing < limit) {
             limit = crossing;
             ending = 2.0;
         }
-        double step = dt < state[12] ? dt : state[12];
-        double landing = 0.0;
+        step = dt < state[12] ? dt : state[12];
+        landing = 0.0;
         if (t + 1.01 * step >= limit) {
             step = limit - t;
             landing = 1.0;
@@ -602,33 +829,34 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
         _drive(t + 0.5501108282781375 * step, c, w);
         const double probe_given = w[0];
         double u_probe = u;
-        double u_late = 0.0;
-        double u_defect = -step * u_dot;
+        u_late = 0.0;
+        u_defect = -step * u_dot;
         for (int64_t i = 0; i < 8; i++) {
             u_probe += _VALUE_PROBE[i + 1] * u_z[i];
             u_late += _SLOPE_PROBE[i + 1] * u_z[i];
             u_defect += _SLOPE_START[i + 1] * u_z[i];
         }
-        const double h_probe = exp(u_probe);
+        h_probe = exp(u_probe);
         const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
         singles += 1.0;
-        double error = 0.014424143230897014 * fabs(u_defect);
-        const double other = 0.07596008870469767 * fabs(u_late - step * above[0]);
+        error = 0.014424143230897014 * fabs(u_defect);
+        other = 0.07596008870469767 * fabs(u_late - step * above[0]);
         /* written so that nan rejects the step */
         error = error > other ? error : other;
         const double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
         error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0) / (rtol + rounding);
-        double factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
+        factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
         if (!(error <= 1.0)) {
             rejected += 1.0;
             shrink_only = 1.0;
-            dt = step * (factor > 0.2 ? factor : 0.2);
+            /* an error that is nan leaves a factor above 1 */
+            dt = step * (factor > 0.2 && factor < 1.0 ? factor : 0.2);
             continue;
         }
         /* the step stands */
-        const int64_t base = 12 * stored;
+        const int64_t base = 13 * stored;
         steps[base] = t;
         steps[base + 1] = step;
         steps[base + 2] = landing == 1.0 ? ending : 0.0;
@@ -640,6 +868,7 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
         for (int64_t i = 0; i < 8; i++) {
             before[i] = deflection[i] - delta;
         }
+        steps[base + 12] = 0.0;
         accepted += 1.0;
         const double u_new = u + u_z[7];
         if ((u - u_stop) * (u_new - u_stop) <= 0.0) {

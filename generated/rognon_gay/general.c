@@ -24,6 +24,8 @@
  *       The external force at n times, in increasing order.
  *   int64_t rognon_gay_integrate(t_end, u_stop, rtol, p, table_t, table_F, rows, capacity, state, steps)
  *       The state from one time on; see there.
+ *   void rognon_gay_passages(n, u, at, steps, out)
+ *       The times at which ln h passes n values within given steps.
  *   void rognon_gay_sample(n, t, stored, steps, out)
  *       The state at n times, from the steps.
  *
@@ -378,6 +380,31 @@ static inline void _deflections(const double *restrict h, const double *restrict
     }
 }
 
+/* The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial. */
+void rognon_gay_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
+{
+    double z[8];
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t base = 12 * (int64_t)at[i];
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[base + 4 + j];
+        }
+        const double target = u[i] - steps[base + 3];
+        double low = 0.0;
+        double high = 1.0;
+        for (int64_t iteration = 0; iteration < 60; iteration++) {
+            const double middle = 0.5 * (low + high);
+            const double value = _between(middle, z);
+            if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        out[i] = steps[base] + high * steps[base + 1];
+    }
+}
+
 /* The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k. */
 void rognon_gay_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
 {
@@ -400,9 +427,9 @@ void rognon_gay_sample(int64_t n, const double *restrict t, int64_t stored, cons
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 13 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-   longest step allowed. It is updated, and a further call goes on from it.
+   longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
    steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
 
@@ -695,7 +722,8 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
         if (!(error <= 1.0)) {
             rejected += 1.0;
             shrink_only = 1.0;
-            dt = step * (factor > 0.2 ? factor : 0.2);
+            /* an error that is nan leaves a factor above 1 */
+            dt = step * (factor > 0.2 && factor < 1.0 ? factor : 0.2);
             continue;
         }
         /* the step stands */

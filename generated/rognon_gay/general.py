@@ -14,7 +14,7 @@ Operations, 151 in all:
     slopes: 6 add, 35 mul, 8 div, 1 sqrt
     quantities: 10 add, 43 mul, 12 div, 1 sqrt
 
-Functions: rognon_gay_evaluate, rognon_gay_solve_delta, rognon_gay_drive, rognon_gay_integrate, rognon_gay_sample.
+Functions: rognon_gay_evaluate, rognon_gay_solve_delta, rognon_gay_drive, rognon_gay_integrate, rognon_gay_passages, rognon_gay_sample.
 p holds R, E, eta.
 """
 
@@ -310,6 +310,27 @@ def _deflections(h: array, F: array, delta: array, p: array, w: array, force: ar
 
 
 @jit
+def rognon_gay_passages(n: int, u: array, at: array, steps: array, out: array) -> None:
+    """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
+    z = empty(8)
+    for i in range(n):
+        base: int = 12 * int(at[i])
+        for j in range(8):
+            z[j] = steps[base + 4 + j]
+        target = u[i] - steps[base + 3]
+        low = 0.0
+        high = 1.0
+        for iteration in range(60):
+            middle = 0.5 * (low + high)
+            value = _between(middle, z)
+            if (value < target and z[7] > 0.0) or (value > target and z[7] < 0.0):
+                low = middle
+            else:
+                high = middle
+        out[i] = steps[base] + high * steps[base + 1]
+
+
+@jit
 def rognon_gay_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
     """The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k."""
     z = empty(8)
@@ -330,9 +351,9 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, tab
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 13 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-    longest step allowed. It is updated, and a further call goes on from it.
+    longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
     steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
 
@@ -571,7 +592,8 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, tab
         if not error <= 1.0:
             rejected += 1.0
             shrink_only = 1.0
-            dt = step * (factor if factor > 0.2 else 0.2)
+            # an error that is nan leaves a factor above 1
+            dt = step * (factor if factor > 0.2 and factor < 1.0 else 0.2)
             continue
         # the step stands
         base: int = 12 * stored

@@ -15,11 +15,12 @@ class Functions(NamedTuple):
 
     ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``,
     ``drive(n, t, *drive, value, rate)``, ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``
-    and ``sample(n, t, stored, steps, out)``.
+    ``passages(n, u, at, steps, out)`` and ``sample(n, t, stored, steps, out)``.
     """
 
     evaluate: Callable[..., Any]
     solve_delta: Callable[..., Any]
     drive: Callable[..., Any]
     integrate: Callable[..., int]
+    passages: Callable[..., Any]
     sample: Callable[..., Any]

@@ -126,5 +126,6 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
         solve_delta=function("solve_delta", integer, array, array, array, array),
         drive=function("drive", integer, array, *drive, array, array),
         integrate=function("integrate", number, number, number, array, *drive, integer, array, array),
+        passages=function("passages", integer, array, array, array, array),
         sample=function("sample", integer, array, integer, array, array),
     )

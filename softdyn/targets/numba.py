@@ -48,6 +48,7 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
         solve_delta=getattr(module, f"{name}_solve_delta"),
         drive=getattr(module, f"{name}_drive"),
         integrate=getattr(module, f"{name}_integrate"),
+        passages=getattr(module, f"{name}_passages"),
         sample=getattr(module, f"{name}_sample"),
     )
     _compile(functions, manifest)
@@ -62,5 +63,6 @@ def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
     functions.evaluate(0, none, none, *(none for _ in manifest["inputs"]), p, none)
     functions.solve_delta(0, none, none, p, none)
     functions.drive(0, none, *drive, none, none)
-    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(13), none)
+    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(15), none)
+    functions.passages(0, none, none, none, none)
     functions.sample(0, none, 0, none, none)
