@@ -6,19 +6,24 @@ Input: a :class:`KernelIR`. Output: source text, which imports and includes noth
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
 import softdyn
-from softdyn.derive.dop853 import DENSE, ERROR3, ERROR5, NODES, STAGES
 from softdyn.derive.kernel import KernelIR, total_operations
 from softdyn.derive.printing import KINDS
+from softdyn.derive.radau import radau_iia
 
 TARGETS = ("c", "numba")
-TEMPLATES = ("common/kernel.py.j2", "c/kernel.c.j2", "numba/kernel.py.j2")
+TEMPLATES = (
+    "common/kernel.py.j2",
+    "common/contact.py.j2",
+    "common/collocation.py.j2",
+    "c/kernel.c.j2",
+    "numba/kernel.py.j2",
+)
 
 
 def emit(ir: KernelIR, target: str) -> str:
@@ -40,7 +45,7 @@ def _environment() -> Environment:
 
 def kernel_body(ir: KernelIR) -> str:
     """The algorithms of a kernel in the subset of Python that all targets share."""
-    text = _environment().get_template("common/kernel.py.j2").render(ir=ir, method=_method())
+    text = _environment().get_template("common/kernel.py.j2").render(ir=ir, radau=radau_iia())
     return "\n".join(line.rstrip() for line in text.strip().splitlines()) + "\n"
 
 
@@ -70,27 +75,3 @@ def header(ir: KernelIR) -> str:
         if any(counts.values()):
             lines.append(f"    {part}: " + ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind]))
     return "\n".join(lines)
-
-
-@cache
-def _method() -> dict[str, object]:
-    """The integrator's coefficients as text: weighted sums of the stages' rates."""
-    return {
-        "nodes": NODES[1:12],
-        "stages": [_combination(row) for row in STAGES[1:12]],
-        "step": _combination(STAGES[12]),
-        "error3": _combination(ERROR3),
-        "error5": _combination(ERROR5),
-        "dense_nodes": NODES[13:],
-        "dense_stages": [_combination(row) for row in STAGES[13:]],
-        "dense": [_combination(row) for row in DENSE],
-    }
-
-
-def _combination(weights: Sequence[float]) -> str:
-    text = ""
-    for stage, weight in enumerate(weights, start=1):
-        if weight:
-            sign = (" - " if weight < 0 else " + ") if text else ("-" if weight < 0 else "")
-            text += f"{sign}{abs(weight)!r} * k{stage}"
-    return text

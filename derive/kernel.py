@@ -17,13 +17,18 @@ from softdyn.derive.printing import KINDS, Assignment, operations, print_express
 from softdyn.derive.specialise import (
     OUTPUTS,
     RULES,
+    SLOPES,
     Equations,
     F_ela,
     Needs,
+    compliance,
     contact_equations,
+    ddelta_dt,
     dF_ddelta,
     dF_dt,
     dh_dt,
+    dX_dt,
+    output_name,
 )
 from softdyn.derive.symbols import F
 from softdyn.errors import LawError, SceneError
@@ -68,18 +73,23 @@ class KernelIR:
     radius : str
         R as text: where Newton's iteration starts if the linear response is larger.
     drive : "constant", "table" or "expression"
+    control : "force", "position", "velocity" or "spring"
+        What the drive gives.
     drive_text : str
-        The expression of the force, if it is one, with its constants named c0, c1, ...
+        The expression of what is given, if it is one, with its constants named c0, c1, ...
     constants : int
         How many constants the array ``c`` holds.
     deflection : "either", "compression" or "tension"
-    kinked : bool
-        Whether the law has a kink at delta = 0 that the scene can cross.
     outputs : tuple of str
+    output_variables : tuple of str
+        Their names in the code.
     inputs : tuple of str
-        What the outputs depend on besides h, delta and the parameters: "F", "dF_dt".
-    balance, gap_rate, quantities, force : Code
-        Of F_ela and dF_ela/d(delta); of dh/dt; of the outputs; of F(t) and dF/dt.
+        What the outputs depend on besides h, delta and the parameters: "F", "dF_dt", "dX_dt".
+    slope_names : tuple of str
+        The Jacobian's entries in the code.
+    balance, gap_rate, slopes, quantities, force : Code
+        Of F_ela and dF_ela/d(delta); of the rates of the state; of their Jacobian; of the outputs; of what the drive
+        gives, and its rate.
     savings : tuple of Saving
         What each rule of specialisation saved.
     operations : dict
@@ -95,14 +105,17 @@ class KernelIR:
     fixed: tuple[tuple[str, str], ...]
     radius: str
     drive: str
+    control: str
     drive_text: str
     constants: int
     deflection: str
-    kinked: bool
     outputs: tuple[str, ...]
+    output_variables: tuple[str, ...]
     inputs: tuple[str, ...]
+    slope_names: tuple[str, ...]
     balance: Code
     gap_rate: Code
+    slopes: Code
     quantities: Code
     force: Code
     savings: tuple[Saving, ...]
@@ -120,7 +133,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     """
     names = [symbol.name for symbol in parameters_of(law)]
     _require_known(law, needs, names)
-    equations = contact_equations(law)
+    equations = contact_equations(law, needs.control)
     savings, before = [], _total(equations)
     for rule in RULES:
         if rule.applies(equations, needs):
@@ -131,11 +144,17 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
 
     definitions = equations.definitions
     balance = straight_line([F_ela, dF_ddelta], definitions)
-    gap_rate = straight_line([dh_dt], definitions)
-    quantities = straight_line([_symbol_named(definitions, name) for name in needs.outputs], definitions)
+    by_force = needs.control == "force"
+    gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
+    entries = SLOPES[:1] if by_force else SLOPES
+    slopes = straight_line(entries, definitions)
+    asked = [_symbol_named(definitions, name) for name in needs.outputs]
+    quantities = straight_line(asked, definitions)
     expression = isinstance(needs.drive, tuple)
     force, drive_text, constants = drive_code(needs.drive) if isinstance(needs.drive, tuple) else ([], "", 1)
     parameters = tuple(name for name in names if name not in needs.fixed)
+    if needs.control == "spring":
+        parameters += (compliance.name,)
 
     def code(lines: list[Assignment]) -> Code:
         used = _names_in(lines)
@@ -151,15 +170,17 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         fixed=tuple(sorted(needs.fixed.items())),
         radius=print_expression(Rational(needs.fixed["R"])) if "R" in needs.fixed else "p[0]",
         drive="expression" if expression else str(needs.drive),
+        control=needs.control,
         drive_text=drive_text,
         constants=constants,
         deflection=needs.deflection,
-        kinked=needs.drive != "constant"
-        and any("fabs(" in text or " if " in text for _, text in [*balance, *gap_rate]),
         outputs=needs.outputs,
-        inputs=tuple(symbol.name for symbol in (F, dF_dt) if symbol.name in used),
+        output_variables=tuple(symbol.name for symbol in asked),
+        inputs=tuple(symbol.name for symbol in ((F, dF_dt) if by_force else (dX_dt,)) if symbol.name in used),
+        slope_names=tuple(symbol.name for symbol in entries),
         balance=code(balance),
         gap_rate=code(gap_rate),
+        slopes=code(slopes),
         quantities=code(quantities),
         force=code(force),
         savings=tuple(savings),
@@ -168,6 +189,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
             for part, lines in (
                 ("balance", balance),
                 ("gap_rate", gap_rate),
+                ("slopes", slopes),
                 ("quantities", quantities),
                 ("force", force),
             )
@@ -187,14 +209,16 @@ def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
             faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
     faults += [
-        f"{name!r} is no output; there are {', '.join(OUTPUTS)}" for name in needs.outputs if name not in OUTPUTS
+        f"{name!r} is no output; there are {', '.join(OUTPUTS)}"
+        for name in needs.outputs
+        if name not in OUTPUTS and (needs.control == "force" or name not in ("F", "dF_dt"))
     ]
     if faults:
         raise LawError(law.name, tuple(faults))
 
 
 def _symbol_named(definitions: dict[Symbol, Expr], name: str) -> Symbol:
-    return next(symbol for symbol in definitions if symbol.name == name)
+    return next(symbol for symbol in definitions if output_name(symbol) == name)
 
 
 def _total(equations: Equations) -> int:

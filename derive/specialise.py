@@ -22,14 +22,22 @@ if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
 
 Deflection = Literal["either", "compression", "tension"]
+Control = Literal["force", "position", "velocity", "spring"]
 
 X = Symbol("X", real=True)
 dX_dt = Symbol("dX_dt", real=True)
+#: The rate of X where it is an outcome: of a spring, whose base has the velocity dX_dt.
+centres_rate = Symbol("dX_dt_p1", real=True)
 lambda1 = Symbol("lambda1", real=True)
 lambda2 = Symbol("lambda2", real=True)
 #: dF_ela/d(delta) at fixed h, which is 2 C, and dF_ela/dh at fixed delta, which is F_a a_h.
 dF_ddelta = Symbol("dF_ddelta", positive=True)
 dF_dh = Symbol("dF_dh", real=True)
+#: d(d(ln h)/dt)/d(ln h) and the other entries of the Jacobian of the state's rates; their names, like those of powers,
+#: are none that a parameter can have.
+SLOPES = tuple(Symbol(f"slope_p{entry}", real=True) for entry in ("11", "12", "21", "22"))
+#: 1/k of the spring that moves the centres: 0 where their velocity itself is given.
+compliance = Symbol("compliance_p1", nonnegative=True)
 
 #: What a kernel can be asked for, at a state (h, delta) under the force F.
 OUTPUTS = tuple(symbol.name for symbol in (a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2))
@@ -42,6 +50,9 @@ class Needs:
     Parameters
     ----------
     drive : "constant", "table", or a parsed expression of t (:mod:`softdyn.expression`)
+    control : "force", "position", "velocity" or "spring"
+        What the drive gives: the external force, the distance of the centres, its rate, or the position of the base of
+        a spring that pushes them.
     deflection : "either", "compression" or "tension"
         The signs that delta can take.
     fixed : mapping from str to str
@@ -51,6 +62,7 @@ class Needs:
     """
 
     drive: str | tuple = "constant"
+    control: Control = "force"
     deflection: Deflection = "either"
     fixed: Mapping[str, str] = field(default_factory=dict)
     outputs: tuple[str, ...] = ("a", "X")
@@ -67,8 +79,12 @@ class Equations:
     wanted: frozenset[Symbol]
 
 
-def contact_equations(law: ContactLaw) -> Equations:
-    """Everything there is to say about a contact, before any specialisation."""
+def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
+    """Everything there is to say about a contact, before any specialisation.
+
+    Where the force is given, delta follows from the force balance, and the state is ln h; else it is (ln h, delta),
+    dX_dt stands for the given velocity, of the centres or of the base of a spring, and F is F_ela.
+    """
     values = partials(law)
     generic = generic_dynamics()
     slope = sound(2 * generic.stiffness.subs(values))
@@ -82,7 +98,15 @@ def contact_equations(law: ContactLaw) -> Equations:
         """Derivative by h along delta(h) at constant force."""
         return of(h) - dF_dh / dF_ddelta * of(delta)
 
-    remote_slope = along(lambda variable: sound(d.total(F_adh, variable).subs(values)))
+    def remote(variable: Symbol) -> Expr:
+        return sound(d.total(F_adh, variable).subs(values))
+
+    def gap_by(variable: Symbol) -> Expr:
+        """Derivative of dh/dt at fixed other state variable."""
+        stiffness = dF_dh if variable == h else dF_ddelta
+        return (remote(variable) - stiffness) / zeta - dh_dt * relative(zeta, variable)
+
+    remote_slope = along(remote)
     definitions = {
         a: sound(law.a),
         F_ela: values[F_ela],
@@ -100,12 +124,72 @@ def contact_equations(law: ContactLaw) -> Equations:
         lambda1: -h * sound((values[d.F_a] / delta).cancel() * values[d.a_h]) / dF_ddelta,
         lambda2: -h * along(lambda variable: relative(zeta, variable)) - h * remote_slope / (F - F_adh),
     }
-    internal = frozenset({F_ela, dF_ddelta, dh_dt})  # what the integration itself uses
-    return Equations(definitions, internal | _named(OUTPUTS, definitions))
+    if control == "force":
+        definitions[SLOPES[0]] = (
+            remote_slope / zeta - dh_dt * along(lambda variable: relative(zeta, variable)) - dh_dt / h
+        )
+        return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
+    # a spring of compliance s: s dF/dt = dX/dt - V, with V = dX_dt as given, X = 2R + h - 2 delta and F = F_ela
+    softness = 2 + compliance * dF_ddelta
+    deflection_by = {
+        x: (
+            gap_by(x)
+            - compliance
+            * (
+                dF_dh * gap_by(x)
+                + dh_dt * sound(d.total(d.F_a * d.a_h, x).subs(values))
+                + ddelta_dt * sound(d.total(d.F_a * d.a_delta + d.F_delta, x).subs(values))
+            )
+        )
+        / softness
+        for x in (h, delta)
+    }
+    moved = {
+        F: F_ela,
+        ddelta_dt: (dh_dt - dX_dt - compliance * dF_dh * dh_dt) / softness,
+        dF_dt: dF_ddelta * ddelta_dt + dF_dh * dh_dt,
+        centres_rate: dh_dt - 2 * ddelta_dt,
+        SLOPES[0]: gap_by(h) - dh_dt / h,
+        SLOPES[1]: gap_by(delta) / h,
+        SLOPES[2]: h * deflection_by[h],
+        SLOPES[3]: deflection_by[delta],
+    }
+    order = [
+        a,
+        F_ela,
+        F,
+        zeta,
+        F_adh,
+        dF_ddelta,
+        dF_dh,
+        C,
+        D,
+        dh_dt,
+        ddelta_dt,
+        dF_dt,
+        centres_rate,
+        X,
+        lambda1,
+        lambda2,
+    ]
+    definitions = {symbol: {**definitions, **moved}[symbol] for symbol in (*order, *SLOPES)}
+    return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
+
+
+def _integrated(control: Control) -> frozenset[Symbol]:
+    """What the integration itself uses."""
+    if control == "force":
+        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0]})
+    return frozenset({F_ela, dF_ddelta, dh_dt, ddelta_dt, *SLOPES})
 
 
 def _named(names: tuple[str, ...], definitions: Mapping[Symbol, Expr]) -> frozenset[Symbol]:
-    return frozenset(symbol for symbol in definitions if symbol.name in names)
+    return frozenset(symbol for symbol in definitions if output_name(symbol) in names)
+
+
+def output_name(symbol: Symbol) -> str:
+    """Name under which a symbol is asked for."""
+    return "dX_dt" if symbol == centres_rate else symbol.name
 
 
 @dataclass(frozen=True)
@@ -156,13 +240,19 @@ def fixed_parameters(equations: Equations, needs: Needs) -> Equations:
 
 def asked_outputs(equations: Equations, needs: Needs) -> Equations:
     """Without outputs that nobody asked for."""
-    wanted = {F_ela, dF_ddelta, dh_dt, *_named(needs.outputs, equations.definitions)}
-    return replace(equations, wanted=frozenset(wanted))
+    wanted = _integrated(needs.control) | _named(needs.outputs, equations.definitions)
+    return replace(equations, wanted=wanted)
+
+
+def rigid_drive(equations: Equations, needs: Needs) -> Equations:
+    """Without the compliance of a spring, where the centres themselves are moved."""
+    return _map(equations, lambda expr: expr.subs(compliance, 0))
 
 
 RULES = (
     Rule("one sign of delta", lambda _, needs: needs.deflection != "either", one_sign),
-    Rule("constant force", lambda _, needs: needs.drive == "constant", constant_force),
+    Rule("constant force", lambda _, needs: needs.control == "force" and needs.drive == "constant", constant_force),
+    Rule("rigid drive", lambda _, needs: needs.control in ("position", "velocity"), rigid_drive),
     Rule("no remote force", lambda equations, _: equations.definitions[F_adh] == S.Zero, no_remote_force),
     Rule("fixed parameters", lambda _, needs: bool(needs.fixed), fixed_parameters),
     Rule("outputs asked for", lambda _, needs: set(needs.outputs) != set(OUTPUTS), asked_outputs),

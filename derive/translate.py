@@ -53,7 +53,33 @@ def to_c(text: str) -> str:
     comments = _comments(text)
     functions = [node for node in module.body if isinstance(node, ast.FunctionDef)]
     written = _written_arrays(functions)
-    return "\n\n".join(_function(node, comments, written) for node in functions) + "\n"
+    tables = "".join(_table(node) for node in module.body if isinstance(node, ast.Assign))
+    return (
+        "\n\n".join([*filter(None, [tables.rstrip()]), *(_function(node, comments, written) for node in functions)])
+        + "\n"
+    )
+
+
+def _is_table(node: ast.stmt) -> bool:
+    """Whether a statement is NAME = table((number, ...))."""
+    return (
+        isinstance(node, ast.Assign)
+        and len(node.targets) == 1
+        and isinstance(node.targets[0], ast.Name)
+        and isinstance(node.value, ast.Call)
+        and ast.unparse(node.value.func) == "table"
+        and len(node.value.args) == 1
+        and isinstance(node.value.args[0], ast.Tuple)
+    )
+
+
+def _table(node: ast.Assign) -> str:
+    assert isinstance(node.value, ast.Call)
+    assert isinstance(node.value.args[0], ast.Tuple)
+    numbers = [repr(float(ast.literal_eval(number))) for number in node.value.args[0].elts]
+    rows = [", ".join(numbers[i : i + 4]) for i in range(0, len(numbers), 4)]
+    text = ",\n    ".join(rows)
+    return f"static const double {ast.unparse(node.targets[0])}[{len(numbers)}] = {{\n    {text},\n}};\n"
 
 
 def _harmless(text: str) -> str:
@@ -65,8 +91,12 @@ def _require_subset(module: ast.Module) -> None:
     """Refuse, with its line, whatever has no counterpart in C or means something else there."""
     functions = {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
     for statement in module.body:
+        if _is_table(statement):
+            continue
         if not isinstance(statement, ast.FunctionDef):
-            raise TranslationError(f"line {statement.lineno}: a kernel holds functions only, not {_shown(statement)}")
+            raise TranslationError(
+                f"line {statement.lineno}: a kernel holds functions and tables only, not {_shown(statement)}"
+            )
         signature = statement.args
         if signature.defaults or signature.kwonlyargs or signature.posonlyargs or signature.vararg or signature.kwarg:
             raise TranslationError(f"line {statement.lineno}: {statement.name} may take plain arguments only")
@@ -159,7 +189,7 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
         kind = ast.unparse(argument.annotation) if argument.annotation else ""
         if kind == "array":
             arrays.add(argument.arg)
-            arguments.append(f"double *{argument.arg}" if is_written else f"const double *{argument.arg}")
+            arguments.append(f"{'' if is_written else 'const '}double *restrict {argument.arg}")
         elif kind in C_TYPES:
             types[argument.arg] = kind
             arguments.append(f"{C_TYPES[kind]} {argument.arg}")

@@ -28,8 +28,11 @@ CHUNK = 2048
 #: A solved force balance holds to rounding times the stiffness of the law in delta.
 LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
-#: Numbers that describe the dense output of a step: its start, its length, u at its start, 7 coefficients.
-WIDTH = 10
+#: An expression of time is looked at in 8 points of each of at least so many steps, lest a pulse be missed.
+FEWEST_STEPS = 16
+#: Numbers that describe a step: its start, its length, what ends it; of each component its value and its 8 stages.
+#: Under a constant force one more, the length in ln h of a step that has ln h as its independent variable.
+WIDTH = 12
 
 Progress = Callable[[float, float], None]
 
@@ -67,7 +70,7 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
         t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, F0)
     else:
         steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, progress)
-        t, h = _sample(scene, drive, steps, stopped_by)
+        t, h = _sample(scene, kernel, drive, steps, stopped_by)
     F, dF_dt = _force(kernel, drive, t)
     delta = deflection(kernel, h, F, p)
     arrays = {"t": t, "h": h, "delta": delta}
@@ -113,10 +116,8 @@ def kernel_needs(scene: Scene, drive: Drive) -> dict[str, Any]:
 
 def _force(kernel: Kernel, drive: Drive, t: Array) -> tuple[Array, Array]:
     """External force and its rate of change at the times t."""
-    if kernel.functions.force is None:
-        return np.full(len(t), drive.constants[0]), np.zeros(len(t))
     F, dF_dt = np.empty(len(t)), np.empty(len(t))
-    kernel.functions.force(len(t), t, *drive.arguments, F, dF_dt)
+    kernel.functions.drive(len(t), t, *drive.arguments, F, dF_dt)
     return F, dF_dt
 
 
@@ -161,14 +162,17 @@ def _integrate(
     """Run the kernel's integrator to the end; returns the dense output of its steps, shape (steps, WIDTH)."""
     t_end = math.inf if scene.until_t is None else float(scene.until_t)
     u_stop = math.nan if scene.until_h is None else math.log(scene.until_h)
-    state = np.zeros(11)
+    state = np.zeros(15)
     state[:3] = drive.start, math.log(scene.h), delta0
+    state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
+    state[13] = float(scene.method == "auto")
+    width = WIDTH + (drive.shape == "constant")
     recorded: list[Array] = []
     status = 2
     while status == 2:
-        chunk = np.empty(CHUNK * WIDTH)
+        chunk = np.empty(CHUNK * width)
         status = kernel.functions.integrate(t_end, u_stop, float(scene.rtol), p, *drive.arguments, CHUNK, state, chunk)
-        recorded.append(chunk[: int(state[10]) * WIDTH].reshape(-1, WIDTH))
+        recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
         if progress is not None:
             progress(float(state[0]), math.exp(min(state[1], 700.0)))
         if status == 2:
@@ -176,12 +180,22 @@ def _integrate(
     if status not in (0, 1):
         raise IntegrationError(_what_happened(status, scene, drive, state))
     stats = {
-        "method": "DOP853 in ln h",
-        "steps": int(state[5]),
-        "rejected": int(state[6]),
-        "evaluations": int(state[7]),
+        "method": _method(int(state[4]), int(state[14])),
+        "steps": int(state[4]),
+        "rejected": int(state[5]),
+        "evaluations": int(8 * state[6] + state[7]),
+        "stiffness": float(state[10]),
     }
     return np.concatenate(recorded), "h" if status == 1 else "t", stats
+
+
+def _method(steps: int, by_gap: int) -> str:
+    """What was done, in words, for the result."""
+    in_time = "Radau IIA of 8 stages in ln h"
+    if not by_gap:
+        return in_time
+    in_gap = "quadrature in steps of ln h (constant force)"
+    return in_gap if by_gap == steps else f"{in_gap}, then {in_time}"
 
 
 TOO_MANY, RUNAWAY = -10, -11
@@ -189,7 +203,7 @@ TOO_MANY, RUNAWAY = -10, -11
 
 def _stuck(scene: Scene, state: Array) -> int:
     """Status of a run that has not ended: 2 to go on."""
-    if state[5] + state[6] > MOST_STEPS:
+    if state[4] + state[5] > MOST_STEPS:
         return TOO_MANY
     # ln h at which h overflows, or vanishes, in double precision
     return 2 if abs(state[1]) < 690 else RUNAWAY
@@ -212,6 +226,7 @@ def _what_happened(status: int, scene: Scene, drive: Drive, state: Array) -> str
     else:
         long = "the equation is stiff there, or the force varies fast; ask for a shorter time or a larger rtol"
     slow = "the gap hardly moves, since the force vanishes or is balanced, or the friction diverges"
+    slow = "the gap settles on a film, where F_adh balances the force" if state[11] else slow
     why = f"{'the force moves the gap the other way' if away else slow}; {end_by_time}"
     reasons = {
         3: f"the force table ends {where}{toward}; extend it, or end the run earlier",
@@ -231,18 +246,16 @@ def _moves_away(scene: Scene, h: float) -> bool:
     return scene.until_h is not None and abs(moved) > 1e-6 and (moved > 0) != (scene.until_h > scene.h)
 
 
-def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[Array, Array]:
+def _sample(scene: Scene, kernel: Kernel, drive: Drive, steps: Array, stopped_by: str) -> tuple[Array, Array]:
     """Times and gaps of the asked outputs, from the dense output of the steps."""
-    starts, lengths = steps[:, 0], steps[:, 1]
     if stopped_by == "h":
-        theta = _crossing(steps[-1], math.log(float(scene.until_h or 0)))
-        end = starts[-1] + theta * lengths[-1]
+        end = float(_passages(kernel, steps, np.array([len(steps) - 1]), np.log([float(scene.until_h or 0)]))[0])
     else:
         end = float(scene.until_t or 0)
     if scene.gaps is not None:
-        return _at_gaps(scene, steps, end)
+        return _at_gaps(scene, kernel, steps, end)
     if scene.times is None:
-        t = np.append(starts, end)
+        t = np.append(steps[:, 0], end)
     elif isinstance(scene.times, (int, np.integer)):
         t = np.linspace(drive.start, end, int(scene.times))
     else:
@@ -252,8 +265,7 @@ def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[
         t = t[t <= end]
         if not len(t):
             raise SceneError(f"[output] none of the times lies within the run, {drive.start:g} .. {end:g}")
-    index = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(starts) - 1)
-    h = np.exp(interpolate(steps[index], (t - starts[index]) / lengths[index]))
+    h = np.exp(states_at(kernel, steps, t)[0])
     if stopped_by == "h" and len(t) and t[-1] == end:
         h[-1] = float(scene.until_h or 0)
     if len(t) and t[0] == drive.start:
@@ -261,58 +273,61 @@ def _sample(scene: Scene, drive: Drive, steps: Array, stopped_by: str) -> tuple[
     return t, h
 
 
-def interpolate(steps: Array, theta: Array | float) -> Array:
-    """Dense output of DOP853, order 7: u at the fraction theta of each step (Hairer, Norsett & Wanner, II.6)."""
-    other = 1 - theta
-    total = steps[..., 9] * theta
-    for column in (8, 7, 6, 5, 4, 3):
-        total = (steps[..., column] + total) * (theta if column % 2 else other)
-    return steps[..., 2] + total
+def states_at(kernel: Kernel, steps: Array, t: Array) -> Array:
+    """State at each of increasing times, from the polynomials of the steps: shape (components, times)."""
+    out = np.empty(len(t) * ((steps.shape[1] - 3) // 9))
+    kernel.functions.sample(len(t), t, len(steps), steps, out)
+    return out.reshape(-1, len(t))
 
 
-def _crossing(step: Array, u: float) -> float:
-    """Fraction of a step at which it passes u, by bisection of its dense output."""
-    low, high = 0.0, 1.0
-    rising = float(interpolate(step, 1.0)) > float(interpolate(step, 0.0))
-    for _ in range(60):
-        middle = (low + high) / 2
-        if (float(interpolate(step, middle)) < u) == rising:
-            low = middle
-        else:
-            high = middle
-    return (low + high) / 2
+def _passages(kernel: Kernel, steps: Array, index: Array, u: Array) -> Array:
+    """Times at which ln h passes each u within the step of each index."""
+    out = np.empty(len(u))
+    kernel.functions.passages(len(u), u, index.astype(float), steps, out)
+    return out
 
 
-def _at_gaps(scene: Scene, steps: Array, end: float) -> tuple[Array, Array]:
+def _ends(steps: Array) -> Array:
+    """Return ln h at the start of each step, and at the end of the last."""
+    last = steps[-1]
+    by_gap = len(last) == WIDTH + 1 and last[12] != 0
+    return np.append(steps[:, 3], last[3] + (last[12] if by_gap else last[11]))
+
+
+def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float) -> tuple[Array, Array]:
     """Times at which the gaps are passed, each after the one before; gaps that are not passed are an error."""
     if isinstance(scene.gaps, (int, np.integer)):
         gaps = np.geomspace(scene.h, float(scene.until_h or 0), int(scene.gaps))
     else:
         gaps = np.array(scene.gaps, dtype=float)
-    u = np.append(steps[:, 2], steps[-1, 2] + steps[-1, 3])
-    times, at = [], 0
-    for gap in gaps:
-        target = math.log(gap)
+    u = _ends(steps)
+    targets = np.log(gaps)
+    index = [0] * len(gaps)
+    at = 0
+    passed = np.ones(len(gaps), dtype=bool)
+    for i, (gap, target) in enumerate(zip(gaps, targets, strict=True)):
         if gap == scene.h and at == 0:
-            times.append(steps[0, 0])
             continue
-        passed = np.flatnonzero((u[at:-1] - target) * (u[at + 1 :] - target) <= 0)
-        t = math.inf
-        if len(passed):
-            at += int(passed[0])
-            t = steps[at, 0] + _crossing(steps[at], target) * steps[at, 1]
-        # the last step may pass what lies beyond the end, and rounding the end itself
-        if times and t < times[-1]:
-            raise SceneError(f"[output] gaps must come in the order in which the run passes them; h = {gap:g} does not")
-        if t > end + 1e-14 * abs(end) and not (gap == scene.until_h and len(passed)):
-            inside = np.append(u[:-1], float(interpolate(steps[-1], (end - steps[-1, 0]) / steps[-1, 1])))
-            reached = math.exp(float(np.min(inside))), math.exp(float(np.max(inside)))
-            raise SceneError(
-                f"[output] gaps: h = {gap:g} is not passed, in this order, before the run ends; "
-                f"the gap stays within {reached[0]:.6g} .. {reached[1]:.6g}"
-            )
-        times.append(min(t, end))
-    return np.array(times), gaps
+        found = np.flatnonzero((u[at:-1] - target) * (u[at + 1 :] - target) <= 0)
+        passed[i] = len(found) > 0
+        at += int(found[0]) if len(found) else 0
+        index[i] = at
+    times = _passages(kernel, steps, np.array(index), targets)
+    times[(gaps == scene.h) & (np.array(index) == 0)] = steps[0, 0]
+    for wrong in np.flatnonzero(passed & (np.diff(times, prepend=times[0]) < 0)):
+        raise SceneError(
+            f"[output] gaps must come in the order in which the run passes them; h = {gaps[wrong]:g} does not"
+        )
+    # the last step may pass what lies beyond the end, and rounding the end itself
+    late = ~passed | ((times > end + 1e-14 * abs(end)) & (gaps != scene.until_h))
+    if late.any():
+        inside = np.append(u[:-1], states_at(kernel, steps, np.array([end]))[0])
+        reached = math.exp(float(np.min(inside))), math.exp(float(np.max(inside)))
+        raise SceneError(
+            f"[output] gaps: h = {gaps[int(np.argmax(late))]:g} is not passed, in this order, before the run ends; "
+            f"the gap stays within {reached[0]:.6g} .. {reached[1]:.6g}"
+        )
+    return np.minimum(times, end), gaps
 
 
 def _unreached(scene: Scene, t: Array) -> tuple[str, ...]:

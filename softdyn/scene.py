@@ -23,7 +23,7 @@ from softdyn.expression import evaluate as evaluate_expression
 #: Quantities that a result can hold besides t, h and delta; F and dF_dt are the external force and its rate.
 QUANTITIES = ("X", "a", "F", "dF_dt", "zeta", "F_adh", "C", "D", "dh_dt", "ddelta_dt", "dX_dt", "lambda1", "lambda2")
 DEFAULT_QUANTITIES = ("X", "a", "F")
-METHODS = ("integrate", "quadrature")
+METHODS = ("auto", "integrate", "quadrature")
 TARGETS = ("auto", "c", "numba")
 #: Below this, rounding of ln h is of the order of the tolerance.
 SMALLEST_RTOL = 1e-14
@@ -76,8 +76,10 @@ class Scene:
         What to output besides t, h and delta: of :data:`QUANTITIES`.
     rtol : float
         Relative error allowed in h at each step.
-    method : "integrate" or "quadrature"
-        Quadrature is exact for a constant force, and for that alone.
+    method : "auto", "integrate" or "quadrature"
+        "auto" takes ln h as the independent variable under a constant force, as long as the gap moves by more than a
+        tenth of its distance to where it would rest; else, and with "integrate" always, it is the time. "quadrature",
+        for a constant force and outputs at gaps alone, is Gauss's, to rounding: what the others are measured against.
     target : "auto", "c" or "numba"
     """
 
@@ -93,7 +95,7 @@ class Scene:
     gaps: int | Sequence[float] | None = None
     quantities: Sequence[str] = DEFAULT_QUANTITIES
     rtol: float = 1e-9
-    method: str = "integrate"
+    method: str = "auto"
     target: str = "auto"
 
 

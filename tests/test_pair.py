@@ -51,14 +51,38 @@ def test_constant_force_against_twenty_digit_values(kappa: str) -> None:
         np.testing.assert_allclose(result.arrays[name], [float(row[name]) for row in rows], rtol=1e-10)
 
 
+@pytest.mark.parametrize("method", ["auto", "integrate"])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("kappa", [1e-12, 1e-6, 1e-2, 0.3])
-def test_the_integrator_keeps_its_tolerance_against_quadrature(kappa: float, rtol: float) -> None:
+def test_the_integrator_keeps_its_tolerance_against_quadrature(kappa: float, rtol: float, method: str) -> None:
     """An error of rtol in ln h at each step, over a hundred steps, and times that go as a power of h below 2."""
     gaps = np.geomspace(100, 1e-4, 40)
-    integrated = run(force=kappa, until_h=1e-4, gaps=list(gaps), rtol=rtol)
+    integrated = run(force=kappa, until_h=1e-4, gaps=list(gaps), rtol=rtol, method=method)
     exact = run(force=kappa, until_h=1e-4, gaps=list(gaps), method="quadrature")
     np.testing.assert_allclose(integrated.t[1:], exact.t[1:], rtol=100 * rtol)
+
+
+@pytest.mark.parametrize("kappa", [1e-12, 1e-6, 1e-2, 0.3])
+def test_gaps_at_output_times_are_those_of_the_quadrature(kappa: float) -> None:
+    """The time of each gap found, by quadrature, is the output time: to rtol in ln h through the rate."""
+    for method, rtol in itertools.product(("auto", "integrate"), (1e-4, 1e-8, 1e-13)):
+        found = run(force=kappa, times=50, rtol=rtol, method=method, quantities=("dh_dt",))
+        assert found.stats["method"].startswith("quadrature" if method == "auto" else "Radau")
+        exact = run(force=kappa, gaps=list(found.h), method="quadrature")
+        error = np.abs((found.t - exact.t) * found.dh_dt / found.h)
+        # the last output is the gap at which the run stops, at a time that itself is off; t and ln h are rounded
+        assert np.all(error[:-1] <= 2 * rtol + 4e-16 * (np.abs(found.t * found.dh_dt / found.h)[:-1] + 20)), rtol
+
+
+def test_where_the_gap_settles_time_takes_over_from_the_gap() -> None:
+    """By a rule that the result reports; both ways agree."""
+    zeta = film_run(until_t=1e12, times=2, quantities=("zeta",)).zeta[-1]
+    scene = {"until_t": 30 * 1e-5 * zeta / 1e-2, "times": 40, "rtol": 1e-11}
+    both, alone = film_run(**scene), film_run(**scene, method="integrate")
+    assert both.stats["method"].startswith("quadrature in steps of ln h (constant force), then Radau")
+    assert alone.stats["method"].startswith("Radau")
+    assert both.stats["evaluations"] < alone.stats["evaluations"]
+    np.testing.assert_allclose(both.h, alone.h, rtol=1e-9)
 
 
 def test_quadrature_against_mpmath() -> None:
@@ -140,7 +164,9 @@ def test_the_error_falls_in_proportion_to_the_tolerance() -> None:
     errors = []
     for kappa in kappas:
         exact = run(force=kappa, method="quadrature", gaps=[1e-3]).t[0]
-        errors.append([abs(run(force=kappa, gaps=[1e-3], rtol=rtol).t[0] / exact - 1) for rtol in tolerances])
+        errors.append(
+            [abs(run(force=kappa, gaps=[1e-3], rtol=rtol, method="integrate").t[0] / exact - 1) for rtol in tolerances]
+        )
     slope = np.polyfit(np.log(tolerances), np.mean(np.log(errors), axis=0), 1)[0]
     assert abs(slope - 7 / 8) < 0.15
 
@@ -196,10 +222,38 @@ def test_the_gap_settles_on_a_film_where_the_remote_force_balances() -> None:
         softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_h=9e-5, gaps=5, method="quadrature")
 
 
-@pytest.mark.slow
+def film_run(**changes: object) -> softdyn.PairResult:
+    parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
+    return softdyn.simulate(**{"law": film, "parameters": parameters, "h": 1.0, "force": 1e-2, **changes})
+
+
+def test_on_a_film_a_hundred_times_the_time_costs_half_as_much_again_at_most() -> None:
+    """The relaxation time is lam zeta/F. Evaluations are counted, which no other load on the machine can change."""
+    zeta = film_run(until_t=1e12, times=2, quantities=("zeta",)).zeta[-1]
+    relaxation = 1e-5 * zeta / 1e-2
+    for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+        short, long = (film_run(until_t=n * relaxation, times=2, rtol=rtol) for n in (1e4, 1e6))
+        assert long.stats["evaluations"] < 1.5 * short.stats["evaluations"]
+        assert long.stats["stiffness"] > 1e4  # steps of ten thousand relaxation times and more
+        for result in (short, long):
+            assert abs(math.log(result.h[-1] / 1e-4)) < rtol + 1e-14
+
+
+def test_the_approach_to_a_film_against_quadrature() -> None:
+    """Times to come within 1e-1 to 1e-4 of the film, each compared through the rate: an error of ln h."""
+    gaps = [1e-4 * (1 + 10.0**-k) for k in range(1, 5)]
+    exact = film_run(until_h=gaps[-1], gaps=gaps, method="quadrature", quantities=("dh_dt",))
+    for rtol in (1e-6, 1e-9, 1e-12):
+        found = film_run(until_h=gaps[-1], gaps=gaps, rtol=rtol)
+        # near the film rates, and with them errors of t, carry the rounding of h/lam - 10 against what is left of it
+        rounding = 2e-15 * 10.0 ** np.arange(1, 5) * 10
+        error = np.abs((found.t - exact.t) * exact.dh_dt / exact.h)
+        assert np.all(error <= 10 * rtol + rounding * np.abs(exact.t * exact.dh_dt / exact.h)), rtol
+
+
 def test_a_film_that_is_never_passed_ends_with_the_reason() -> None:
     parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
-    with pytest.raises(IntegrationError, match=r"steps were not enough, at t=.*h=0\.0001.*settles on a film"):
+    with pytest.raises(IntegrationError, match=r"time overflows.*h=0\.0001.*settles on a film.*until.t"):
         softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_h=9e-5)
 
 

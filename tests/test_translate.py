@@ -226,11 +226,11 @@ def test_statements_do_the_same_in_both_languages(name: str, tmp_path: Path) -> 
 def test_an_array_is_const_unless_it_is_written_to() -> None:
     text = to_c(PROGRAMS["arrays and other functions"])
     assert "static inline double _square(double x)" in text
-    assert "static inline void _fill(double *v, double x)" in text
+    assert "static inline void _fill(double *restrict v, double x)" in text
     read_only = to_c("def g(v: array) -> float:\n    return v[0]\n")
-    assert "double g(const double *v)" in read_only
+    assert "double g(const double *restrict v)" in read_only
     through = to_c("def _set(v: array):\n    v[0] = 1.0\n\ndef g(v: array, u: array):\n    _set(v)\n    v[0] = u[0]\n")
-    assert "void g(double *v, const double *u)" in through
+    assert "void g(double *restrict v, const double *restrict u)" in through
 
 
 def test_what_is_assigned_once_is_const() -> None:

@@ -7,10 +7,11 @@
  *     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
  *     F_adh = 0
  * Left out, with the operations that each saved:
- *     no remote force: 67 -> 66
- * Operations, 101 in all:
+ *     no remote force: 71 -> 70
+ * Operations, 151 in all:
  *     balance: 3 add, 8 mul, 2 div, 1 sqrt
  *     gap_rate: 2 add, 15 mul, 3 div, 1 sqrt
+ *     slopes: 6 add, 35 mul, 8 div, 1 sqrt
  *     quantities: 10 add, 43 mul, 12 div, 1 sqrt
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
@@ -19,10 +20,14 @@
  *       a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at n states; out holds them one after the other, n each.
  *   void rognon_gay_solve_delta(n, h, F, p, delta)
  *       The deflection at n gaps under n forces; on entry delta holds guesses, or nan.
- *   void rognon_gay_force(n, t, table_t, table_F, rows, F, dF_dt)
+ *   void rognon_gay_drive(n, t, table_t, table_F, rows, value, rate)
  *       The external force at n times, in increasing order.
  *   int64_t rognon_gay_integrate(t_end, u_stop, rtol, p, table_t, table_F, rows, capacity, state, steps)
- *       The gap from one time on; see there.
+ *       The state from one time on; see there.
+ *   void rognon_gay_passages(n, u, at, steps, out)
+ *       The times at which ln h passes n values within given steps.
+ *   void rognon_gay_sample(n, t, stored, steps, out)
+ *       The state at n times, from the steps.
  *
  *   p: R, E, eta
  */
@@ -33,8 +38,52 @@
 #error "this code relies on IEEE arithmetic: compile it without -ffast-math"
 #endif
 
-/* The elastic force and its derivative along delta: w = F_ela, dF_ela/d(delta). */
-static inline void _balance(double h, double delta, const double *p, double *w)
+static const double _NODES[9] = {
+    0.0, 0.022479386438712497, 0.11467905316090424, 0.26578982278458946,
+    0.45284637366944464, 0.6473752828868303, 0.8197593082631076, 0.9437374394630779,
+    1.0,
+};
+static const double _WEIGHTS[9] = {
+    6435.0, -10269.771635486373, 6713.600026233208, -5199.222168253645,
+    4231.204479179782, -3470.1488650701895, 2771.535521741593, -2016.5723583443762,
+    804.375,
+};
+static const double _INVERSE[64] = {
+    22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978,
+    4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576,
+    7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715,
+    -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559,
+    -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823,
+    3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228,
+    0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856,
+    -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752,
+    -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231,
+    0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493,
+    0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161,
+    4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454,
+    -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415,
+    -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456,
+    0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409,
+    0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5,
+};
+static const double _SLOPE_START[9] = {
+    -64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437,
+    -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375,
+    -0.125,
+};
+static const double _VALUE_PROBE[9] = {
+    0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314,
+    0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917,
+    -0.029024131248411467,
+};
+static const double _SLOPE_PROBE[9] = {
+    -0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966,
+    -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628,
+    -0.09513499620264546,
+};
+
+/* The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta). */
+static inline void _balance(int64_t i, double h, double delta, const double *restrict p, double *restrict w, double *restrict out)
 {
     const double R = p[0];
     const double E = p[1];
@@ -43,12 +92,12 @@ static inline void _balance(double h, double delta, const double *p, double *w)
     const double x1 = 4.0 / 9.0 * E;
     const double F_ela = delta * x1 * a;
     const double dF_ddelta = x1 * (x0 * R / a + a);
-    w[0] = F_ela;
-    w[1] = dF_ddelta;
+    w[i] = F_ela;
+    out[i] = dF_ddelta;
 }
 
-/* dh/dt (eq. 7). */
-static inline double _gap_rate(double h, double delta, double F, const double *p)
+/* w[i] = d(ln h)/dt (eq. 7). */
+static inline void _gap_rate(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict w, const double *restrict out)
 {
     const double R = p[0];
     const double eta = p[2];
@@ -64,11 +113,41 @@ static inline double _gap_rate(double h, double delta, double F, const double *p
     const double x0_p3 = x0_p2 * x0;
     const double zeta = 4.71238898038469 * eta * x0_p3 * a_p4 / (R_p3 * h_p3);
     const double dh_dt = -F / zeta;
-    return dh_dt;
+    w[i] = dh_dt / h;
+}
+
+/* The Jacobian of the rates of the state (ln h, delta following from the force balance). */
+static inline void _slopes(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict out)
+{
+    const double R = p[0];
+    const double E = p[1];
+    const double eta = p[2];
+    const double x0 = fabs(delta);
+    const double x1 = R + h;
+    const double a = sqrt(2.0 * R * (R * h / x1 + x0));
+    const double R_p2 = R * R;
+    const double R_p3 = R_p2 * R;
+    const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x1_p2 = x1 * x1;
+    const double x1_p3 = x1_p2 * x1;
+    const double zeta = 4.71238898038469 * eta * x1_p3 * a_p4 / (R_p3 * h_p3);
+    const double x3 = 1.0 / a;
+    const double x4 = 4.0 / 9.0 * E;
+    const double dF_ddelta = x4 * (x0 * x3 * R + a);
+    const double x5 = 1.0 / x1_p2;
+    const double dF_dh = delta * x3 * x4 * x5 * R_p3;
+    const double dh_dt = -F / zeta;
+    const double x6 = 1.0 / h;
+    const double x8 = R / a_p2;
+    const double slope_p11 = -dh_dt * x6 - dh_dt * (x5 * x6 * x8 * (4.0 * h * R_p2 - 3.0 * x1 * a_p2) - 4.0 * dF_dh * x8 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / dF_ddelta);
+    out[0 + i] = slope_p11;
 }
 
 /* a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at state i of n. */
-static inline void _quantities(int64_t i, int64_t n, double h, double delta, double F, double dF_dt, const double *p, double *out)
+static inline void _quantities(int64_t i, int64_t n, double h, double delta, double F, double dF_dt, const double *restrict p, double *restrict out)
 {
     const double R = p[0];
     const double E = p[1];
@@ -121,27 +200,28 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 /* The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
    F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
-   solution. */
-static inline double _solve_delta(double h, double F, double guess, const double *p, double *w)
+   solution. Uses w[0] and w[1]. */
+static inline double _solve_delta(double h, double F, double guess, const double *restrict p, double *restrict w)
 {
     if (F == 0.0) {
         return 0.0;
     }
     double low = F > 0.0 ? 0.0 : -INFINITY;
     double high = F > 0.0 ? INFINITY : 0.0;
+    double stiffness[1];
     double delta = guess;
     if (!(low < guess && guess < high)) {
         /* start from the linear response, or from R where that is beyond R */
-        _balance(h, 0.0, p, w);
-        delta = F / w[1];
+        _balance(0, h, 0.0, p, w, stiffness);
+        delta = F / stiffness[0];
         if (!(fabs(delta) < p[0])) {
             delta = F > 0.0 ? p[0] : -p[0];
         }
     }
     for (int64_t iteration = 0; iteration < 400; iteration++) {
-        _balance(h, delta, p, w);
+        _balance(0, h, delta, p, w, stiffness);
         const double residual = w[0] - F;
-        const double step = residual / w[1];
+        const double step = residual / stiffness[0];
         double trial = delta - step;
         /* Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding */
         if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
@@ -170,28 +250,18 @@ static inline double _solve_delta(double h, double F, double guess, const double
     return NAN;
 }
 
-/* The external force and its rate of change, linear between two rows of the table: w = F_ext, dF_ext/dt. */
-static inline void _force(double t, const double *table_t, const double *table_F, int64_t segment, double *w)
+/* What is given, and its rate of change, at the time t: w[0] and w[1]. */
+static inline void _drive(double t, const double *restrict table_t, const double *restrict table_F, int64_t segment, double *restrict w)
 {
+    /* linear between two rows */
     const double start = table_t[segment];
     const double slope = (table_F[segment + 1] - table_F[segment]) / (table_t[segment + 1] - start);
     w[0] = table_F[segment] + slope * (t - start);
     w[1] = slope;
 }
 
-/* du/dt for u = ln h (eq. 7), the deflection following from the force balance; it is kept in w[2]. */
-static inline double _rate(double t, double u, const double *p, const double *table_t, const double *table_F, int64_t segment, double *w)
-{
-    const double h = exp(u);
-    _force(t, table_t, table_F, segment, w);
-    const double F = w[0];
-    const double delta = _solve_delta(h, F, w[2], p, w);
-    w[2] = delta;
-    return _gap_rate(h, delta, F, p) / h;
-}
-
 /* a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at n states: out[k*n + i] is quantity k at state i. */
-void rognon_gay_evaluate(int64_t n, const double *h, const double *delta, const double *F, const double *dF_dt, const double *p, double *out)
+void rognon_gay_evaluate(int64_t n, const double *restrict h, const double *restrict delta, const double *restrict F, const double *restrict dF_dt, const double *restrict p, double *restrict out)
 {
     for (int64_t i = 0; i < n; i++) {
         _quantities(i, n, h[i], delta[i], F[i], dF_dt[i], p, out);
@@ -199,7 +269,7 @@ void rognon_gay_evaluate(int64_t n, const double *h, const double *delta, const 
 }
 
 /* The deflection at n gaps under n forces; nan where there is none. */
-void rognon_gay_solve_delta(int64_t n, const double *h, const double *F, const double *p, double *delta)
+void rognon_gay_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
     double w[2];
     for (int64_t i = 0; i < n; i++) {
@@ -207,8 +277,8 @@ void rognon_gay_solve_delta(int64_t n, const double *h, const double *F, const d
     }
 }
 
-/* The external force and its rate of change at n times, in increasing order. */
-void rognon_gay_force(int64_t n, const double *t, const double *table_t, const double *table_F, int64_t rows, double *F, double *dF_dt)
+/* What is given, and its rate of change, at n times, in increasing order. */
+void rognon_gay_drive(int64_t n, const double *restrict t, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict value, double *restrict rate)
 {
     double w[2];
     int64_t segment = 0;
@@ -216,65 +286,198 @@ void rognon_gay_force(int64_t n, const double *t, const double *table_t, const d
         while (segment < rows - 2 && t[i] >= table_t[segment + 1]) {
             segment += 1;
         }
-        _force(t[i], table_t, table_F, segment, w);
-        F[i] = w[0];
-        dF_dt[i] = w[1];
+        _drive(t[i], table_t, table_F, segment, w);
+        value[i] = w[0];
+        rate[i] = w[1];
     }
 }
 
-/* Integrate u = ln h by DOP853, steps adapted to the relative error rtol of h, and record the dense output.
-
-   state, of 11 numbers: t, u, delta, step (0 at the start), du/dt, steps accepted, rejected, rates evaluated, segment of
-   the table, whether F crosses zero at t, steps recorded by this call. It is updated, and a further call goes on from it.
-   steps, of 10*capacity numbers: for each step its start, its length, u at its start, 7 coefficients.
-
-   Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the force table;
-   -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
-int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const double *p, const double *table_t, const double *table_F, int64_t rows, int64_t capacity, double *state, double *steps)
+/* A component at the fraction theta of a step, less its value at the start: barycentric interpolation. */
+static inline double _between(double theta, const double *restrict z)
 {
-    double w[3];
+    double above = 0.0;
+    double below = _WEIGHTS[0] / theta;
+    if (theta == 0.0) {
+        return 0.0;
+    }
+    for (int64_t j = 0; j < 8; j++) {
+        if (theta == _NODES[j + 1]) {
+            return z[j];
+        }
+        const double weight = _WEIGHTS[j + 1] / (theta - _NODES[j + 1]);
+        above += weight * z[j];
+        below += weight;
+    }
+    return above / below;
+}
+
+/* Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial. */
+static inline void _predict(double ratio, double *restrict z, double *restrict above, double *restrict below)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        above[i] = 0.0;
+        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1]);
+    }
+    for (int64_t j = 0; j < 8; j++) {
+        for (int64_t i = 0; i < 8; i++) {
+            const double weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1]);
+            above[i] += weight * z[j];
+            below[i] += weight;
+        }
+    }
+    const double end = z[7];
+    for (int64_t i = 0; i < 8; i++) {
+        z[i] = above[i] / below[i] - end;
+    }
+}
+
+/* Invert a matrix of 8 rows in place, by Gauss and Jordan: a poor inverse costs iterations, not accuracy. */
+static inline void _invert(double *restrict m)
+{
+    for (int64_t k = 0; k < 8; k++) {
+        const double pivot = 1.0 / m[9 * k];
+        m[9 * k] = 1.0;
+        for (int64_t j = 0; j < 8; j++) {
+            m[8 * k + j] = pivot * m[8 * k + j];
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            if (i != k) {
+                const double factor = m[8 * i + k];
+                m[8 * i + k] = 0.0;
+                for (int64_t j = 0; j < 8; j++) {
+                    m[8 * i + j] -= factor * m[8 * k + j];
+                }
+            }
+        }
+    }
+}
+
+/* Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once. */
+static inline void _deflections(const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict force, double *restrict stiffness)
+{
+    for (int64_t iteration = 0; iteration < 6; iteration++) {
+        for (int64_t i = 0; i < 8; i++) {
+            _balance(i, h[i], delta[i], p, force, stiffness);
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            force[i] = (force[i] - F[i]) / stiffness[i];
+            delta[i] = delta[i] - force[i];
+        }
+        int64_t moving = 0;
+        for (int64_t i = 0; i < 8; i++) {
+            if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
+                moving += 1;
+            }
+        }
+        if (moving == 0) {
+            break;
+        }
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
+            delta[i] = _solve_delta(h[i], F[i], NAN, p, w);
+        }
+    }
+}
+
+/* The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial. */
+void rognon_gay_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
+{
+    double z[8];
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t base = 12 * (int64_t)at[i];
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[base + 4 + j];
+        }
+        const double target = u[i] - steps[base + 3];
+        double low = 0.0;
+        double high = 1.0;
+        for (int64_t iteration = 0; iteration < 60; iteration++) {
+            const double middle = 0.5 * (low + high);
+            const double value = _between(middle, z);
+            if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        out[i] = steps[base] + high * steps[base + 1];
+    }
+}
+
+/* The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k. */
+void rognon_gay_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
+{
+    double z[8];
+    int64_t at = 0;
+    for (int64_t i = 0; i < n; i++) {
+        while (at < stored - 1 && t[i] >= steps[12 * (at + 1)]) {
+            at += 1;
+        }
+        const double theta = (t[i] - steps[12 * at]) / steps[12 * at + 1];
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[12 * at + 4 + j];
+        }
+        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z);
+    }
+}
+
+/* Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
+
+   A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
+   of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
+
+   state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
+   longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
+   steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+
+   Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
+   -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
+int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict table_t, const double *restrict table_F, int64_t rows, int64_t capacity, double *restrict state, double *restrict steps)
+{
+    double w[4];
+    double given[8];
+    double h[8];
+    double deflection[8];
+    double before[8];
+    double above[8];
+    double below[8];
+    double slopes[8];
+    double m[64];
+    double residual[8];
+    double change[8];
+    double u_z[8];
+    double u_kept[8];
+    double u_rate[8];
     double t = state[0];
     double u = state[1];
-    w[2] = state[2];
+    double delta = state[2];
     double dt = state[3];
-    double k1 = state[4];
-    double accepted = state[5];
-    double rejected = state[6];
-    double evaluations = state[7];
+    double accepted = state[4];
+    double rejected = state[5];
+    double passes = state[6];
+    double singles = state[7];
     int64_t segment = (int64_t)state[8];
-    double at_zero = state[9];
-    double zero = INFINITY;
-    double limit = t_end;
-    double grow = 3.0;
+    double stiffest = state[10];
+    double settled = state[11];
+    /* the last step, of which the next one is predicted; 0 after what cannot be extrapolated */
+    double last = 0.0;
+    double last_error = 1.0;
+    double fresh = 1.0;
+    double crossing = INFINITY;
+    double shrink_only = 0.0;
+    double u_dot = 0.0;
     int64_t status = 2;
     int64_t stored = 0;
-    if (dt == 0.0) {
-        k1 = _rate(t, u, p, table_t, table_F, segment, w);
-        evaluations += 1.0;
-        if (k1 != 0.0) {
-            dt = 0.01 / fabs(k1);
-        } else {
-            /* nothing moves yet: look ahead until something does */
-            dt = isfinite(t_end) ? 1e-09 * (t_end - t) : 1e-200;
-            while (fabs(_rate(t + dt, u, p, table_t, table_F, segment, w)) * dt < 0.001 && dt < 1e+200 && t + dt < t_end) {
-                dt = 4.0 * dt;
-                evaluations += 1.0;
-            }
-            w[2] = state[2];
-        }
-        _force(t, table_t, table_F, segment, w);
-        at_zero = w[0] == 0.0 ? 1.0 : 0.0;
-    }
-    if (!isfinite(k1)) {
-        status = -3;
-    }
     while (status == 2 && stored < capacity) {
         if (t >= table_t[segment + 1] && segment < rows - 2) {
             segment += 1;
             continue;
         }
-        limit = table_t[segment + 1] < t_end ? table_t[segment + 1] : t_end;
-        limit = zero < limit ? zero : limit;
+        double limit = table_t[segment + 1] < t_end ? table_t[segment + 1] : t_end;
+        double ending = table_t[segment + 1] < t_end ? 1.0 : 0.0;
         if (t >= t_end) {
             status = 0;
             break;
@@ -283,8 +486,59 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
             status = 3;
             break;
         }
+        if (fresh == 1.0) {
+            /* the rates where the run starts, or goes on after an event */
+            _drive(t, table_t, table_F, segment, w);
+            for (int64_t i = 0; i < 8; i++) {
+                h[i] = exp(u);
+                given[i] = w[0];
+                deflection[i] = delta;
+            }
+            _deflections(h, given, deflection, p, w, above, below);
+            delta = deflection[0];
+            for (int64_t i = 0; i < 8; i++) {
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                _slopes(i, h[i], deflection[i], given[i], p, slopes);
+            }
+            singles += 8.0;
+            u_dot = u_rate[0];
+            if (!isfinite(u_dot)) {
+                status = -3;
+                break;
+            }
+            fresh = 0.0;
+            last = 0.0;
+            if (dt == 0.0) {
+                const double speed = fabs(u_dot) + fabs(slopes[0]);
+                if (speed > 0.0) {
+                    dt = 0.1 / speed;
+                } else {
+                    /* nothing moves yet: look ahead until something does */
+                    dt = isfinite(t_end) ? 1e-09 * (t_end - t) : 1e-200;
+                    int64_t moving = 0;
+                    while (moving == 0 && dt < 1e+200 && t + dt < limit) {
+                        _drive(t + dt, table_t, table_F, segment, w);
+                        given[0] = w[0];
+                        deflection[0] = _solve_delta(h[0], given[0], NAN, p, w);
+                        _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w);
+                        singles += 1.0;
+                        if (fabs(u_rate[0]) * dt < 0.001) {
+                            dt = 4.0 * dt;
+                        } else {
+                            moving = 1;
+                        }
+                    }
+                }
+            }
+        }
         /* land on the limit, and leave no sliver before it */
-        double step = dt;
+        if (crossing < limit) {
+            limit = crossing;
+            ending = 2.0;
+        }
+        double step = dt < state[12] ? dt : state[12];
         double landing = 0.0;
         if (t + 1.01 * step >= limit) {
             step = limit - t;
@@ -297,132 +551,240 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
         if (step <= 4.5e-16 * fabs(t)) {
             if (landing == 1.0) {
                 t = limit;
+                if (limit == crossing) {
+                    crossing = INFINITY;
+                }
+                fresh = 1.0;
                 continue;
             }
             status = -1;
             break;
         }
-        const double guess = w[2];
-        const double k2 = _rate(t + 0.05260015195876773 * step, u + step * (0.05260015195876773 * k1), p, table_t, table_F, segment, w);
-        const double k3 = _rate(t + 0.0789002279381516 * step, u + step * (0.0197250569845379 * k1 + 0.0591751709536137 * k2), p, table_t, table_F, segment, w);
-        const double k4 = _rate(t + 0.1183503419072274 * step, u + step * (0.02958758547680685 * k1 + 0.08876275643042054 * k3), p, table_t, table_F, segment, w);
-        const double k5 = _rate(t + 0.2816496580927726 * step, u + step * (0.2413651341592667 * k1 - 0.8845494793282861 * k3 + 0.924834003261792 * k4), p, table_t, table_F, segment, w);
-        const double k6 = _rate(t + 0.3333333333333333 * step, u + step * (0.037037037037037035 * k1 + 0.17082860872947386 * k4 + 0.12546768756682242 * k5), p, table_t, table_F, segment, w);
-        const double k7 = _rate(t + 0.25 * step, u + step * (0.037109375 * k1 + 0.17025221101954405 * k4 + 0.06021653898045596 * k5 - 0.017578125 * k6), p, table_t, table_F, segment, w);
-        const double k8 = _rate(t + 0.3076923076923077 * step, u + step * (0.03709200011850479 * k1 + 0.17038392571223998 * k4 + 0.10726203044637328 * k5 - 0.015319437748624402 * k6 + 0.008273789163814023 * k7), p, table_t, table_F, segment, w);
-        const double k9 = _rate(t + 0.6512820512820513 * step, u + step * (0.6241109587160757 * k1 - 3.3608926294469414 * k4 - 0.868219346841726 * k5 + 27.59209969944671 * k6 + 20.154067550477894 * k7 - 43.48988418106996 * k8), p, table_t, table_F, segment, w);
-        const double k10 = _rate(t + 0.6 * step, u + step * (0.47766253643826434 * k1 - 2.4881146199716677 * k4 - 0.590290826836843 * k5 + 21.230051448181193 * k6 + 15.279233632882423 * k7 - 33.28821096898486 * k8 - 0.020331201708508627 * k9), p, table_t, table_F, segment, w);
-        const double k11 = _rate(t + 0.8571428571428571 * step, u + step * (-0.9371424300859873 * k1 + 5.186372428844064 * k4 + 1.0914373489967295 * k5 - 8.149787010746927 * k6 - 18.52006565999696 * k7 + 22.739487099350505 * k8 + 2.4936055526796523 * k9 - 3.0467644718982196 * k10), p, table_t, table_F, segment, w);
-        const double k12 = _rate(t + 1.0 * step, u + step * (2.273310147516538 * k1 - 10.53449546673725 * k4 - 2.0008720582248625 * k5 - 17.9589318631188 * k6 + 27.94888452941996 * k7 - 2.8589982771350235 * k8 - 8.87285693353063 * k9 + 12.360567175794303 * k10 + 0.6433927460157636 * k11), p, table_t, table_F, segment, w);
-        const double u_new = u + step * (0.054293734116568765 * k1 + 4.450312892752409 * k6 + 1.8915178993145003 * k7 - 5.801203960010585 * k8 + 0.3111643669578199 * k9 - 0.1521609496625161 * k10 + 0.20136540080403034 * k11 + 0.04471061572777259 * k12);
-        const double t_new = landing == 1.0 ? limit : t + step;
-        const double k13 = _rate(t_new, u_new, p, table_t, table_F, segment, w);
-        evaluations += 12.0;
-        /* error of order 8, from estimators of order 5 and 3 */
-        const double error5 = 0.01312004499419488 * k1 - 1.2251564463762044 * k6 - 0.4957589496572502 * k7 + 1.6643771824549864 * k8 - 0.35032884874997366 * k9 + 0.3341791187130175 * k10 + 0.08192320648511571 * k11 - 0.022355307863886294 * k12;
-        const double error3 = -0.18980075407240762 * k1 + 4.450312892752409 * k6 + 1.8915178993145003 * k7 - 5.801203960010585 * k8 - 0.4226823213237919 * k9 - 0.1521609496625161 * k10 + 0.20136540080403034 * k11 + 0.02265179219836082 * k12;
-        const double weight = error5 * error5 + 0.01 * error3 * error3;
-        const double error = weight > 0.0 ? step * error5 * error5 / (rtol * sqrt(weight)) : weight;
-        double shrink = 0.9 * pow(error, -0.125);
-        /* written so that nan rejects the step */
-        if (!(error <= 1.0)) {
-            rejected += 1.0;
-            grow = 1.0;
-            dt = step * (shrink > 0.2 ? shrink : 0.2);
-            w[2] = guess;
-            continue;
+        /* what is given, at the stages */
+        for (int64_t i = 0; i < 8; i++) {
+            _drive(t + _NODES[i + 1] * step, table_t, table_F, segment, w);
+            given[i] = w[0];
         }
-        const double k14 = _rate(t + 0.1 * step, u + step * (0.056167502283047954 * k1 + 0.25350021021662483 * k7 - 0.2462390374708025 * k8 - 0.12419142326381637 * k9 + 0.15329179827876568 * k10 + 0.00820105229563469 * k11 + 0.007567897660545699 * k12 - 0.008298 * k13), p, table_t, table_F, segment, w);
-        const double k15 = _rate(t + 0.2 * step, u + step * (0.03183464816350214 * k1 + 0.028300909672366776 * k6 + 0.053541988307438566 * k7 - 0.05492374857139099 * k8 - 0.00010834732869724932 * k11 + 0.0003825710908356584 * k12 - 0.00034046500868740456 * k13 + 0.1413124436746325 * k14), p, table_t, table_F, segment, w);
-        const double k16 = _rate(t + 0.7777777777777778 * step, u + step * (-0.42889630158379194 * k1 - 4.697621415361164 * k6 + 7.683421196062599 * k7 + 4.06898981839711 * k8 + 0.3567271874552811 * k9 - 0.0013990241651590145 * k13 + 2.9475147891527724 * k14 - 9.15095847217987 * k15), p, table_t, table_F, segment, w);
-        /* the dense output, in Hairer's form */
-        const double b0 = u_new - u;
-        const double b1 = step * k1 - b0;
-        const double b2 = 2.0 * b0 - step * (k1 + k13);
-        const double b3 = step * (-8.428938276109013 * k1 + 0.5667149535193777 * k6 - 3.0689499459498917 * k7 + 2.38466765651207 * k8 + 2.117034582445028 * k9 - 0.871391583777973 * k10 + 2.2404374302607883 * k11 + 0.6315787787694688 * k12 - 0.08899033645133331 * k13 + 18.148505520854727 * k14 - 9.194632392478356 * k15 - 4.436036387594894 * k16);
-        const double b4 = step * (10.427508642579134 * k1 + 242.28349177525817 * k6 + 165.20045171727028 * k7 - 374.5467547226902 * k8 - 22.113666853125306 * k9 + 7.733432668472264 * k10 - 30.674084731089398 * k11 - 9.332130526430229 * k12 + 15.697238121770845 * k13 - 31.139403219565178 * k14 - 9.35292435884448 * k15 + 35.81684148639408 * k16);
-        const double b5 = step * (19.985053242002433 * k1 - 387.0373087493518 * k6 - 189.17813819516758 * k7 + 527.8081592054236 * k8 - 11.57390253995963 * k9 + 6.8812326946963 * k10 - 1.0006050966910838 * k11 + 0.7777137798053443 * k12 - 2.778205752353508 * k13 - 60.19669523126412 * k14 + 84.32040550667716 * k15 + 11.99229113618279 * k16);
-        const double b6 = step * (-25.69393346270375 * k1 - 154.18974869023643 * k6 - 231.5293791760455 * k7 + 357.6391179106141 * k8 + 93.40532418362432 * k9 - 37.45832313645163 * k10 + 104.0996495089623 * k11 + 29.8402934266605 * k12 - 43.53345659001114 * k13 + 96.32455395918828 * k14 - 39.17726167561544 * k15 - 149.72683625798564 * k16);
-        /* its defect in the middle of the step: the estimators above vanish now and then where the error does not */
-        const double middle_u = u + 0.5 * (b0 + 0.5 * (b1 + 0.5 * (b2 + 0.5 * (b3 + 0.5 * (b4 + 0.5 * (b5 + 0.5 * b6))))));
-        const double middle_k = _rate(t + 0.5 * step, middle_u, p, table_t, table_F, segment, w);
-        evaluations += 3.0 + 1.0;
-        const double defect = 2.0 * fabs(b0 + 0.25 * b2 + 0.0625 * b4 + 0.015625 * b6 - step * middle_k) / rtol;
-        if (!(defect <= 1.0)) {
-            rejected += 1.0;
-            grow = 1.0;
-            shrink = 0.9 * pow(defect, -0.125);
-            dt = step * (shrink > 0.2 ? shrink : 0.2);
-            w[2] = guess;
-            continue;
-        }
-        /* the law has a kink where F crosses zero: end a step there */
-        double before = at_zero == 0.0 ? t : t + 0.001 * step;
-        _force(before, table_t, table_F, segment, w);
-        const double force_before = w[0];
-        _force(t_new, table_t, table_F, segment, w);
-        if (force_before * w[0] < 0.0 && zero == INFINITY) {
-            double after = t_new;
-            while (after - before > 4.5e-16 * fabs(after)) {
-                const double middle = 0.5 * (before + after);
-                if (middle <= before || middle >= after) {
+        /* where the force crosses zero the law may have a kink: end a step there */
+        if (crossing == INFINITY) {
+            _drive(t, table_t, table_F, segment, w);
+            double side = w[0];
+            double earlier = t;
+            for (int64_t i = 0; i < 8; i++) {
+                double later = t + _NODES[i + 1] * step;
+                if (side * given[i] < 0.0) {
+                    while (later - earlier > 4.5e-16 * fabs(later)) {
+                        const double middle = 0.5 * (earlier + later);
+                        if (middle <= earlier || middle >= later) {
+                            break;
+                        }
+                        _drive(middle, table_t, table_F, segment, w);
+                        if (w[0] * side > 0.0) {
+                            earlier = middle;
+                        } else {
+                            later = middle;
+                        }
+                    }
+                    crossing = later;
                     break;
                 }
-                _force(middle, table_t, table_F, segment, w);
-                if (w[0] * force_before > 0.0) {
-                    before = middle;
-                } else {
-                    after = middle;
+                if (given[i] != 0.0) {
+                    side = given[i];
                 }
+                earlier = later;
             }
-            if (after - t > 4.5e-16 * fabs(t)) {
-                zero = after;
-                w[2] = guess;
+            if (crossing < INFINITY) {
                 continue;
             }
         }
-        at_zero = 0.0;
-        if (t_new == zero) {
-            at_zero = 1.0;
-            zero = INFINITY;
+        /* predict the stages: by the last step's polynomial, unless far beyond it, or along the tangent, bent where it decays */
+        for (int64_t i = 0; i < 8; i++) {
+            u_z[i] = u_kept[i];
         }
-        const int64_t base = 10 * stored;
+        for (int64_t i = 0; i < 8; i++) {
+            deflection[i] = before[i];
+        }
+        int64_t wild = 0;
+        if (last > 0.0 && step <= 2.0 * last) {
+            _predict(step / last, u_z, above, below);
+            _predict(step / last, deflection, above, below);
+            for (int64_t i = 0; i < 8; i++) {
+                deflection[i] = delta + deflection[i];
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                if (!(fabs(u_z[i]) < 2.0)) {
+                    wild += 1;
+                }
+            }
+        }
+        if (step > 2.0 * last || wild > 0) {
+            for (int64_t i = 0; i < 8; i++) {
+                const double reach = _NODES[i + 1] * step;
+                u_z[i] = reach * u_dot / (slopes[7] < 0.0 ? 1.0 - reach * slopes[7] : 1.0);
+                deflection[i] = delta;
+            }
+        }
+        /* what no step can be held to: u itself is rounded */
+        const double rounding = 4.5e-16 * (1.0 + fabs(u));
+        /* Newton's iteration, its matrix renewed while it moves far */
+        double moved = INFINITY;
+        int64_t renew = 1;
+        int64_t turn = 0;
+        int64_t done = 0;
+        while (turn < 10 && done == 0) {
+            turn += 1;
+            for (int64_t i = 0; i < 8; i++) {
+                h[i] = exp(u + u_z[i]);
+            }
+            _deflections(h, given, deflection, p, w, above, below);
+            for (int64_t i = 0; i < 8; i++) {
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
+            }
+            if (renew == 1) {
+                for (int64_t i = 0; i < 8; i++) {
+                    _slopes(i, h[i], deflection[i], given[i], p, slopes);
+                }
+                for (int64_t i = 0; i < 64; i++) {
+                    m[i] = _INVERSE[i];
+                }
+                for (int64_t i = 0; i < 8; i++) {
+                    m[9 * i] -= step * slopes[i];
+                }
+                _invert(m);
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                residual[0 + i] = step * u_rate[i];
+            }
+            for (int64_t j = 0; j < 8; j++) {
+                for (int64_t i = 0; i < 8; i++) {
+                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j];
+                }
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                change[i] = 0.0;
+            }
+            for (int64_t j = 0; j < 8; j++) {
+                for (int64_t i = 0; i < 8; i++) {
+                    change[i] += m[8 * j + i] * residual[j];
+                }
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                u_z[i] += change[0 + i];
+            }
+            double total = 0.0;
+            for (int64_t i = 0; i < 8; i++) {
+                total += change[i] * change[i];
+            }
+            const double moves = sqrt(total);
+            renew = moves > 0.03 ? 1 : 0;
+            const double contraction = moves / moved;
+            /* 1e-2 of what a step may err, or what rounding leaves */
+            if (moves <= 0.01 * rtol || moves <= rounding) {
+                done = 1;
+            } else if (turn > 1 && contraction < 0.5 && moves * contraction / (1.0 - contraction) <= 0.01 * rtol) {
+                done = 1;
+            } else if (!(moves < 10.0) || (turn > 2 && contraction > 1.0)) {
+                break;
+            }
+            moved = moves;
+        }
+        passes += (double)turn;
+        if (done == 0) {
+            rejected += 1.0;
+            last = 0.0;
+            shrink_only = 1.0;
+            dt = 0.25 * step;
+            continue;
+        }
+        /* the defect of the polynomial at the start and at the probe, and the error that it makes */
+        _drive(t + 0.5501108282781375 * step, table_t, table_F, segment, w);
+        const double probe_given = w[0];
+        double u_probe = u;
+        double u_late = 0.0;
+        double u_defect = -step * u_dot;
+        for (int64_t i = 0; i < 8; i++) {
+            u_probe += _VALUE_PROBE[i + 1] * u_z[i];
+            u_late += _SLOPE_PROBE[i + 1] * u_z[i];
+            u_defect += _SLOPE_START[i + 1] * u_z[i];
+        }
+        const double h_probe = exp(u_probe);
+        const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
+        _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
+        singles += 1.0;
+        double error = 0.014424143230897014 * fabs(u_defect);
+        const double other = 0.07596008870469767 * fabs(u_late - step * above[0]);
+        /* written so that nan rejects the step */
+        error = error > other ? error : other;
+        const double decay = -step * slopes[7];
+        stiffest = decay > stiffest ? decay : stiffest;
+        error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0) / (rtol + rounding);
+        double factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
+        if (!(error <= 1.0)) {
+            rejected += 1.0;
+            shrink_only = 1.0;
+            /* an error that is nan leaves a factor above 1 */
+            dt = step * (factor > 0.2 && factor < 1.0 ? factor : 0.2);
+            continue;
+        }
+        /* the step stands */
+        const int64_t base = 12 * stored;
         steps[base] = t;
         steps[base + 1] = step;
-        steps[base + 2] = u;
-        steps[base + 3] = b0;
-        steps[base + 4] = b1;
-        steps[base + 5] = b2;
-        steps[base + 6] = b3;
-        steps[base + 7] = b4;
-        steps[base + 8] = b5;
-        steps[base + 9] = b6;
-        stored += 1;
+        steps[base + 2] = landing == 1.0 ? ending : 0.0;
+        steps[base + 3] = u;
+        for (int64_t i = 0; i < 8; i++) {
+            steps[base + 4 + i] = u_z[i];
+            u_kept[i] = u_z[i];
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            before[i] = deflection[i] - delta;
+        }
         accepted += 1.0;
+        const double u_new = u + u_z[7];
         if ((u - u_stop) * (u_new - u_stop) <= 0.0) {
             status = 1;
         }
-        t = t_new;
+        /* the last stage is the end of the step; the last correction moves its rates along the Jacobian */
+        u_dot = u_rate[7] + slopes[7] * change[7];
+        delta = deflection[7];
+        const double resting = slopes[7] < 0.0 && fabs(u_dot) <= -rtol * slopes[7] ? 1.0 : 0.0;
+        if (resting > settled && steps[base + 2] == 0.0) {
+            steps[base + 2] = 3.0;
+        }
+        settled = resting;
         u = u_new;
-        k1 = k13;
-        const double h = exp(u);
-        _force(t, table_t, table_F, segment, w);
-        w[2] = _solve_delta(h, w[0], w[2], p, w);
-        const double factor = shrink < grow ? shrink : grow;
+        t = landing == 1.0 ? limit : t + step;
+        stored += 1;
+        if (last > 0.0) {
+            const double foresight = factor * step / last * pow(last_error / (error > 1e-12 ? error : 1e-12), 1.0 / 9.0);
+            factor = foresight < factor ? foresight : factor;
+        }
+        factor = factor < 8.0 ? factor : 8.0;
+        factor = factor > 0.2 ? factor : 0.2;
+        factor = shrink_only == 0.0 || factor < 1.0 ? factor : 1.0;
         /* a step shortened to land says nothing about the next */
         dt = landing == 0.0 || step * factor > dt ? step * factor : dt;
-        grow = 3.0;
+        shrink_only = 0.0;
+        last = step;
+        last_error = error > 0.01 ? error : 0.01;
+        if (landing == 1.0 && ending > 0.0) {
+            fresh = 1.0;
+            if (limit == crossing) {
+                crossing = INFINITY;
+            }
+        }
     }
     state[0] = t;
     state[1] = u;
-    state[2] = w[2];
+    state[2] = delta;
     state[3] = dt;
-    state[4] = k1;
-    state[5] = accepted;
-    state[6] = rejected;
-    state[7] = evaluations;
+    state[4] = accepted;
+    state[5] = rejected;
+    state[6] = passes;
+    state[7] = singles;
     state[8] = (double)segment;
-    state[9] = at_zero;
-    state[10] = (double)stored;
+    state[9] = (double)stored;
+    state[10] = stiffest;
+    state[11] = settled;
     return status;
 }

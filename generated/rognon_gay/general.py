@@ -7,13 +7,14 @@ Law b2a8534843dae832:
     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
     F_adh = 0
 Left out, with the operations that each saved:
-    no remote force: 67 -> 66
-Operations, 101 in all:
+    no remote force: 71 -> 70
+Operations, 151 in all:
     balance: 3 add, 8 mul, 2 div, 1 sqrt
     gap_rate: 2 add, 15 mul, 3 div, 1 sqrt
+    slopes: 6 add, 35 mul, 8 div, 1 sqrt
     quantities: 10 add, 43 mul, 12 div, 1 sqrt
 
-Functions: rognon_gay_evaluate, rognon_gay_solve_delta, rognon_gay_force, rognon_gay_integrate.
+Functions: rognon_gay_evaluate, rognon_gay_solve_delta, rognon_gay_drive, rognon_gay_integrate, rognon_gay_passages, rognon_gay_sample.
 p holds R, E, eta.
 """
 
@@ -25,6 +26,7 @@ from math import (  # noqa: F401
 )
 
 import numba
+from numpy import array as table
 from numpy import empty  # noqa: F401
 from numpy import ndarray as array  # noqa: F401
 
@@ -32,8 +34,8 @@ from numpy import ndarray as array  # noqa: F401
 jit = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
 
 @jit
-def _balance(h: float, delta: float, p: array, w: array) -> None:
-    """The elastic force and its derivative along delta: w = F_ela, dF_ela/d(delta)."""
+def _balance(i: int, h: float, delta: float, p: array, w: array, out: array) -> None:
+    """The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta)."""
     R = p[0]
     E = p[1]
     x0 = fabs(delta)
@@ -41,13 +43,13 @@ def _balance(h: float, delta: float, p: array, w: array) -> None:
     x1 = (4.0 / 9.0) * E
     F_ela = delta * x1 * a
     dF_ddelta = x1 * (x0 * R / a + a)
-    w[0] = F_ela
-    w[1] = dF_ddelta
+    w[i] = F_ela
+    out[i] = dF_ddelta
 
 
 @jit
-def _gap_rate(h: float, delta: float, F: float, p: array) -> float:
-    """dh/dt (eq. 7)."""
+def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out: array) -> None:
+    """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[2]
     x0 = R + h
@@ -62,7 +64,37 @@ def _gap_rate(h: float, delta: float, F: float, p: array) -> float:
     x0_p3 = x0_p2 * x0
     zeta = 4.71238898038469 * eta * x0_p3 * a_p4 / (R_p3 * h_p3)
     dh_dt = -F / zeta
-    return dh_dt
+    w[i] = dh_dt / h
+
+
+@jit
+def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> None:
+    """The Jacobian of the rates of the state (ln h, delta following from the force balance)."""
+    R = p[0]
+    E = p[1]
+    eta = p[2]
+    x0 = fabs(delta)
+    x1 = R + h
+    a = sqrt(2.0 * R * (R * h / x1 + x0))
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    h_p2 = h * h
+    h_p3 = h_p2 * h
+    x1_p2 = x1 * x1
+    x1_p3 = x1_p2 * x1
+    zeta = 4.71238898038469 * eta * x1_p3 * a_p4 / (R_p3 * h_p3)
+    x3 = 1.0 / a
+    x4 = (4.0 / 9.0) * E
+    dF_ddelta = x4 * (x0 * x3 * R + a)
+    x5 = 1.0 / x1_p2
+    dF_dh = delta * x3 * x4 * x5 * R_p3
+    dh_dt = -F / zeta
+    x6 = 1.0 / h
+    x8 = R / a_p2
+    slope_p11 = -dh_dt * x6 - dh_dt * (x5 * x6 * x8 * (4.0 * h * R_p2 - 3.0 * x1 * a_p2) - 4.0 * dF_dh * x8 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / dF_ddelta)
+    out[0 + i] = slope_p11
 
 
 @jit
@@ -121,23 +153,24 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
     """The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
     F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
-    solution.
+    solution. Uses w[0] and w[1].
     """
     if F == 0.0:
         return 0.0
     low = 0.0 if F > 0.0 else -inf
     high = inf if F > 0.0 else 0.0
+    stiffness = empty(1)
     delta = guess
     if not (low < guess and guess < high):
         # start from the linear response, or from R where that is beyond R
-        _balance(h, 0.0, p, w)
-        delta = F / w[1]
+        _balance(0, h, 0.0, p, w, stiffness)
+        delta = F / stiffness[0]
         if not fabs(delta) < p[0]:
             delta = p[0] if F > 0.0 else -p[0]
     for iteration in range(400):
-        _balance(h, delta, p, w)
+        _balance(0, h, delta, p, w, stiffness)
         residual = w[0] - F
-        step = residual / w[1]
+        step = residual / stiffness[0]
         trial = delta - step
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
@@ -162,23 +195,13 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
 
 
 @jit
-def _force(t: float, table_t: array, table_F: array, segment: int, w: array) -> None:
-    """The external force and its rate of change, linear between two rows of the table: w = F_ext, dF_ext/dt."""
+def _drive(t: float, table_t: array, table_F: array, segment: int, w: array) -> None:
+    """What is given, and its rate of change, at the time t: w[0] and w[1]."""
+    # linear between two rows
     start = table_t[segment]
     slope = (table_F[segment + 1] - table_F[segment]) / (table_t[segment + 1] - start)
     w[0] = table_F[segment] + slope * (t - start)
     w[1] = slope
-
-
-@jit
-def _rate(t: float, u: float, p: array, table_t: array, table_F: array, segment: int, w: array) -> float:
-    """du/dt for u = ln h (eq. 7), the deflection following from the force balance; it is kept in w[2]."""
-    h = exp(u)
-    _force(t, table_t, table_F, segment, w)
-    F = w[0]
-    delta = _solve_delta(h, F, w[2], p, w)
-    w[2] = delta
-    return _gap_rate(h, delta, F, p) / h
 
 
 @jit
@@ -197,75 +220,235 @@ def rognon_gay_solve_delta(n: int, h: array, F: array, p: array, delta: array) -
 
 
 @jit
-def rognon_gay_force(n: int, t: array, table_t: array, table_F: array, rows: int, F: array, dF_dt: array) -> None:
-    """The external force and its rate of change at n times, in increasing order."""
+def rognon_gay_drive(n: int, t: array, table_t: array, table_F: array, rows: int, value: array, rate: array) -> None:
+    """What is given, and its rate of change, at n times, in increasing order."""
     w = empty(2)
     segment: int = 0
     for i in range(n):
         while segment < rows - 2 and t[i] >= table_t[segment + 1]:
             segment += 1
-        _force(t[i], table_t, table_F, segment, w)
-        F[i] = w[0]
-        dF_dt[i] = w[1]
+        _drive(t[i], table_t, table_F, segment, w)
+        value[i] = w[0]
+        rate[i] = w[1]
+
+
+
+_NODES = table((0.0, 0.022479386438712497, 0.11467905316090424, 0.26578982278458946, 0.45284637366944464, 0.6473752828868303, 0.8197593082631076, 0.9437374394630779, 1.0))
+_WEIGHTS = table((6435.0, -10269.771635486373, 6713.600026233208, -5199.222168253645, 4231.204479179782, -3470.1488650701895, 2771.535521741593, -2016.5723583443762, 804.375))
+_INVERSE = table((22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978, 4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576, 7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715, -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559, -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823, 3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228, 0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856, -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752, -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231, 0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493, 0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161, 4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454, -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415, -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456, 0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409, 0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5))
+_SLOPE_START = table((-64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437, -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375, -0.125))
+_VALUE_PROBE = table((0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314, 0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917, -0.029024131248411467))
+_SLOPE_PROBE = table((-0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966, -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628, -0.09513499620264546))
+
+
+@jit
+def _between(theta: float, z: array) -> float:
+    """A component at the fraction theta of a step, less its value at the start: barycentric interpolation."""
+    above = 0.0
+    below = _WEIGHTS[0] / theta
+    if theta == 0.0:
+        return 0.0
+    for j in range(8):
+        if theta == _NODES[j + 1]:
+            return z[j]
+        weight = _WEIGHTS[j + 1] / (theta - _NODES[j + 1])
+        above += weight * z[j]
+        below += weight
+    return above / below
+
+
+@jit
+def _predict(ratio: float, z: array, above: array, below: array) -> None:
+    """Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial."""
+    for i in range(8):
+        above[i] = 0.0
+        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1])
+    for j in range(8):
+        for i in range(8):
+            weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1])
+            above[i] += weight * z[j]
+            below[i] += weight
+    end = z[7]
+    for i in range(8):
+        z[i] = above[i] / below[i] - end
+
+
+@jit
+def _invert(m: array) -> None:
+    """Invert a matrix of 8 rows in place, by Gauss and Jordan: a poor inverse costs iterations, not accuracy."""
+    for k in range(8):
+        pivot = 1.0 / m[9 * k]
+        m[9 * k] = 1.0
+        for j in range(8):
+            m[8 * k + j] = pivot * m[8 * k + j]
+        for i in range(8):
+            if i != k:
+                factor = m[8 * i + k]
+                m[8 * i + k] = 0.0
+                for j in range(8):
+                    m[8 * i + j] -= factor * m[8 * k + j]
+
+
+@jit
+def _deflections(h: array, F: array, delta: array, p: array, w: array, force: array, stiffness: array) -> None:
+    """Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once."""
+    for iteration in range(6):
+        for i in range(8):
+            _balance(i, h[i], delta[i], p, force, stiffness)
+        for i in range(8):
+            force[i] = (force[i] - F[i]) / stiffness[i]
+            delta[i] = delta[i] - force[i]
+        moving: int = 0
+        for i in range(8):
+            if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
+                moving += 1
+        if moving == 0:
+            break
+    for i in range(8):
+        if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
+            delta[i] = _solve_delta(h[i], F[i], nan, p, w)
+
+
+@jit
+def rognon_gay_passages(n: int, u: array, at: array, steps: array, out: array) -> None:
+    """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
+    z = empty(8)
+    for i in range(n):
+        base: int = 12 * int(at[i])
+        for j in range(8):
+            z[j] = steps[base + 4 + j]
+        target = u[i] - steps[base + 3]
+        low = 0.0
+        high = 1.0
+        for iteration in range(60):
+            middle = 0.5 * (low + high)
+            value = _between(middle, z)
+            if (value < target and z[7] > 0.0) or (value > target and z[7] < 0.0):
+                low = middle
+            else:
+                high = middle
+        out[i] = steps[base] + high * steps[base + 1]
+
+
+@jit
+def rognon_gay_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
+    """The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k."""
+    z = empty(8)
+    at: int = 0
+    for i in range(n):
+        while at < stored - 1 and t[i] >= steps[12 * (at + 1)]:
+            at += 1
+        theta = (t[i] - steps[12 * at]) / steps[12 * at + 1]
+        for j in range(8):
+            z[j] = steps[12 * at + 4 + j]
+        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z)
 
 
 @jit
 def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
-    """Integrate u = ln h by DOP853, steps adapted to the relative error rtol of h, and record the dense output.
+    """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
 
-    state, of 11 numbers: t, u, delta, step (0 at the start), du/dt, steps accepted, rejected, rates evaluated, segment of
-    the table, whether F crosses zero at t, steps recorded by this call. It is updated, and a further call goes on from it.
-    steps, of 10*capacity numbers: for each step its start, its length, u at its start, 7 coefficients.
+    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
+    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the force table;
+    state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
+    longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
+    steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+
+    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
     """
-    w = empty(3)
+    w = empty(4)
+    given = empty(8)
+    h = empty(8)
+    deflection = empty(8)
+    before = empty(8)
+    above = empty(8)
+    below = empty(8)
+    slopes = empty(8)
+    m = empty(64)
+    residual = empty(8)
+    change = empty(8)
+    u_z = empty(8)
+    u_kept = empty(8)
+    u_rate = empty(8)
     t = state[0]
     u = state[1]
-    w[2] = state[2]
+    delta = state[2]
     dt = state[3]
-    k1 = state[4]
-    accepted = state[5]
-    rejected = state[6]
-    evaluations = state[7]
+    accepted = state[4]
+    rejected = state[5]
+    passes = state[6]
+    singles = state[7]
     segment: int = int(state[8])
-    at_zero = state[9]
-    zero = inf
-    limit = t_end
-    grow = 3.0
+    stiffest = state[10]
+    settled = state[11]
+    # the last step, of which the next one is predicted; 0 after what cannot be extrapolated
+    last = 0.0
+    last_error = 1.0
+    fresh = 1.0
+    crossing = inf
+    shrink_only = 0.0
+    u_dot = 0.0
     status: int = 2
     stored: int = 0
-    if dt == 0.0:
-        k1 = _rate(t, u, p, table_t, table_F, segment, w)
-        evaluations += 1.0
-        if k1 != 0.0:
-            dt = 0.01 / fabs(k1)
-        else:
-            # nothing moves yet: look ahead until something does
-            dt = 1e-9 * (t_end - t) if isfinite(t_end) else 1e-200
-            while fabs(_rate(t + dt, u, p, table_t, table_F, segment, w)) * dt < 1e-3 and dt < 1e200 and t + dt < t_end:
-                dt = 4.0 * dt
-                evaluations += 1.0
-            w[2] = state[2]
-        _force(t, table_t, table_F, segment, w)
-        at_zero = 1.0 if w[0] == 0.0 else 0.0
-    if not isfinite(k1):
-        status = -3
     while status == 2 and stored < capacity:
         if t >= table_t[segment + 1] and segment < rows - 2:
             segment += 1
             continue
         limit = table_t[segment + 1] if table_t[segment + 1] < t_end else t_end
-        limit = zero if zero < limit else limit
+        ending = 1.0 if table_t[segment + 1] < t_end else 0.0
         if t >= t_end:
             status = 0
             break
         if t >= table_t[rows - 1]:
             status = 3
             break
+        if fresh == 1.0:
+            # the rates where the run starts, or goes on after an event
+            _drive(t, table_t, table_F, segment, w)
+            for i in range(8):
+                h[i] = exp(u)
+                given[i] = w[0]
+                deflection[i] = delta
+            _deflections(h, given, deflection, p, w, above, below)
+            delta = deflection[0]
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            for i in range(8):
+                _slopes(i, h[i], deflection[i], given[i], p, slopes)
+            singles += 8.0
+            u_dot = u_rate[0]
+            if not isfinite(u_dot):
+                status = -3
+                break
+            fresh = 0.0
+            last = 0.0
+            if dt == 0.0:
+                speed = fabs(u_dot) + fabs(slopes[0])
+                if speed > 0.0:
+                    dt = 0.1 / speed
+                else:
+                    # nothing moves yet: look ahead until something does
+                    dt = 1e-9 * (t_end - t) if isfinite(t_end) else 1e-200
+                    moving: int = 0
+                    while moving == 0 and dt < 1e200 and t + dt < limit:
+                        _drive(t + dt, table_t, table_F, segment, w)
+                        given[0] = w[0]
+                        deflection[0] = _solve_delta(h[0], given[0], nan, p, w)
+                        _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w)
+                        singles += 1.0
+                        if fabs(u_rate[0]) * dt < 1e-3:
+                            dt = 4.0 * dt
+                        else:
+                            moving = 1
         # land on the limit, and leave no sliver before it
-        step = dt
+        if crossing < limit:
+            limit = crossing
+            ending = 2.0
+        step = dt if dt < state[12] else state[12]
         landing = 0.0
         if t + 1.01 * step >= limit:
             step = limit - t
@@ -276,119 +459,192 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, tab
         if step <= 4.5e-16 * fabs(t):
             if landing == 1.0:
                 t = limit
+                if limit == crossing:
+                    crossing = inf
+                fresh = 1.0
                 continue
             status = -1
             break
-        guess = w[2]
-        k2 = _rate(t + 0.05260015195876773 * step, u + step * (0.05260015195876773 * k1), p, table_t, table_F, segment, w)
-        k3 = _rate(t + 0.0789002279381516 * step, u + step * (0.0197250569845379 * k1 + 0.0591751709536137 * k2), p, table_t, table_F, segment, w)
-        k4 = _rate(t + 0.1183503419072274 * step, u + step * (0.02958758547680685 * k1 + 0.08876275643042054 * k3), p, table_t, table_F, segment, w)
-        k5 = _rate(t + 0.2816496580927726 * step, u + step * (0.2413651341592667 * k1 - 0.8845494793282861 * k3 + 0.924834003261792 * k4), p, table_t, table_F, segment, w)
-        k6 = _rate(t + 0.3333333333333333 * step, u + step * (0.037037037037037035 * k1 + 0.17082860872947386 * k4 + 0.12546768756682242 * k5), p, table_t, table_F, segment, w)
-        k7 = _rate(t + 0.25 * step, u + step * (0.037109375 * k1 + 0.17025221101954405 * k4 + 0.06021653898045596 * k5 - 0.017578125 * k6), p, table_t, table_F, segment, w)
-        k8 = _rate(t + 0.3076923076923077 * step, u + step * (0.03709200011850479 * k1 + 0.17038392571223998 * k4 + 0.10726203044637328 * k5 - 0.015319437748624402 * k6 + 0.008273789163814023 * k7), p, table_t, table_F, segment, w)
-        k9 = _rate(t + 0.6512820512820513 * step, u + step * (0.6241109587160757 * k1 - 3.3608926294469414 * k4 - 0.868219346841726 * k5 + 27.59209969944671 * k6 + 20.154067550477894 * k7 - 43.48988418106996 * k8), p, table_t, table_F, segment, w)
-        k10 = _rate(t + 0.6 * step, u + step * (0.47766253643826434 * k1 - 2.4881146199716677 * k4 - 0.590290826836843 * k5 + 21.230051448181193 * k6 + 15.279233632882423 * k7 - 33.28821096898486 * k8 - 0.020331201708508627 * k9), p, table_t, table_F, segment, w)
-        k11 = _rate(t + 0.8571428571428571 * step, u + step * (-0.9371424300859873 * k1 + 5.186372428844064 * k4 + 1.0914373489967295 * k5 - 8.149787010746927 * k6 - 18.52006565999696 * k7 + 22.739487099350505 * k8 + 2.4936055526796523 * k9 - 3.0467644718982196 * k10), p, table_t, table_F, segment, w)
-        k12 = _rate(t + 1.0 * step, u + step * (2.273310147516538 * k1 - 10.53449546673725 * k4 - 2.0008720582248625 * k5 - 17.9589318631188 * k6 + 27.94888452941996 * k7 - 2.8589982771350235 * k8 - 8.87285693353063 * k9 + 12.360567175794303 * k10 + 0.6433927460157636 * k11), p, table_t, table_F, segment, w)
-        u_new = u + step * (0.054293734116568765 * k1 + 4.450312892752409 * k6 + 1.8915178993145003 * k7 - 5.801203960010585 * k8 + 0.3111643669578199 * k9 - 0.1521609496625161 * k10 + 0.20136540080403034 * k11 + 0.04471061572777259 * k12)
-        t_new = limit if landing == 1.0 else t + step
-        k13 = _rate(t_new, u_new, p, table_t, table_F, segment, w)
-        evaluations += 12.0
-        # error of order 8, from estimators of order 5 and 3
-        error5 = 0.01312004499419488 * k1 - 1.2251564463762044 * k6 - 0.4957589496572502 * k7 + 1.6643771824549864 * k8 - 0.35032884874997366 * k9 + 0.3341791187130175 * k10 + 0.08192320648511571 * k11 - 0.022355307863886294 * k12
-        error3 = -0.18980075407240762 * k1 + 4.450312892752409 * k6 + 1.8915178993145003 * k7 - 5.801203960010585 * k8 - 0.4226823213237919 * k9 - 0.1521609496625161 * k10 + 0.20136540080403034 * k11 + 0.02265179219836082 * k12
-        weight = error5 * error5 + 0.01 * error3 * error3
-        error = step * error5 * error5 / (rtol * sqrt(weight)) if weight > 0.0 else weight
-        shrink = 0.9 * pow(error, -0.125)
+        # what is given, at the stages
+        for i in range(8):
+            _drive(t + _NODES[i + 1] * step, table_t, table_F, segment, w)
+            given[i] = w[0]
+        # where the force crosses zero the law may have a kink: end a step there
+        if crossing == inf:
+            _drive(t, table_t, table_F, segment, w)
+            side = w[0]
+            earlier = t
+            for i in range(8):
+                later = t + _NODES[i + 1] * step
+                if side * given[i] < 0.0:
+                    while later - earlier > 4.5e-16 * fabs(later):
+                        middle = 0.5 * (earlier + later)
+                        if middle <= earlier or middle >= later:
+                            break
+                        _drive(middle, table_t, table_F, segment, w)
+                        if w[0] * side > 0.0:
+                            earlier = middle
+                        else:
+                            later = middle
+                    crossing = later
+                    break
+                if given[i] != 0.0:
+                    side = given[i]
+                earlier = later
+            if crossing < inf:
+                continue
+        # predict the stages: by the last step's polynomial, unless far beyond it, or along the tangent, bent where it decays
+        for i in range(8):
+            u_z[i] = u_kept[i]
+        for i in range(8):
+            deflection[i] = before[i]
+        wild: int = 0
+        if last > 0.0 and step <= 2.0 * last:
+            _predict(step / last, u_z, above, below)
+            _predict(step / last, deflection, above, below)
+            for i in range(8):
+                deflection[i] = delta + deflection[i]
+            for i in range(8):
+                if not fabs(u_z[i]) < 2.0:
+                    wild += 1
+        if step > 2.0 * last or wild > 0:
+            for i in range(8):
+                reach = _NODES[i + 1] * step
+                u_z[i] = reach * u_dot / (1.0 - reach * slopes[7] if slopes[7] < 0.0 else 1.0)
+                deflection[i] = delta
+        # what no step can be held to: u itself is rounded
+        rounding = 4.5e-16 * (1.0 + fabs(u))
+        # Newton's iteration, its matrix renewed while it moves far
+        moved = inf
+        renew: int = 1
+        turn: int = 0
+        done: int = 0
+        while turn < 10 and done == 0:
+            turn += 1
+            for i in range(8):
+                h[i] = exp(u + u_z[i])
+            _deflections(h, given, deflection, p, w, above, below)
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            if renew == 1:
+                for i in range(8):
+                    _slopes(i, h[i], deflection[i], given[i], p, slopes)
+                for i in range(64):
+                    m[i] = _INVERSE[i]
+                for i in range(8):
+                    m[9 * i] -= step * slopes[i]
+                _invert(m)
+            for i in range(8):
+                residual[0 + i] = step * u_rate[i]
+            for j in range(8):
+                for i in range(8):
+                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j]
+            for i in range(8):
+                change[i] = 0.0
+            for j in range(8):
+                for i in range(8):
+                    change[i] += m[8 * j + i] * residual[j]
+            for i in range(8):
+                u_z[i] += change[0 + i]
+            total = 0.0
+            for i in range(8):
+                total += change[i] * change[i]
+            moves = sqrt(total)
+            renew = 1 if moves > 0.03 else 0
+            contraction = moves / moved
+            # 1e-2 of what a step may err, or what rounding leaves
+            if moves <= 1e-2 * rtol or moves <= rounding:
+                done = 1
+            elif turn > 1 and contraction < 0.5 and moves * contraction / (1.0 - contraction) <= 1e-2 * rtol:
+                done = 1
+            elif not moves < 10.0 or (turn > 2 and contraction > 1.0):
+                break
+            moved = moves
+        passes += float(turn)
+        if done == 0:
+            rejected += 1.0
+            last = 0.0
+            shrink_only = 1.0
+            dt = 0.25 * step
+            continue
+        # the defect of the polynomial at the start and at the probe, and the error that it makes
+        _drive(t + 0.5501108282781375 * step, table_t, table_F, segment, w)
+        probe_given = w[0]
+        u_probe = u
+        u_late = 0.0
+        u_defect = -step * u_dot
+        for i in range(8):
+            u_probe += _VALUE_PROBE[i + 1] * u_z[i]
+            u_late += _SLOPE_PROBE[i + 1] * u_z[i]
+            u_defect += _SLOPE_START[i + 1] * u_z[i]
+        h_probe = exp(u_probe)
+        delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w)
+        _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below)
+        singles += 1.0
+        error = 0.014424143230897014 * fabs(u_defect)
+        other = 0.07596008870469767 * fabs(u_late - step * above[0])
         # written so that nan rejects the step
+        error = error if error > other else other
+        decay = -step * slopes[7]
+        stiffest = decay if decay > stiffest else stiffest
+        error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0) / (rtol + rounding)
+        factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
         if not error <= 1.0:
             rejected += 1.0
-            grow = 1.0
-            dt = step * (shrink if shrink > 0.2 else 0.2)
-            w[2] = guess
+            shrink_only = 1.0
+            # an error that is nan leaves a factor above 1
+            dt = step * (factor if factor > 0.2 and factor < 1.0 else 0.2)
             continue
-        k14 = _rate(t + 0.1 * step, u + step * (0.056167502283047954 * k1 + 0.25350021021662483 * k7 - 0.2462390374708025 * k8 - 0.12419142326381637 * k9 + 0.15329179827876568 * k10 + 0.00820105229563469 * k11 + 0.007567897660545699 * k12 - 0.008298 * k13), p, table_t, table_F, segment, w)
-        k15 = _rate(t + 0.2 * step, u + step * (0.03183464816350214 * k1 + 0.028300909672366776 * k6 + 0.053541988307438566 * k7 - 0.05492374857139099 * k8 - 0.00010834732869724932 * k11 + 0.0003825710908356584 * k12 - 0.00034046500868740456 * k13 + 0.1413124436746325 * k14), p, table_t, table_F, segment, w)
-        k16 = _rate(t + 0.7777777777777778 * step, u + step * (-0.42889630158379194 * k1 - 4.697621415361164 * k6 + 7.683421196062599 * k7 + 4.06898981839711 * k8 + 0.3567271874552811 * k9 - 0.0013990241651590145 * k13 + 2.9475147891527724 * k14 - 9.15095847217987 * k15), p, table_t, table_F, segment, w)
-        # the dense output, in Hairer's form
-        b0 = u_new - u
-        b1 = step * k1 - b0
-        b2 = 2.0 * b0 - step * (k1 + k13)
-        b3 = step * (-8.428938276109013 * k1 + 0.5667149535193777 * k6 - 3.0689499459498917 * k7 + 2.38466765651207 * k8 + 2.117034582445028 * k9 - 0.871391583777973 * k10 + 2.2404374302607883 * k11 + 0.6315787787694688 * k12 - 0.08899033645133331 * k13 + 18.148505520854727 * k14 - 9.194632392478356 * k15 - 4.436036387594894 * k16)
-        b4 = step * (10.427508642579134 * k1 + 242.28349177525817 * k6 + 165.20045171727028 * k7 - 374.5467547226902 * k8 - 22.113666853125306 * k9 + 7.733432668472264 * k10 - 30.674084731089398 * k11 - 9.332130526430229 * k12 + 15.697238121770845 * k13 - 31.139403219565178 * k14 - 9.35292435884448 * k15 + 35.81684148639408 * k16)
-        b5 = step * (19.985053242002433 * k1 - 387.0373087493518 * k6 - 189.17813819516758 * k7 + 527.8081592054236 * k8 - 11.57390253995963 * k9 + 6.8812326946963 * k10 - 1.0006050966910838 * k11 + 0.7777137798053443 * k12 - 2.778205752353508 * k13 - 60.19669523126412 * k14 + 84.32040550667716 * k15 + 11.99229113618279 * k16)
-        b6 = step * (-25.69393346270375 * k1 - 154.18974869023643 * k6 - 231.5293791760455 * k7 + 357.6391179106141 * k8 + 93.40532418362432 * k9 - 37.45832313645163 * k10 + 104.0996495089623 * k11 + 29.8402934266605 * k12 - 43.53345659001114 * k13 + 96.32455395918828 * k14 - 39.17726167561544 * k15 - 149.72683625798564 * k16)
-        # its defect in the middle of the step: the estimators above vanish now and then where the error does not
-        middle_u = u + 0.5 * (b0 + 0.5 * (b1 + 0.5 * (b2 + 0.5 * (b3 + 0.5 * (b4 + 0.5 * (b5 + 0.5 * b6))))))
-        middle_k = _rate(t + 0.5 * step, middle_u, p, table_t, table_F, segment, w)
-        evaluations += 3.0 + 1.0
-        defect = 2.0 * fabs(b0 + 0.25 * b2 + 0.0625 * b4 + 0.015625 * b6 - step * middle_k) / rtol
-        if not defect <= 1.0:
-            rejected += 1.0
-            grow = 1.0
-            shrink = 0.9 * pow(defect, -0.125)
-            dt = step * (shrink if shrink > 0.2 else 0.2)
-            w[2] = guess
-            continue
-        # the law has a kink where F crosses zero: end a step there
-        before = t if at_zero == 0.0 else t + 1e-3 * step
-        _force(before, table_t, table_F, segment, w)
-        force_before = w[0]
-        _force(t_new, table_t, table_F, segment, w)
-        if force_before * w[0] < 0.0 and zero == inf:
-            after = t_new
-            while after - before > 4.5e-16 * fabs(after):
-                middle = 0.5 * (before + after)
-                if middle <= before or middle >= after:
-                    break
-                _force(middle, table_t, table_F, segment, w)
-                if w[0] * force_before > 0.0:
-                    before = middle
-                else:
-                    after = middle
-            if after - t > 4.5e-16 * fabs(t):
-                zero = after
-                w[2] = guess
-                continue
-        at_zero = 0.0
-        if t_new == zero:
-            at_zero = 1.0
-            zero = inf
-        base: int = 10 * stored
+        # the step stands
+        base: int = 12 * stored
         steps[base] = t
         steps[base + 1] = step
-        steps[base + 2] = u
-        steps[base + 3] = b0
-        steps[base + 4] = b1
-        steps[base + 5] = b2
-        steps[base + 6] = b3
-        steps[base + 7] = b4
-        steps[base + 8] = b5
-        steps[base + 9] = b6
-        stored += 1
+        steps[base + 2] = ending if landing == 1.0 else 0.0
+        steps[base + 3] = u
+        for i in range(8):
+            steps[base + 4 + i] = u_z[i]
+            u_kept[i] = u_z[i]
+        for i in range(8):
+            before[i] = deflection[i] - delta
         accepted += 1.0
+        u_new = u + u_z[7]
         if (u - u_stop) * (u_new - u_stop) <= 0.0:
             status = 1
-        t = t_new
+        # the last stage is the end of the step; the last correction moves its rates along the Jacobian
+        u_dot = u_rate[7] + slopes[7] * change[7]
+        delta = deflection[7]
+        resting = 1.0 if slopes[7] < 0.0 and fabs(u_dot) <= -rtol * slopes[7] else 0.0
+        if resting > settled and steps[base + 2] == 0.0:
+            steps[base + 2] = 3.0
+        settled = resting
         u = u_new
-        k1 = k13
-        h = exp(u)
-        _force(t, table_t, table_F, segment, w)
-        w[2] = _solve_delta(h, w[0], w[2], p, w)
-        factor = shrink if shrink < grow else grow
+        t = limit if landing == 1.0 else t + step
+        stored += 1
+        if last > 0.0:
+            foresight = factor * step / last * pow(last_error / (error if error > 1e-12 else 1e-12), 1.0 / 9.0)
+            factor = foresight if foresight < factor else factor
+        factor = factor if factor < 8.0 else 8.0
+        factor = factor if factor > 0.2 else 0.2
+        factor = factor if shrink_only == 0.0 or factor < 1.0 else 1.0
         # a step shortened to land says nothing about the next
         dt = step * factor if landing == 0.0 or step * factor > dt else dt
-        grow = 3.0
+        shrink_only = 0.0
+        last = step
+        last_error = error if error > 1e-2 else 1e-2
+        if landing == 1.0 and ending > 0.0:
+            fresh = 1.0
+            if limit == crossing:
+                crossing = inf
     state[0] = t
     state[1] = u
-    state[2] = w[2]
+    state[2] = delta
     state[3] = dt
-    state[4] = k1
-    state[5] = accepted
-    state[6] = rejected
-    state[7] = evaluations
+    state[4] = accepted
+    state[5] = rejected
+    state[6] = passes
+    state[7] = singles
     state[8] = float(segment)
-    state[9] = at_zero
-    state[10] = float(stored)
+    state[9] = float(stored)
+    state[10] = stiffest
+    state[11] = settled
     return status

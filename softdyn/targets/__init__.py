@@ -13,11 +13,14 @@ from typing import Any, NamedTuple
 class Functions(NamedTuple):
     """The functions of a loaded kernel; arrays are contiguous and of doubles, and are passed as they are.
 
-    ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``, ``force(n, t, *drive, F, dF_dt)``
-    (None for a constant force) and ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``.
+    ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``,
+    ``drive(n, t, *drive, value, rate)``, ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``
+    ``passages(n, u, at, steps, out)`` and ``sample(n, t, stored, steps, out)``.
     """
 
     evaluate: Callable[..., Any]
     solve_delta: Callable[..., Any]
-    force: Callable[..., Any] | None
+    drive: Callable[..., Any]
     integrate: Callable[..., int]
+    passages: Callable[..., Any]
+    sample: Callable[..., Any]

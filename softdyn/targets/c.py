@@ -124,6 +124,8 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     return Functions(
         evaluate=function("evaluate", integer, *states, array, array),
         solve_delta=function("solve_delta", integer, array, array, array, array),
-        force=None if manifest["drive"] == "constant" else function("force", integer, array, *drive, array, array),
+        drive=function("drive", integer, array, *drive, array, array),
         integrate=function("integrate", number, number, number, array, *drive, integer, array, array),
+        passages=function("passages", integer, array, array, array, array),
+        sample=function("sample", integer, array, integer, array, array),
     )

@@ -46,8 +46,10 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     functions = Functions(
         evaluate=getattr(module, f"{name}_evaluate"),
         solve_delta=getattr(module, f"{name}_solve_delta"),
-        force=getattr(module, f"{name}_force", None),
+        drive=getattr(module, f"{name}_drive"),
         integrate=getattr(module, f"{name}_integrate"),
+        passages=getattr(module, f"{name}_passages"),
+        sample=getattr(module, f"{name}_sample"),
     )
     _compile(functions, manifest)
     return functions
@@ -60,8 +62,7 @@ def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
     drive: tuple[Any, ...] = (np.zeros(2), np.zeros(2), 2) if table else (np.zeros(max(1, manifest["constants"])),)
     functions.evaluate(0, none, none, *(none for _ in manifest["inputs"]), p, none)
     functions.solve_delta(0, none, none, p, none)
-    if functions.force is not None:
-        functions.force(0, none, *drive, none, none)
-    state = np.zeros(11)
-    state[3] = 1.0
-    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, state, none)
+    functions.drive(0, none, *drive, none, none)
+    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(15), none)
+    functions.passages(0, none, none, none, none)
+    functions.sample(0, none, 0, none, none)
