@@ -425,8 +425,8 @@ def test_figure_4_shows_the_laws_own_expressions() -> None:
     with figures.paper_style():
         shown = [text for text, _ in visible_texts(figures.figure4(law))]
     assert r"$F_\mathrm{ela}(a, \delta) = \dfrac{4\,E\,a\,\delta}{9}$" in shown
-    assert r"$C = \dfrac{F_{a}\,a_{\delta} + F_{\delta}}{2}$" in shown
-    assert r"$D = \dfrac{C\,\zeta}{C + F_{a}\,a_{h}}$" in shown
+    assert r"$C = \dfrac{F_a\,a_\delta + F_\delta}{2}$" in shown
+    assert r"$D = \dfrac{C\,\zeta}{C + F_a\,a_h}$" in shown
 
 
 def test_the_flat_panels_of_figure_3_are_tidy(table: dict[str, NDArray]) -> None:
