@@ -332,7 +332,7 @@ def form_latex(form: Expr, law: ContactLaw, rate: bool = False, balance: Expr | 
         powers[h], powers[R] = p, powers.get(R, S.Zero) - p
     elif p:
         text = r"\frac{h}{R}" if p > 0 else r"\frac{R}{h}"
-        after.append(rf"\sqrt{{{text}}}" if abs(p) == S.Half else _raised(text, abs(p), closed=True))
+        after.append(_raised(text, abs(p), closed=True))
     before = to_latex(Mul(number.subs(sums), *(symbol**power for symbol, power in powers.items())))
     if not after:
         return before
@@ -356,6 +356,8 @@ def _hidden(product: Expr, sums: dict[Expr, Expr]) -> Expr:
 def _raised(text: str, power: Expr, closed: bool) -> str:
     if power == 1:
         return text
+    if power == S.Half:
+        return rf"\sqrt{{{text}}}"
     return f"{_bracketed(text) if closed else text}^{{{_small(to_latex(power))}}}"
 
 

@@ -7,8 +7,10 @@ script. The same law and versions give the same bytes.
 from __future__ import annotations
 
 import io
+import re
 from base64 import b64encode
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
@@ -25,7 +27,7 @@ from softdyn.derive.emit import emit
 from softdyn.derive.films import Film, Films, find_films
 from softdyn.derive.forms import force, force_unit
 from softdyn.derive.kernel import kernel_ir, total_operations
-from softdyn.derive.law import dimensions_for, expressions, law_hash, parameters_of
+from softdyn.derive.law import dimensions_for, expressions, is_dry, is_rigid, law_hash, parameters_of
 from softdyn.derive.limits import Finding, chains, check_limits, ordering, side_of
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
@@ -69,6 +71,8 @@ WHAT = {
     "dX_dt": "rate of the distance",
     "U_h": "energy's slope in the gap",
 }
+RIGID = "The particles are rigid: the elastic force is whatever keeps δ = 0, and the centres move as the gap does."
+DRY = "No fluid resists: the gap closes at once, h = 0, and the centres follow the force."
 EXPONENTS = {"lambda1": "local exponent of the deflection", "lambda2": "local exponent of the gap's rate"}
 SLOPES = {
     "a_h": "radius by the gap",
@@ -76,17 +80,20 @@ SLOPES = {
     "F_a": "elastic force by the radius",
     "F_delta": "elastic force by the deflection",
 }
+RAISED = str.maketrans("-/0123456789", "⁻ᐟ⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Width, in the font's size, of what still stands on a line of the page.
 LINE = 46.0
 
 #: Kinds of scenes, and what they need of a kernel; those of ``generated/`` first.
 SCENES: dict[str, Needs] = {
-    "approach: constant force, compression": Needs("constant", "compression", {}, ("a", "X", "dh_dt")),
-    "general: any force, as a table; every output": Needs("table", "either", {}, OUTPUTS),
-    "any force, as a table; X alone": Needs("table", "either", {}, ("X",)),
-    "force as a table, compression": Needs("table", "compression", {}, ("a", "X", "dh_dt")),
-    "pull-off: constant force, tension": Needs("constant", "tension", {}, ("a", "X", "dh_dt")),
-    "approach in units of R and eta": Needs("constant", "compression", {"R": "1", "eta": "1"}, ("a", "X", "dh_dt")),
+    "approach: constant force, compression": Needs(deflection="compression", outputs=("a", "X", "dh_dt")),
+    "general: any force, as a table; every output": Needs(drive="table", outputs=OUTPUTS),
+    "any force, as a table; X alone": Needs(drive="table", outputs=("X",)),
+    "force as a table, compression": Needs(drive="table", deflection="compression", outputs=("a", "X", "dh_dt")),
+    "pull-off: constant force, tension": Needs(deflection="tension", outputs=("a", "X", "dh_dt")),
+    "approach in units of R and eta": Needs(
+        deflection="compression", fixed={"R": "1", "eta": "1"}, outputs=("a", "X", "dh_dt")
+    ),
 }
 
 
@@ -125,6 +132,7 @@ def page(law: ContactLaw) -> str:
             {"name": WHAT[name], "formula": show(f"{name_latex(name)}{ARGUMENTS[name]} = {to_latex(expr)}", expr)}
             for name, expr in expressions(law).items()
         ],
+        "note": RIGID if is_rigid(law) else DRY if is_dry(law) else "",
         "parameters": parameters(law, show),
         "any_law": any_law(show),
         "this_law": this_law(law, show),
@@ -161,14 +169,15 @@ def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) 
     counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
     if findings:
         parts = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
-        lines.append(f"{len(findings)} claims on {len({f.limit for f in findings})} limits: {parts}.")
+        limits = len({finding.limit for finding in findings})
+        lines.append(f"{_count(len(findings), 'claim')} on {_count(limits, 'limit')}: {parts}.")
     else:
         lines.append("Its author claims no limits.")
     pressed = [regime for regime in diagram.regimes if regime.side == "compression"]
     inside = sum(regime.inside for regime in pressed)
     outside = len(pressed) - inside
     lines.append(
-        f"{inside} regime{'s' * (inside != 1)} of gap and force in compression"
+        f"{_count(inside, 'regime')} of gap and force in compression"
         + (f", and {outside} outside the model, where the deflection exceeds the radius." if outside else ".")
     )
     if diagram.conservative is not None:
@@ -182,6 +191,10 @@ def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) 
             f"{len(films.branches) - stable} unstable."
         )
     return lines
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def parameters(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
@@ -199,7 +212,7 @@ def parameters(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
         rows.append({
             "symbol": show(to_latex(symbol), symbol),
             "meaning": MEANINGS.get(symbol, "the law's own"),
-            "dimension": str(dimensions[symbol]),
+            "dimension": re.sub(r"\^\(?([-\d/]+)\)?", lambda m: m[1].translate(RAISED), str(dimensions[symbol])),
             "allowed": allowed,
             "typical": "" if typical is None else show(to_latex(S(typical)), typical),
         })  # fmt: skip
@@ -239,7 +252,8 @@ def _sentence(text: str) -> str:
 
 def this_law(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
     """The same for one law: partial derivatives, then what follows from them."""
-    found: dict[str, Expr] = {symbol.name: expr for symbol, expr in partials(law).items() if symbol.name in SLOPES}
+    slopes = {"a_h"} if is_rigid(law) else SLOPES.keys()
+    found: dict[str, Expr] = {symbol.name: expr for symbol, expr in partials(law).items() if symbol.name in slopes}
     quantities = law_quantities(law)
     after = ("C", "D", "dh_dt", "dX_dt", "lambda1", "lambda2")
     found |= {name: quantities[name] for name in after if name in quantities}
@@ -311,7 +325,7 @@ def decimal(value: float) -> str:
     mantissa, _, exponent = f"{value:.3g}".partition("e")
     if not exponent:
         return mantissa.replace("-", "−")
-    power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    power = str(int(exponent)).translate(RAISED)
     return f"10{power}" if mantissa == "1" else f"{mantissa}·10{power}".replace("-", "−")
 
 
@@ -381,7 +395,10 @@ def regime_entry(regime: Regime, diagram: Diagram, show: Show) -> dict[str, Any]
             None if exponent is None else show(to_latex(exponent), exponent)
             for exponent in (regime.lambda1, regime.lambda2)
         ],
-        "shown": [_leading(name, regime, law, show) for name in ("delta", "dh_dt")],
+        "shown": [
+            "undecided" if name in regime.undecided else _leading(name, regime, law, show)
+            for name in ("delta", "dh_dt")
+        ],
         "forms": form_rows(regime, list(regime.forms), diagram, show),
         "undecided": [
             {"quantity": WHAT.get(name, name), "symbol": show(name_latex(name), name), "reason": reason}
@@ -499,7 +516,7 @@ def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------------------------ figures
 
 
-def figures(diagram: Diagram) -> list[dict[str, str]]:
+def figures(diagram: Diagram) -> list[dict[str, Any]]:
     """The map of the regimes and the curves along lines of constant force, or why there is none."""
     from softdyn import phases
 
@@ -514,9 +531,11 @@ def figures(diagram: Diagram) -> list[dict[str, str]]:
         ),
     ):
         try:
-            drawn.append({"alt": alt, "source": _data_address(draw(diagram)), "reason": ""})
+            figure = draw(diagram)
+            tall = figure.get_figheight() > figure.get_figwidth()
+            drawn.append({"alt": alt, "source": _data_address(figure), "reason": "", "tall": tall})
         except SoftdynError as reason:
-            drawn.append({"alt": alt, "source": "", "reason": str(reason)})
+            drawn.append({"alt": alt, "source": "", "reason": str(reason), "tall": False})
     return drawn
 
 
@@ -538,7 +557,7 @@ def kernels(law: ContactLaw) -> list[dict[str, Any]]:
     entries: list[dict[str, Any]] = []
     for scene, needs in SCENES.items():
         used = {symbol.name for symbol in parameters_of(law)}
-        needs = Needs(needs.drive, needs.deflection, {k: v for k, v in needs.fixed.items() if k in used}, needs.outputs)
+        needs = replace(needs, fixed={name: value for name, value in needs.fixed.items() if name in used})
         try:
             ir = kernel_ir(law, needs)
         except SoftdynError as reason:
