@@ -36,8 +36,8 @@ LAWS: dict[str, ContactLaw] = {
     module.law.name: module.law for module in (equal_spheres, droplet, cone, dlvo, steric, soap_film)
 }
 WITH_FILMS = ("dlvo", "steric", "soap_film")
-#: Laws of many own parameters: their proofs take some seconds each.
-HEAVY = ("dlvo", "steric")
+#: Laws of many own parameters, and a mutant that cancels: their proofs take some seconds each.
+HEAVY = ("dlvo", "steric", "the film's area alone")
 
 d = Symbol("delta", positive=True)  # the size of delta, as findings name it
 nu = equal_spheres.nu
@@ -233,7 +233,9 @@ MUTANTS["soap_film"] |= {
 @pytest.mark.parametrize(
     ("law_name", "mutant"),
     [
-        pytest.param(name, mutant, marks=pytest.mark.slow if name in HEAVY else (), id=f"{name}: {mutant}")
+        pytest.param(
+            name, mutant, marks=pytest.mark.slow if name in HEAVY or mutant in HEAVY else (), id=f"{name}: {mutant}"
+        )
         for name, mutants in MUTANTS.items()
         for mutant in mutants
     ],
