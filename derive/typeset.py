@@ -252,7 +252,7 @@ def _closed(text: str) -> str:
 
 
 #: What does not stand close to the factor before it.
-WIDE = re.compile(r"\\(mathrm|operatorname|frac|exp|ln|[a-z]*(sin|cos|tan)h?\b)")
+WIDE = re.compile(r"\\(mathrm|operatorname|frac|sqrt\[|exp|ln|[a-z]*(sin|cos|tan)h?\b)")
 
 
 def _join(parts: Sequence[str]) -> str:

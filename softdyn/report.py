@@ -122,6 +122,7 @@ def page(law: ContactLaw) -> str:
     findings = check_limits(law)
     diagram = discover(law)
     films = find_films(diagram)
+    made = kernels(law)
     about = {
         "law": law,
         "hash": law_hash(law),
@@ -143,7 +144,8 @@ def page(law: ContactLaw) -> str:
         "energy": energy(show),
         "conservative": diagram.conservative,
         "films": None if films is None else film_entries(films, diagram, show),
-        "kernels": kernels(law),
+        "kernels": made,
+        "parts": next((list(kernel["operations"]) for kernel in made if not kernel["reason"]), []),
         "kinds": KINDS,
     }
     template = _environment().get_template("page.html.j2")
@@ -564,17 +566,19 @@ def kernels(law: ContactLaw) -> list[dict[str, Any]]:
             entries.append({"scene": scene, "reason": str(reason)})
             continue
         source = emit(ir, "c")
-        parts = {"balance": ir.balance, "gap rate": ir.gap_rate, "outputs": ir.quantities}
+        # the force is no part of a law
+        parts = {part: PARTS.get(part, part.replace("_", " ")) for part in ir.operations if part != "force"}
         entries.append({
             "scene": scene,
             "reason": "",
-            "operations": {name: sum(ir.operations[part].values()) for part, name in PARTS.items()},
+            "operations": {name: sum(ir.operations[part].values()) for part, name in parts.items()},
             "kinds": {kind: sum(counts[kind] for counts in ir.operations.values()) for kind in KINDS},
             "total": total_operations(ir),
             "savings": ir.savings,
             "outputs": ir.outputs,
             "code": {
-                name: "\n".join(f"{left} = {right}" for left, right in code.lines) for name, code in parts.items()
+                name: "\n".join(f"{left} = {right}" for left, right in getattr(ir, part).lines)
+                for part, name in parts.items()
             },
             "source": source,
             "length": len(source.splitlines()),
@@ -582,4 +586,5 @@ def kernels(law: ContactLaw) -> list[dict[str, Any]]:
     return entries
 
 
-PARTS = {"balance": "force balance", "gap_rate": "gap rate", "quantities": "outputs"}
+#: What parts of a kernel are called, where not by their names.
+PARTS = {"balance": "force balance", "slopes": "for stiff steps", "quantities": "outputs"}

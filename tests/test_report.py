@@ -199,8 +199,10 @@ def test_operations_are_those_of_the_kernels(law: ContactLaw, parsed: Page) -> N
     """The counts of the table are those that the header of each source says."""
     totals = [int(n) for n in re.findall(r"Operations, (\d+) in all:", parsed.words)]
     assert totals == [total_operations(kernel_ir(law, needs)) for needs in SCENES.values()]
-    table = parsed.words.split("force balancegap rateoutputsall")[1].split("Outputs:")[0]
-    assert [int(row.split("\n")[-1]) for row in re.findall(r"(?:\d+\n){3}\d+", table)] == totals
+    rows = re.findall(r"(?:\d+\n){2,}\d+", parsed.words.split("Operations\n")[1].split("Outputs:")[0])
+    counts = [[int(count) for count in row.split()] for row in rows]
+    assert [row[-1] for row in counts] == totals
+    assert all(sum(row[:-1]) == row[-1] for row in counts), "the parts make up the whole"
 
 
 def test_the_page_tells_where_it_comes_from(law: ContactLaw, parsed: Page) -> None:
