@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import sympy
 from sympy import Expr, Integer, Rational, Symbol, diff
 
-from softdyn.derive.law import law_hash, parameters_of
+from softdyn.derive.law import is_rigid, law_hash, parameters_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.specialise import (
     OUTPUTS,
@@ -29,6 +29,7 @@ from softdyn.derive.specialise import (
     dh_dt,
     dX_dt,
     output_name,
+    outputs_of,
 )
 from softdyn.derive.symbols import F
 from softdyn.errors import LawError, SceneError
@@ -80,6 +81,8 @@ class KernelIR:
     constants : int
         How many constants the array ``c`` holds.
     deflection : "either", "compression" or "tension"
+    rigid : bool
+        Whether the particles do not deform.
     outputs : tuple of str
     output_variables : tuple of str
         Their names in the code.
@@ -109,6 +112,7 @@ class KernelIR:
     drive_text: str
     constants: int
     deflection: str
+    rigid: bool
     outputs: tuple[str, ...]
     output_variables: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -143,7 +147,9 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
             before = after
 
     definitions = equations.definitions
-    balance = straight_line([F_ela, dF_ddelta], definitions)
+    # rigid particles transmit any force, without a deflection
+    rigid = is_rigid(law)
+    balance = [("F_ela", "0.0"), ("dF_ddelta", "1.0")] if rigid else straight_line([F_ela, dF_ddelta], definitions)
     by_force = needs.control == "force"
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
     entries = SLOPES[:1] if by_force else SLOPES
@@ -174,6 +180,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         drive_text=drive_text,
         constants=constants,
         deflection=needs.deflection,
+        rigid=rigid,
         outputs=needs.outputs,
         output_variables=tuple(symbol.name for symbol in asked),
         inputs=tuple(symbol.name for symbol in ((F, dF_dt) if by_force else (dX_dt,)) if symbol.name in used),
@@ -208,10 +215,11 @@ def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
     for symbol in parameters_of(law):
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
             faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
+    known = outputs_of(law) + (() if needs.control == "force" else ("F", "dF_dt"))
     faults += [
-        f"{name!r} is no output; there are {', '.join(OUTPUTS)}"
+        f"{name!r} is no output{' of this law' if name in OUTPUTS else ''}; there are {', '.join(known)}"
         for name in needs.outputs
-        if name not in OUTPUTS and (needs.control == "force" or name not in ("F", "dF_dt"))
+        if name not in known
     ]
     if faults:
         raise LawError(law.name, tuple(faults))

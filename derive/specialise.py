@@ -15,8 +15,10 @@ from sympy.core.relational import Relational
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.dynamics import C, D, F_adh, F_ela, ddelta_dt, dF_dt, dh_dt, generic_dynamics, partials, zeta
+from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.soundness import sound
 from softdyn.derive.symbols import F, R, a, delta, h
+from softdyn.errors import LawError
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
@@ -85,6 +87,8 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     Where the force is given, delta follows from the force balance, and the state is ln h; else it is (ln h, delta),
     dX_dt stands for the given velocity, of the centres or of the base of a spring, and F is F_ela.
     """
+    if is_rigid(law) or is_dry(law):
+        return _one_sided_equations(law, control)
     values = partials(law)
     generic = generic_dynamics()
     slope = sound(2 * generic.stiffness.subs(values))
@@ -176,6 +180,54 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
 
 
+def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
+    """Equations of rigid particles, which follow the gap, or of a dry contact, which follows the force.
+
+    Raises
+    ------
+    LawError
+        If another drive than a force is asked for: it would have to give the force, or the gap.
+    """
+    if control != "force":
+        kind = "rigid particles (F_ela = oo)" if is_rigid(law) else "a dry contact (zeta = 0)"
+        raise LawError(law.name, (f"{kind} can be driven by a force only, not by a {control}",))
+    values = partials(law)
+    if is_dry(law):
+        definitions = {
+            a: sound(law.a),
+            F_ela: values[F_ela],
+            dF_ddelta: sound(2 * generic_dynamics().stiffness.subs(values)),
+            C: dF_ddelta / 2,
+            dh_dt: S.Zero,
+            ddelta_dt: dF_dt / dF_ddelta,
+            dX_dt: -dF_dt / C,
+            X: 2 * R - 2 * delta,
+            SLOPES[0]: S.Zero,
+        }
+    else:
+        steepness = sound((d.total(zeta, h) / values[zeta]).subs(values))
+        remote = sound(d.total(F_adh, h).subs(values))
+        definitions = {
+            a: sound(law.a),
+            F_ela: F,  # they transmit any force
+            zeta: values[zeta],
+            F_adh: values[F_adh],
+            D: zeta,
+            dh_dt: -(F - F_adh) / zeta,
+            dX_dt: dh_dt,
+            X: 2 * R + h,
+            lambda2: -h * steepness - h * remote / (F - F_adh),
+            SLOPES[0]: remote / zeta - dh_dt * steepness - dh_dt / h,
+        }
+    return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
+
+
+def outputs_of(law: ContactLaw) -> tuple[str, ...]:
+    """Those of OUTPUTS that a law has: rigid particles have no stiffness, a dry contact has no friction."""
+    named = {output_name(symbol) for symbol in contact_equations(law).definitions}
+    return tuple(name for name in OUTPUTS if name in named)
+
+
 def _integrated(control: Control) -> frozenset[Symbol]:
     """What the integration itself uses."""
     if control == "force":
@@ -253,7 +305,7 @@ RULES = (
     Rule("one sign of delta", lambda _, needs: needs.deflection != "either", one_sign),
     Rule("constant force", lambda _, needs: needs.control == "force" and needs.drive == "constant", constant_force),
     Rule("rigid drive", lambda _, needs: needs.control in ("position", "velocity"), rigid_drive),
-    Rule("no remote force", lambda equations, _: equations.definitions[F_adh] == S.Zero, no_remote_force),
+    Rule("no remote force", lambda equations, _: equations.definitions.get(F_adh) == S.Zero, no_remote_force),
     Rule("fixed parameters", lambda _, needs: bool(needs.fixed), fixed_parameters),
     Rule("outputs asked for", lambda _, needs: set(needs.outputs) != set(OUTPUTS), asked_outputs),
 )

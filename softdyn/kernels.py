@@ -47,6 +47,8 @@ class Kernel:
     compile_s : float
         Time spent on deriving, building and loading it.
     functions : Functions
+    dry : bool
+        Whether the law is that of a dry contact: no gap, no friction.
     ranges : dict
         Open intervals within which some of the parameters must lie; others are positive, if ``positive`` names them.
     """
@@ -61,6 +63,7 @@ class Kernel:
     compile_s: float
     functions: Functions
     positive: tuple[str, ...]
+    dry: bool
     ranges: Mapping[str, tuple[float, float]]
 
 
@@ -130,6 +133,7 @@ def get_kernel(
         compile_s=time.perf_counter() - start,
         functions=functions,
         positive=tuple(manifest["positive"]),
+        dry=manifest["dry"],
         ranges={name: (low, high) for name, (low, high) in manifest["ranges"].items()},
     )
 
@@ -173,7 +177,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     """Derive a kernel: the one place of the runtime that imports the derivation stage."""
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.kernel import kernel_ir
-    from softdyn.derive.law import parameters_of
+    from softdyn.derive.law import is_dry, parameters_of
     from softdyn.derive.specialise import Needs
     from softdyn.laws import load
 
@@ -186,6 +190,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "parameters": ir.parameters,
         "outputs": ir.outputs,
         "inputs": ir.inputs,
+        "dry": is_dry(law),
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": {symbol.name: [float(low), float(high)] for symbol, (low, high) in law.ranges.items()},
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],

@@ -63,6 +63,11 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
         raise SceneError(f"[until] t = {scene.until_t:g} is not after the start, t = {drive.start:g}")
 
     F0 = float(_force(kernel, drive, np.array([drive.start]))[0][0])
+    if kernel.dry and (scene.until_t is None or scene.gaps is not None or scene.method == "quadrature"):
+        raise SceneError(
+            f"law {kernel.law!r} is that of a dry contact, which has no gap: end the run by [until] t, with outputs at "
+            "times"
+        )
     delta0 = _initial_deflection(scene, kernel, p, R, F0)
     if scene.method == "quadrature":
         if drive.shape != "constant":
@@ -71,6 +76,8 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
     else:
         steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, progress)
         t, h = _sample(scene, kernel, drive, steps, stopped_by)
+    if kernel.dry:
+        h = np.zeros(len(t))  # closed from the start, whatever h was given
     F, dF_dt = _force(kernel, drive, t)
     delta = deflection(kernel, h, F, p)
     arrays = {"t": t, "h": h, "delta": delta}
@@ -140,7 +147,7 @@ def _initial_deflection(scene: Scene, kernel: Kernel, p: Array, R: float, F0: fl
     """Deflection that balances the initial force, and agrees with X if that is given."""
     if not math.isfinite(F0):
         raise SceneError(f"[drive] force has no finite value at the start: {F0}")
-    h = float(scene.h)
+    h = 0.0 if kernel.dry else float(scene.h)
     delta = float(deflection(kernel, np.array([h]), np.array([F0]), p)[0])
     if not math.isfinite(delta):
         raise SceneError(f"no deflection balances the initial force F={F0:g} at h={h:g}")
@@ -276,14 +283,14 @@ def _sample(scene: Scene, kernel: Kernel, drive: Drive, steps: Array, stopped_by
 def states_at(kernel: Kernel, steps: Array, t: Array) -> Array:
     """State at each of increasing times, from the polynomials of the steps: shape (components, times)."""
     out = np.empty(len(t) * ((steps.shape[1] - 3) // 9))
-    kernel.functions.sample(len(t), t, len(steps), steps, out)
+    kernel.functions.sample(len(t), t, len(steps), steps.ravel(), out)
     return out.reshape(-1, len(t))
 
 
 def _passages(kernel: Kernel, steps: Array, index: Array, u: Array) -> Array:
     """Times at which ln h passes each u within the step of each index."""
     out = np.empty(len(u))
-    kernel.functions.passages(len(u), u, index.astype(float), steps, out)
+    kernel.functions.passages(len(u), u, index.astype(float), steps.ravel(), out)
     return out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.limits import check_limits
     from softdyn.derive.regimes import discover
-    from softdyn.derive.specialise import OUTPUTS, Needs
+    from softdyn.derive.specialise import OUTPUTS, Needs, outputs_of
     from softdyn.derive.typeset import as_text
     from softdyn.tables import limits_text, regimes_text
 
@@ -40,7 +41,7 @@ def generated_files() -> dict[str, str]:
         diagram = discover(law)
         files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram))
         for kind, needs in kinds.items():
-            ir = kernel_ir(law, needs)
+            ir = kernel_ir(law, replace(needs, outputs=tuple(n for n in needs.outputs if n in outputs_of(law))))
             for target in TARGETS:
                 files[f"{name}/{kind}{suffix(target)}"] = emit(ir, target)
     return files
