@@ -85,6 +85,9 @@ class CancelError(UndecidedError):
 class OutOfTimeError(UndecidedError):
     """The time allowed is over."""
 
+    def __init__(self, reason: str = "the time allowed is over") -> None:
+        super().__init__(reason)
+
 
 class SplitError(UndecidedError):
     """Two terms compete: which of them dominates depends on the scaling.

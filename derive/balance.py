@@ -16,6 +16,7 @@ from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
     KEPT,
     CancelError,
+    OutOfTimeError,
     Scale,
     Series,
     SplitError,
@@ -26,6 +27,7 @@ from softdyn.derive.asymptotics import (
 )
 from softdyn.derive.cones import Cone, Normal, split
 from softdyn.derive.law import is_dry, is_rigid
+from softdyn.derive.patience import until
 from softdyn.derive.symbols import E, F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -145,7 +147,11 @@ def contact_series(
     """
     found: dict[str, Series | UndecidedError] = {}
     for terms in kept:
-        found = series_of(law, scale_of(cone, directions, terms, deadline), side, wanted)
+        try:
+            with until(deadline, OutOfTimeError):
+                found = series_of(law, scale_of(cone, directions, terms, deadline), side, wanted)
+        except OutOfTimeError as reason:
+            return {symbol.name: reason for symbol in _needed(definitions(law), set(wanted))}
         if not any(isinstance(series, CancelError) for series in found.values()):
             break
     return found

@@ -26,12 +26,14 @@ from sympy import Add, Dummy, Expr, Poly, Rational, S, Symbol, lambdify, log, po
 from softdyn.derive.asymptotics import (
     KEPT,
     Order,
+    OutOfTimeError,
     Scale,
     Series,
     SplitError,
     UndecidedError,
     expand,
     in_large_logarithms,
+    is_small,
     leading,
     minimal,
     outgrowing,
@@ -43,6 +45,7 @@ from softdyn.derive.balance import contact_series, definitions, series_of, settl
 from softdyn.derive.cones import Cone, Normal, facets, orthants
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.law import is_rigid, sample_values
+from softdyn.derive.patience import until
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -154,23 +157,9 @@ def check_limits(law: ContactLaw, patience: float = PATIENCE) -> Findings:
 
 
 def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> Finding:
-    pieces: list[Piece] = []
     try:
-        directions = _axes(law, limit)
-        cones = _region(law, limit, directions, deadline)
-        if not cones:
-            raise UndecidedError("no scaling has this ordering")
-        while cones:
-            judged = settle(
-                cones, lambda cone: _judge(law, cone, directions, side_of(limit), quantity, claimed, deadline)
-            )
-            pieces += [piece for _, piece in judged]
-            # where two parts meet, terms that compete are equally large: another case
-            cones = [
-                wall
-                for wall in facets(cone for cone, _ in judged)
-                if _is_inside(law, limit, directions, wall, deadline)
-            ]
+        with until(deadline, OutOfTimeError):
+            pieces = _judged(law, limit, quantity, claimed, deadline)
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
     piece = _together(pieces)
@@ -178,6 +167,21 @@ def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, de
         limit.name, ordering(limit), quantity, claimed, piece.verdict, piece.ratio, piece.reason,
         piece.chain, piece.rate, piece.certificate,
     )  # fmt: skip
+
+
+def _judged(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> list[Piece]:
+    """Judge a claim in each part of its ordering, and where these meet: there, terms that compete are equally large."""
+    pieces: list[Piece] = []
+    directions, side = _axes(law, limit), side_of(limit)
+    cones = _region(law, limit, directions, deadline)
+    if not cones:
+        raise UndecidedError("no scaling has this ordering")
+    while cones:
+        judged = settle(cones, lambda cone: _judge(law, cone, directions, side, quantity, claimed, deadline))
+        pieces += [piece for _, piece in judged]
+        walls = facets(cone for cone, _ in judged)
+        cones = [wall for wall in walls if _is_inside(law, limit, directions, wall, deadline)]
+    return pieces
 
 
 def _together(pieces: Sequence[Piece]) -> Piece:
@@ -341,7 +345,7 @@ CLAIM_TERMS = 4
 
 
 def _simplified(ratio: Expr) -> Expr:
-    return simplify(ratio) if ratio.count_ops() < 200 else ratio
+    return simplify(ratio) if is_small(ratio) else ratio
 
 
 def _without_logarithms(ratio: Expr, scale: Scale) -> tuple[Expr | None, bool]:

@@ -24,6 +24,7 @@ from softdyn.derive.asymptotics import (
     KEPT,
     MOST_OPERATIONS,
     Order,
+    OutOfTimeError,
     Scale,
     Series,
     UndecidedError,
@@ -43,6 +44,7 @@ from softdyn.derive.dynamics import a_h
 from softdyn.derive.forms import force, joined_logarithms
 from softdyn.derive.law import is_dry, is_rigid, typical_values
 from softdyn.derive.limits import inequalities, side_of
+from softdyn.derive.patience import until
 from softdyn.derive.symbols import F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -240,6 +242,26 @@ def discover(law: ContactLaw, patience: float = PATIENCE) -> Diagram:
     """
     deadline = process_time() + patience
     directions, scales = _directions(law)
+    try:
+        with until(deadline, OutOfTimeError):
+            return _discovered(law, directions, scales, deadline - patience / 4)
+    except UndecidedError as reason:
+        return _nothing_found(law, directions, scales, str(reason))
+
+
+def _nothing_found(
+    law: ContactLaw, directions: Mapping[Symbol, Normal], scales: Mapping[Symbol, int], reason: str
+) -> Diagram:
+    """Return the diagram of a law that was given up: nothing is decided anywhere."""
+    cones = tuple(orthants(len(directions[h]), positive=(2,) if scales else ()))
+    undecided = dict.fromkeys(FORMS, reason)
+    whole = [Regime("whole", side, True, (), {}, undecided, None, None, None, None, cones) for side in SIGN]
+    return Diagram(law, tuple(whole), (), (), None, scales)
+
+
+def _discovered(
+    law: ContactLaw, directions: Mapping[Symbol, Normal], scales: Mapping[Symbol, int], deadline: float
+) -> Diagram:
     conservative = is_conservative(law)
     found: list[Regime] = []
     crossovers: list[Crossover] = []
@@ -313,9 +335,9 @@ def _regimes(
         # corrections are those within the model, where the regime has a part there
         within = cut(cones, [(0, 1, 0)[:axes]])
         found = [
-            (scale, contact_series(law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), deadline))
+            (scale, _with_corrections(law, cone, directions, side, deadline))
             for cone in within or cones
-            for scale in [scale_of(cone, directions, CORRECTION_TERMS, deadline)]
+            for scale in [scale_of(cone, directions, CORRECTION_TERMS)]
         ]
         regimes.append((cones, bool(within), found))
     if not conservative:
@@ -324,6 +346,17 @@ def _regimes(
     if is_rigid(law):
         made = [_without_deflection(regime) for regime in made]
     return _named(law, sorted(made, key=_place), directions, other_side)
+
+
+def _with_corrections(
+    law: ContactLaw, cone: Cone, directions: Mapping[Symbol, Normal], side: Side, deadline: float
+) -> dict[str, Series | UndecidedError]:
+    """Series of all quantities, with the next terms if there is time for them."""
+    half = process_time() + (deadline - process_time()) / 2
+    found = contact_series(law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), half)
+    if any(isinstance(series, OutOfTimeError) for series in found.values()):
+        return contact_series(law, cone, directions, SIGN[side], deadline=deadline)
+    return found
 
 
 def _without_deflection(regime: Regime) -> Regime:

@@ -159,7 +159,7 @@ def test_the_leading_term_is_the_limit_in_every_part_of_a_cone(expr: Expr, cone:
         decided += 1
         ratio = lambdify((r1, r2), expr / coefficient, "mpmath")
         size = max(abs(x) for ray in part for x in ray)
-        with mpmath.workdps(400 * size):
+        with mpmath.workdps(1000 * size):
             for weights in WEIGHTS:
                 # the smallest step between orders is 1/12 (half, third, twice), at the weight 1/3: 10**-2.7
                 assert abs(ratio(*point(part, weights, 100)) - 1) < 0.1

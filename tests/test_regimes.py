@@ -5,15 +5,36 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields
 from functools import cache
+from time import process_time
 from typing import Any
 
 import mpmath
 import pytest
 from exactly import deflection, gap_energy_slope, quantities
-from sympy import Abs, Expr, Integer, Rational, S, Symbol, lambdify, pi, simplify, sqrt
+from sympy import (
+    Abs,
+    Add,
+    Expr,
+    Integer,
+    Max,
+    Mul,
+    Rational,
+    S,
+    Symbol,
+    erf,
+    exp,
+    lambdify,
+    log,
+    pi,
+    simplify,
+    sin,
+    sqrt,
+)
 
-from softdyn.derive import ContactLaw, E, R, delta, eta, h
+from softdyn.derive import DIMENSIONLESS, LENGTH, ContactLaw, E, R, delta, eta, h
+from softdyn.derive.films import find_films
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
+from softdyn.derive.limits import check_limits
 from softdyn.derive.regimes import SIGN, Diagram, Regime, Side, discover, force, size
 
 hbar = R * h / (R + h)
@@ -273,3 +294,87 @@ def test_the_energys_slope_is_the_integral(name: str, side: Side) -> None:
         slope = gap_energy_slope(rognon_gay, at[h], at[delta])
         # corrections are of the order of the ratios, the largest of which is 1e-5 (delta/R in Hertz), to a power 1/2
         assert abs(slope / evaluated(regime.forms["U_h"].leading, at, exact) - 1) < 1e-4
+
+
+# ---------------------------------------------------------------- laws outside the method, and laws of any size
+
+x = h / R
+many = [Symbol(f"length_{i}", positive=True) for i in range(8)]
+share = Symbol("share", positive=True)
+
+
+def nested(step: Any, depth: int) -> Expr:
+    value: Expr = x
+    for _ in range(depth):
+        value = step(value)
+    return value
+
+
+OUTSIDE: dict[str, tuple[dict[str, Any], str]] = {
+    "oscillates": ({"zeta": eta * R * (2 + sin(x))}, "sin(h/R) has an argument that is neither small nor of order one"),
+    "grows exponentially": ({"zeta": eta * R * exp(x)}, "exp(h/R) has an argument that is neither small"),
+    "error function": ({"zeta": eta * R * (1 + erf(x))}, "erf(h/R) has an argument that is neither small"),
+    "a power that is a parameter": (
+        {"zeta": eta * R * x**share, "parameters": {share: DIMENSIONLESS}},
+        "is outside the method",
+    ),
+}
+
+LARGE: dict[str, dict[str, Any]] = {
+    "nested logarithms": {"zeta": eta * R * nested(lambda inner: log(2 + inner), 12)},
+    "nested roots": {"zeta": eta * R * nested(lambda inner: sqrt(1 + inner), 25)},
+    "nested quotients": {"zeta": eta * R * nested(lambda inner: (1 + inner * x) / (2 + inner), 12)},
+    "200 powers": {"zeta": eta * R * Add(*(x**i * (i + 101) for i in range(-100, 100)))},
+    "200 roots of sums": {"zeta": eta * R * Add(*((1 + i * x) ** Rational(i % 7 - 3, 3) for i in range(1, 200)))},
+    "giant rational power": {"zeta": eta * R * (1 + x) ** Rational(10**9 + 7, 10**9 + 9)},
+    "giant power of a parameter": {
+        "zeta": eta * R * ((1 + share) ** (10**6) * x + 1),
+        "parameters": {share: DIMENSIONLESS},
+    },
+    "product of sums": {"zeta": eta * R * Mul(*(1 + i * x + x**2 / i for i in range(1, 40)))},
+    "a sum of roots": {"a": Add(*(sqrt(R * h * i + delta**2 / i) for i in range(1, 30)))},
+    "maximum of many": {"zeta": eta * R * Max(*(x ** Rational(i, 3) * (i + 20) for i in range(-9, 9)))},
+    "eight lengths": {
+        "zeta": eta * R * Mul(*(1 + length / h for length in many)),
+        "F_adh": E * R**2 * Add(*((-1) ** i * exp(-h / length) for i, length in enumerate(many))),
+        "parameters": dict.fromkeys(many, LENGTH),
+        "typical": {length: R / 10 ** (i + 1) for i, length in enumerate(many)},
+    },
+}
+
+
+@pytest.mark.parametrize("name", list(OUTSIDE))
+def test_a_law_outside_the_method_is_undecided_with_the_reason(name: str) -> None:
+    changes, reason = OUTSIDE[name]
+    found = discover(changed(**changes))
+    far = [regime for regime in found.regimes if all(ray[0] < 0 for cone in regime.cones for ray in cone if ray[0])]
+    assert far
+    for regime in far:
+        assert reason in regime.undecided["zeta"]
+        assert reason in regime.undecided["dh_dt"]
+        # what does not rest on the friction is known none the less
+        assert {"a", "delta", "C"} <= regime.forms.keys()
+
+
+def takes_at_most(seconds: float, patience: float, law: ContactLaw) -> None:
+    """See that a law is answered, or given up, in time; a C function or two may run on."""
+    start = process_time()
+    found = discover(law, patience)
+    assert process_time() - start < seconds
+    assert all(regime.forms or regime.undecided for regime in found.regimes)
+    find_films(found)
+    start = process_time()
+    verdicts = check_limits(changed(law, limits=rognon_gay.limits), patience)
+    assert process_time() - start < seconds
+    assert len(verdicts) == 12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(LARGE))
+def test_every_law_is_answered_or_given_up_in_time(name: str) -> None:
+    takes_at_most(4, 2.5, changed(**LARGE[name]))
+
+
+def test_a_law_that_takes_too_long_is_given_up() -> None:
+    takes_at_most(2, 0.5, changed(**LARGE["200 roots of sums"]))
+    takes_at_most(2, 0.5, changed(**LARGE["nested logarithms"]))
