@@ -23,7 +23,7 @@ from softdyn.derive.cones import Normal, dot
 from softdyn.derive.dynamics import F_a, a_delta, a_h
 from softdyn.derive.forms import force
 from softdyn.derive.law import sample_values
-from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
+from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, is_simple
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
             value = value - (expr - inner)
         elif isinstance(expr, Mul):
             value = value / (expr / inner)
-        elif isinstance(expr, Pow) and inner == expr.base and expr.exp.is_number:
+        elif isinstance(expr, Pow) and inner == expr.base and is_simple(expr.exp):
             value = value ** (1 / expr.exp)
         elif isinstance(expr, exp):
             value = log(value)

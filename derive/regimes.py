@@ -498,9 +498,14 @@ def _solved(balance: Expr) -> tuple[Expr, Expr]:
     if dependent == 1:
         raise UndecidedError(f"to leading order F does not depend on delta: it saturates at {balance}")
     base, power = dependent.as_base_exp()
-    if base != size or not power.is_number:
-        raise UndecidedError(f"to leading order F is no power of delta: {balance}")
+    if base != size or not is_simple(power):
+        raise UndecidedError(f"to leading order F is no simple power of delta: {balance}")
     return _tidy((force / rest) ** (1 / power)), power
+
+
+def is_simple(power: Expr) -> bool:
+    """Whether a root can be taken in exact numbers: one of a million has no end of digits."""
+    return isinstance(power, Rational) and max(abs(power.p), power.q) <= MOST_OPERATIONS
 
 
 def _in_force(state: Expr, deflection: Expr) -> Expr:
@@ -627,7 +632,7 @@ def _meeting(
         if symbol in ratio.free_symbols:
             rest, dependent = ratio.as_independent(symbol, as_Add=False)
             base, power = dependent.as_base_exp()
-            if base != symbol or not power.is_number:
+            if base != symbol or not is_simple(power):
                 return None
             return Eq(symbol, _tidy((1 / rest) ** (1 / power)), evaluate=False)
     return None
@@ -697,7 +702,7 @@ def _intersection(one: Eq, other: Eq) -> tuple[Expr, Expr] | None:
         return upright.rhs, _tidy(slanted.rhs.subs(h, upright.rhs))
     rest, dependent = powsimp(one.rhs / other.rhs).as_independent(h, as_Add=False)
     base, power = dependent.as_base_exp()
-    if base != h or not power.is_number:
+    if base != h or not is_simple(power):
         return None
     gap = _tidy((1 / rest) ** (1 / power))
     return gap, _tidy(one.rhs.subs(h, gap))

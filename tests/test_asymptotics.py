@@ -95,7 +95,7 @@ def expressions(*, branches: bool = False) -> st.SearchStrategy[Expr]:
 #: Weights of the two rays of a cone.
 WEIGHTS = ((Integer(1), Integer(1)), (Integer(1), Rational(1, 3)), (Rational(2, 5), Integer(1)))
 relaxed = settings(
-    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
+    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
 )
 
 
