@@ -1,0 +1,123 @@
+"""Films are where F_adh carries F: against an independent search for the gap, and the rate of a small disturbance."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mpmath
+import pytest
+from exactly import deflection, quantities
+from sympy import Expr, Symbol, exp, lambdify
+from test_regimes import changed
+
+from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, h
+from softdyn.derive.films import Films, find_films
+from softdyn.derive.forms import force
+from softdyn.derive.law import typical_values
+from softdyn.derive.regimes import discover
+
+A, B, ell, far = (Symbol(name, positive=True) for name in ("strength", "pull", "ell", "far"))
+
+LAWS: dict[str, dict[str, Any]] = {
+    "exponential": {
+        "F_adh": A * exp(-h / ell),
+        "parameters": {A: FORCE, ell: LENGTH},
+        "typical": {A: E * R**2 / 10**4, ell: R / 1000},
+    },
+    "power": {
+        "F_adh": A * (ell / h) ** 2,
+        "parameters": {A: FORCE, ell: LENGTH},
+        "typical": {A: E * R**2 / 10**6, ell: R / 1000},
+    },
+    "attractive": {
+        "F_adh": -A * (ell / h) ** 2,
+        "parameters": {A: FORCE, ell: LENGTH},
+        "typical": {A: E * R**2 / 10**6, ell: R / 1000},
+    },
+    "two films": {
+        "F_adh": A * exp(-h / ell) - B * R**2 / h**2,
+        "parameters": {A: FORCE, B: FORCE, ell: LENGTH},
+        "typical": {A: E * R**2 / 10**4, B: E * R**2 / 10**12, ell: R / 1000},
+    },
+    "on the area": {
+        "F_adh": B * (a / R) ** 2 * (ell / h) ** 3,
+        "parameters": {B: FORCE, ell: LENGTH},
+        "typical": {B: E * R**2 / 10**2, ell: R / 1000},
+    },
+}
+
+
+@cache
+def law_of(name: str) -> ContactLaw:
+    return changed(**LAWS[name])
+
+
+@cache
+def films_of(name: str) -> Films:
+    found = find_films(discover(law_of(name)))
+    assert found is not None
+    return found
+
+
+def own_of(law: ContactLaw) -> dict[Symbol, Any]:
+    return {symbol: mpmath.mpf(value.p) / value.q for symbol, value in typical_values(law).items()}
+
+
+def speed(law: ContactLaw, gap: Any, pressed: Any) -> Any:
+    """Return dh/dt at a gap and a force."""
+    own = own_of(law)
+    return quantities(law, gap, deflection(law, gap, pressed, own), own)["dh_dt"]
+
+
+@pytest.mark.parametrize("name", list(LAWS))
+def test_each_branch_is_a_film_with_its_rate(name: str) -> None:
+    """At a branch's gap and force dh/dt vanishes; near it, it is -rate (h - h_eq)."""
+    law = law_of(name)
+    found = films_of(name)
+    assert found.branches
+    for branch in found.branches:
+        assert all((rate > 0) == branch.stable for rate in branch.rate)
+        for i in (len(branch.h) // 3, 2 * len(branch.h) // 3):
+            gap, pressed, rate = branch.h[i], branch.force[i], branch.rate[i]
+            if abs(pressed) < 1e-200:
+                continue
+            with mpmath.workdps(60):
+                off = mpmath.mpf(10) ** -4
+                up, down = (speed(law, mpmath.mpf(gap) * (1 + s * off), mpmath.mpf(pressed)) for s in (1, -1))
+                slope = (up - down) / (2 * off * mpmath.mpf(gap))
+                # a difference over 1e-4 of the gap, which holds up to 1e2 ranges of the force: (1e-4 1e2)^2
+                assert abs(-slope / rate - 1) < 1e-3
+                # and the film is where the speed changes sign: the force is given to 16 digits
+                assert abs((up + down) / (up - down)) < 1e-2
+
+
+@pytest.mark.parametrize("name", ["exponential", "power", "attractive"])
+def test_a_film_in_closed_form_carries_the_force(name: str) -> None:
+    law = law_of(name)
+    films = [film for film in films_of(name).films if film.h_eq is not None]
+    assert films
+    own = own_of(law)
+    for film in films:
+        sign = 1 if film.side == "compression" else -1
+        pressed = 1e-5 if name == "exponential" else 1e-9
+        gap = number(film.h_eq, {**own, force: pressed})
+        assert law.F_adh.subs({**own, h: gap, E: 1, R: 1}).evalf() == pytest.approx(sign * pressed, rel=1e-12)
+        assert film.stable is (name != "attractive")
+
+
+def number(form: Expr, at: dict[Symbol, Any]) -> float:
+    values = {R: 1, E: 1, Symbol("eta", positive=True): 1, **at}
+    arguments = sorted(form.free_symbols, key=str)
+    return float(lambdify(arguments, form, "mpmath")(*(values[symbol] for symbol in arguments)))
+
+
+def test_a_saddle_parts_stable_films_from_unstable_ones() -> None:
+    """A exp(-h/ell) - B (R/h)^2 rises, then falls, then is attractive: unstable near, stable beyond."""
+    kinds = [branch.stable for branch in films_of("two films").branches]
+    assert True in kinds
+    assert False in kinds
+
+
+def test_a_law_without_a_remote_force_has_no_film() -> None:
+    assert find_films(discover(changed())) is None
