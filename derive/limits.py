@@ -6,9 +6,9 @@ evidence for it.
 A limit is an ordering of lengths, such as h << delta << R; it holds in a cone of scalings. Each quantity Q(h, delta)
 and its claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta),
 delta), so nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the cone, which is cut
-where terms compete, and where its parts meet; otherwise that term is the ratio found. A verdict other than undecided is
-also certified numerically: the ratio is evaluated in high precision along several scalings, down to eps = 1e-30, and
-must tend to what was found.
+where terms compete; otherwise that term is the ratio found. A verdict other than undecided is also certified
+numerically: the ratio is evaluated in high precision along several scalings, down to eps = 1e-30, and must tend to what
+was found.
 """
 
 from __future__ import annotations
