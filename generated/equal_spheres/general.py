@@ -1,0 +1,751 @@
+"""Contact law equal_spheres: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
+
+Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573
+Law 5a20068de277880a:
+    a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
+    F_ela = 4*E*a*delta/(3*(1 - nu**2))
+    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+    F_adh = 0
+Left out, with the operations that each saved:
+    no remote force: 191 -> 190
+Operations, 445 in all:
+    balance: 13 add, 33 mul, 7 div, 1 sqrt
+    gap_rate: 7 add, 22 mul, 8 div, 1 sqrt, 1 call
+    slopes: 35 add, 108 mul, 20 div, 1 sqrt, 1 call
+    quantities: 40 add, 119 mul, 26 div, 1 sqrt, 1 call
+
+Functions: equal_spheres_evaluate, equal_spheres_solve_delta, equal_spheres_drive, equal_spheres_integrate, equal_spheres_passages, equal_spheres_sample.
+p holds R, E, eta, nu.
+"""
+
+from __future__ import annotations
+
+from math import (  # noqa: F401
+    acos, acosh, asin, asinh, atan, atanh, cos, cosh, erf, erfc, exp, expm1, fabs, inf, isfinite, log, log1p, nan, pow,
+    sin, sinh, sqrt, tan, tanh,
+)
+
+import numba
+from numpy import array as table
+from numpy import empty  # noqa: F401
+from numpy import ndarray as array  # noqa: F401
+
+# IEEE arithmetic: no fastmath, and a division by zero gives inf or nan instead of raising
+jit = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
+
+@jit
+def _balance(i: int, h: float, delta: float, p: array, w: array, out: array) -> None:
+    """The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta)."""
+    R = p[0]
+    E = p[1]
+    nu = p[3]
+    x0 = fabs(delta)
+    x1 = 1.0 / h + 1.0 / R
+    x2 = 1.0 / x1
+    x1_p2 = x1 * x1
+    a = sqrt(R * (x0 + x2 + 5.0 / (x1_p2 * (2.0 * x0 + 4.0 * x2))))
+    nu_p2 = nu * nu
+    x3 = E / (1.0 - nu_p2)
+    F_ela = (4.0 / 3.0) * delta * x3 * a
+    x4 = R * h
+    x10 = x0 * (R + h) + 2.0 * x4
+    delta_p2 = delta * delta
+    x7 = 2.0 * delta_p2
+    x9 = 8.0 * x0
+    R_p2 = R * R
+    h_p2 = h * h
+    x10_p2 = x10 * x10
+    dF_ddelta = x3 * (x0 * R * (3.0 * R_p2 * h_p2 + x9 * h * R_p2 + x7 * R_p2 + x9 * R * h_p2 + 4.0 * x4 * delta_p2 + x7 * h_p2) / (x10_p2 * a) + 4.0 * a) / 3.0
+    w[i] = F_ela
+    out[i] = dF_ddelta
+
+
+@jit
+def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out: array) -> None:
+    """w[i] = d(ln h)/dt (eq. 7)."""
+    R = p[0]
+    eta = p[2]
+    x0 = fabs(delta)
+    x1 = 1.0 / R
+    x2 = 1.0 / h
+    x3 = x1 + x2
+    x4 = 1.0 / x3
+    x3_p2 = x3 * x3
+    a = sqrt(R * (x0 + x4 + 5.0 / (x3_p2 * (2.0 * x0 + 4.0 * x4))))
+    x6 = x2 * R
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x3_p3 = x3_p2 * x3
+    zeta = 25.132741228718345 * x1 * eta * x3_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (142.3828125 * R_p3 / (x3_p3 * a_p6) + 1.0)
+    dh_dt = -F / zeta
+    w[i] = dh_dt / h
+
+
+@jit
+def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> None:
+    """The Jacobian of the rates of the state (ln h, delta following from the force balance)."""
+    R = p[0]
+    E = p[1]
+    eta = p[2]
+    nu = p[3]
+    x0 = fabs(delta)
+    x1 = 1.0 / R
+    x2 = 1.0 / h
+    x3 = x1 + x2
+    x4 = 1.0 / x3
+    x3_p2 = x3 * x3
+    x6 = 1.0 / x3_p2
+    a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)))
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x3_p3 = x3_p2 * x3
+    x9 = R_p3 / (x3_p3 * a_p6)
+    x10 = 142.3828125 * x9 + 1.0
+    x11 = x2 * R
+    x12 = log1p((20.0 / 9.0) * x11)
+    x13 = x11 / 2.0 + 0.45 * x12 + 1.0
+    a_p4 = a_p2 * a_p2
+    x15 = x3_p2 * a_p4
+    zeta = 25.132741228718345 * x1 * x13 * x15 * eta / x10
+    x16 = R * h
+    x17 = 2.0 * x16
+    x18 = R + h
+    x44 = x0 * x18 + x17
+    x44_p2 = x44 * x44
+    x19 = 1.0 / x44_p2
+    x20 = x19 / a
+    delta_p2 = delta * delta
+    x23 = delta_p2 * R_p2
+    h_p2 = h * h
+    x25 = R_p2 * h_p2
+    x26 = delta_p2 * h_p2
+    x27 = 8.0 * x0
+    x28 = R * h_p2
+    x29 = h * R_p2
+    x30 = R * (4.0 * x16 * delta_p2 + 2.0 * x23 + 3.0 * x25 + 2.0 * x26 + x27 * x28 + x27 * x29)
+    nu_p2 = nu * nu
+    x31 = E / (1.0 - nu_p2)
+    dF_ddelta = x31 * (4.0 * a + x0 * x20 * x30) / 3.0
+    x32 = 9.0 * x0
+    x33 = x17 * delta_p2 + x23 + 9.0 * x25 + x26 + x28 * x32 + x29 * x32
+    x18_p2 = x18 * x18
+    dF_dh = (2.0 / 3.0) * delta * x20 * x31 * x33 * R_p3 / x18_p2
+    dh_dt = -F / zeta
+    x34 = 1.0 / a_p2
+    R_p6 = R_p3 * R_p3
+    h_p3 = h_p2 * h
+    x35 = R_p6 * h_p3
+    x18_p3 = x18_p2 * x18
+    x37 = x18_p3 * a_p6
+    x38 = 18225.0 * x35 + 128.0 * x37
+    x39 = x19 * (91125.0 * x35 + 256.0 * x37)
+    x40 = 10.0 * R
+    x41 = 9.0 * x12
+    x42 = 1.0 / (18225.0 * x9 + 128.0)
+    x43 = x2 * x40 + x41 + 20.0
+    a_p8 = a_p4 * a_p4
+    x38_p2 = x38 * x38
+    slope_p11 = -dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x33 * x39 * x18_p3 * a_p8 * (x41 * h + 20.0 * h + x40) / x38_p2 - x42 * (54675.0 * x34 * x42 * x43 * x6 * R_p2 + 2.0 * x1 * x3 * x43 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - dF_dh * x30 * x34 * x39 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x38 * dF_ddelta))
+    out[0 + i] = slope_p11
+
+
+@jit
+def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, p: array, out: array) -> None:
+    """a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at state i of n."""
+    R = p[0]
+    E = p[1]
+    eta = p[2]
+    nu = p[3]
+    x0 = fabs(delta)
+    x1 = 1.0 / R
+    x2 = 1.0 / h
+    x3 = x1 + x2
+    x4 = 1.0 / x3
+    x3_p2 = x3 * x3
+    x6 = 1.0 / x3_p2
+    a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)))
+    nu_p2 = nu * nu
+    x8 = E / (1.0 - nu_p2)
+    x9 = delta * x8
+    F_ela = (4.0 / 3.0) * x9 * a
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x3_p3 = x3_p2 * x3
+    x12 = R_p3 / (x3_p3 * a_p6)
+    x13 = 142.3828125 * x12 + 1.0
+    x14 = x2 * R
+    x15 = log1p((20.0 / 9.0) * x14)
+    x16 = x14 / 2.0 + 0.45 * x15 + 1.0
+    a_p4 = a_p2 * a_p2
+    x18 = x3_p2 * a_p4
+    zeta = 25.132741228718345 * x1 * x16 * x18 * eta / x13
+    F_adh = 0.0
+    x19 = 2.0 * R
+    x20 = x19 * h
+    x21 = R + h
+    x48 = x0 * x21 + x20
+    x48_p2 = x48 * x48
+    x22 = 1.0 / x48_p2
+    x23 = x22 / a
+    delta_p2 = delta * delta
+    x26 = delta_p2 * R_p2
+    h_p2 = h * h
+    x28 = R_p2 * h_p2
+    x29 = delta_p2 * h_p2
+    x30 = 8.0 * x0
+    x31 = R * h_p2
+    x32 = h * R_p2
+    x33 = R * (4.0 * R * h * delta_p2 + 2.0 * x26 + 3.0 * x28 + 2.0 * x29 + x30 * x31 + x30 * x32)
+    dF_ddelta = x8 * (4.0 * a + x0 * x23 * x33) / 3.0
+    x34 = 9.0 * x0
+    x35 = x20 * delta_p2 + x26 + 9.0 * x28 + x29 + x31 * x34 + x32 * x34
+    x21_p2 = x21 * x21
+    x36 = x23 * x35 * R_p3 / x21_p2
+    dF_dh = (2.0 / 3.0) * x36 * x9
+    C = dF_ddelta / 2.0
+    D = C * zeta / (C + dF_dh)
+    dh_dt = -F / zeta
+    x37 = 1.0 / dF_ddelta
+    ddelta_dt = x37 * (dF_dt - dF_dh * dh_dt)
+    dX_dt = -F / D - dF_dt / C
+    X = h + x19 - 2.0 * delta
+    lambda1 = 2.0 * x36 * x37 * E * h / (3.0 * nu_p2 - 3.0)
+    x38 = 1.0 / a_p2
+    R_p6 = R_p3 * R_p3
+    h_p3 = h_p2 * h
+    x39 = R_p6 * h_p3
+    x21_p3 = x21_p2 * x21
+    x41 = x21_p3 * a_p6
+    x42 = 18225.0 * x39 + 128.0 * x41
+    x43 = x22 * (91125.0 * x39 + 256.0 * x41)
+    x44 = 10.0 * R
+    x45 = 9.0 * x15
+    x46 = 1.0 / (18225.0 * x12 + 128.0)
+    x47 = x2 * x44 + x45 + 20.0
+    a_p8 = a_p4 * a_p4
+    x42_p2 = x42 * x42
+    lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x35 * x43 * x21_p3 * a_p8 * (x45 * h + 20.0 * h + x44) / x42_p2 - x46 * (54675.0 * x38 * x46 * x47 * x6 * R_p2 + 2.0 * x1 * x3 * x47 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x33 * x37 * x38 * x43 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x42))
+    out[0 * n + i] = a
+    out[1 * n + i] = F_ela
+    out[2 * n + i] = zeta
+    out[3 * n + i] = F_adh
+    out[4 * n + i] = C
+    out[5 * n + i] = D
+    out[6 * n + i] = dh_dt
+    out[7 * n + i] = ddelta_dt
+    out[8 * n + i] = dX_dt
+    out[9 * n + i] = X
+    out[10 * n + i] = lambda1
+    out[11 * n + i] = lambda2
+
+
+@jit
+def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
+    """The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
+
+    F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
+    solution. Uses w[0] and w[1].
+    """
+    if F == 0.0:
+        return 0.0
+    low = 0.0 if F > 0.0 else -inf
+    high = inf if F > 0.0 else 0.0
+    stiffness = empty(1)
+    delta = guess
+    if not (low < guess and guess < high):
+        # start from the linear response, or from R where that is beyond R
+        _balance(0, h, 0.0, p, w, stiffness)
+        delta = F / stiffness[0]
+        if not fabs(delta) < p[0]:
+            delta = p[0] if F > 0.0 else -p[0]
+    for iteration in range(400):
+        _balance(0, h, delta, p, w, stiffness)
+        residual = w[0] - F
+        step = residual / stiffness[0]
+        trial = delta - step
+        # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
+        if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
+            return trial
+        if residual > 0.0:
+            high = delta
+        elif residual < 0.0:
+            low = delta
+        else:
+            return delta if residual == 0.0 else nan
+        if not (low < trial and trial < high):
+            if high == inf or low == -inf:
+                trial = 2.0 * delta
+            elif low == 0.0 or high == 0.0:
+                trial = 1e-3 * delta
+            elif 0.5 * (low + high) == low or 0.5 * (low + high) == high:
+                return delta
+            else:
+                trial = 0.5 * (low + high)
+        delta = trial
+    return nan
+
+
+@jit
+def _drive(t: float, table_t: array, table_F: array, segment: int, w: array) -> None:
+    """What is given, and its rate of change, at the time t: w[0] and w[1]."""
+    # linear between two rows
+    start = table_t[segment]
+    slope = (table_F[segment + 1] - table_F[segment]) / (table_t[segment + 1] - start)
+    w[0] = table_F[segment] + slope * (t - start)
+    w[1] = slope
+
+
+@jit
+def equal_spheres_evaluate(n: int, h: array, delta: array, F: array, dF_dt: array, p: array, out: array) -> None:
+    """a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at n states: out[k*n + i] is quantity k at state i."""
+    for i in range(n):
+        _quantities(i, n, h[i], delta[i], F[i], dF_dt[i], p, out)
+
+
+@jit
+def equal_spheres_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
+    """The deflection at n gaps under n forces; nan where there is none."""
+    w = empty(2)
+    for i in range(n):
+        delta[i] = _solve_delta(h[i], F[i], delta[i], p, w)
+
+
+@jit
+def equal_spheres_drive(n: int, t: array, table_t: array, table_F: array, rows: int, value: array, rate: array) -> None:
+    """What is given, and its rate of change, at n times, in increasing order."""
+    w = empty(2)
+    segment: int = 0
+    for i in range(n):
+        while segment < rows - 2 and t[i] >= table_t[segment + 1]:
+            segment += 1
+        _drive(t[i], table_t, table_F, segment, w)
+        value[i] = w[0]
+        rate[i] = w[1]
+
+
+
+_NODES = table((0.0, 0.022479386438712497, 0.11467905316090424, 0.26578982278458946, 0.45284637366944464, 0.6473752828868303, 0.8197593082631076, 0.9437374394630779, 1.0))
+_WEIGHTS = table((6435.0, -10269.771635486373, 6713.600026233208, -5199.222168253645, 4231.204479179782, -3470.1488650701895, 2771.535521741593, -2016.5723583443762, 804.375))
+_INVERSE = table((22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978, 4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576, 7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715, -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559, -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823, 3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228, 0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856, -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752, -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231, 0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493, 0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161, 4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454, -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415, -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456, 0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409, 0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5))
+_SLOPE_START = table((-64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437, -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375, -0.125))
+_VALUE_PROBE = table((0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314, 0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917, -0.029024131248411467))
+_SLOPE_PROBE = table((-0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966, -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628, -0.09513499620264546))
+
+
+@jit
+def _between(theta: float, z: array) -> float:
+    """A component at the fraction theta of a step, less its value at the start: barycentric interpolation."""
+    above = 0.0
+    below = _WEIGHTS[0] / theta
+    if theta == 0.0:
+        return 0.0
+    for j in range(8):
+        if theta == _NODES[j + 1]:
+            return z[j]
+        weight = _WEIGHTS[j + 1] / (theta - _NODES[j + 1])
+        above += weight * z[j]
+        below += weight
+    return above / below
+
+
+@jit
+def _predict(ratio: float, z: array, above: array, below: array) -> None:
+    """Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial."""
+    for i in range(8):
+        above[i] = 0.0
+        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1])
+    for j in range(8):
+        for i in range(8):
+            weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1])
+            above[i] += weight * z[j]
+            below[i] += weight
+    end = z[7]
+    for i in range(8):
+        z[i] = above[i] / below[i] - end
+
+
+@jit
+def _invert(m: array) -> None:
+    """Invert a matrix of 8 rows in place, by Gauss and Jordan: a poor inverse costs iterations, not accuracy."""
+    for k in range(8):
+        pivot = 1.0 / m[9 * k]
+        m[9 * k] = 1.0
+        for j in range(8):
+            m[8 * k + j] = pivot * m[8 * k + j]
+        for i in range(8):
+            if i != k:
+                factor = m[8 * i + k]
+                m[8 * i + k] = 0.0
+                for j in range(8):
+                    m[8 * i + j] -= factor * m[8 * k + j]
+
+
+@jit
+def _deflections(h: array, F: array, delta: array, p: array, w: array, force: array, stiffness: array) -> None:
+    """Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once."""
+    for iteration in range(6):
+        for i in range(8):
+            _balance(i, h[i], delta[i], p, force, stiffness)
+        for i in range(8):
+            force[i] = (force[i] - F[i]) / stiffness[i]
+            delta[i] = delta[i] - force[i]
+        moving: int = 0
+        for i in range(8):
+            if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
+                moving += 1
+        if moving == 0:
+            break
+    for i in range(8):
+        if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
+            delta[i] = _solve_delta(h[i], F[i], nan, p, w)
+
+
+@jit
+def equal_spheres_passages(n: int, u: array, at: array, steps: array, out: array) -> None:
+    """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
+    z = empty(8)
+    for i in range(n):
+        base: int = 12 * int(at[i])
+        for j in range(8):
+            z[j] = steps[base + 4 + j]
+        target = u[i] - steps[base + 3]
+        low = 0.0
+        high = 1.0
+        for iteration in range(60):
+            middle = 0.5 * (low + high)
+            value = _between(middle, z)
+            if (value < target and z[7] > 0.0) or (value > target and z[7] < 0.0):
+                low = middle
+            else:
+                high = middle
+        out[i] = steps[base] + high * steps[base + 1]
+
+
+@jit
+def equal_spheres_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
+    """The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k."""
+    z = empty(8)
+    at: int = 0
+    for i in range(n):
+        while at < stored - 1 and t[i] >= steps[12 * (at + 1)]:
+            at += 1
+        theta = (t[i] - steps[12 * at]) / steps[12 * at + 1]
+        for j in range(8):
+            z[j] = steps[12 * at + 4 + j]
+        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z)
+
+
+@jit
+def equal_spheres_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
+    """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
+
+    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
+    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
+
+    state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
+    longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
+    steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+
+    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
+    -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
+    """
+    w = empty(4)
+    given = empty(8)
+    h = empty(8)
+    deflection = empty(8)
+    before = empty(8)
+    above = empty(8)
+    below = empty(8)
+    slopes = empty(8)
+    m = empty(64)
+    residual = empty(8)
+    change = empty(8)
+    u_z = empty(8)
+    u_kept = empty(8)
+    u_rate = empty(8)
+    t = state[0]
+    u = state[1]
+    delta = state[2]
+    dt = state[3]
+    accepted = state[4]
+    rejected = state[5]
+    passes = state[6]
+    singles = state[7]
+    segment: int = int(state[8])
+    stiffest = state[10]
+    settled = state[11]
+    # the last step, of which the next one is predicted; 0 after what cannot be extrapolated
+    last = 0.0
+    last_error = 1.0
+    fresh = 1.0
+    crossing = inf
+    shrink_only = 0.0
+    u_dot = 0.0
+    status: int = 2
+    stored: int = 0
+    while status == 2 and stored < capacity:
+        if t >= table_t[segment + 1] and segment < rows - 2:
+            segment += 1
+            continue
+        limit = table_t[segment + 1] if table_t[segment + 1] < t_end else t_end
+        ending = 1.0 if table_t[segment + 1] < t_end else 0.0
+        if t >= t_end:
+            status = 0
+            break
+        if t >= table_t[rows - 1]:
+            status = 3
+            break
+        if fresh == 1.0:
+            # the rates where the run starts, or goes on after an event
+            _drive(t, table_t, table_F, segment, w)
+            for i in range(8):
+                h[i] = exp(u)
+                given[i] = w[0]
+                deflection[i] = delta
+            _deflections(h, given, deflection, p, w, above, below)
+            delta = deflection[0]
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            for i in range(8):
+                _slopes(i, h[i], deflection[i], given[i], p, slopes)
+            singles += 8.0
+            u_dot = u_rate[0]
+            if not isfinite(u_dot):
+                status = -3
+                break
+            fresh = 0.0
+            last = 0.0
+            if dt == 0.0:
+                speed = fabs(u_dot) + fabs(slopes[0])
+                if speed > 0.0:
+                    dt = 0.1 / speed
+                else:
+                    # nothing moves yet: look ahead until something does
+                    dt = 1e-9 * (t_end - t) if isfinite(t_end) else 1e-200
+                    moving: int = 0
+                    while moving == 0 and dt < 1e200 and t + dt < limit:
+                        _drive(t + dt, table_t, table_F, segment, w)
+                        given[0] = w[0]
+                        deflection[0] = _solve_delta(h[0], given[0], nan, p, w)
+                        _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w)
+                        singles += 1.0
+                        if fabs(u_rate[0]) * dt < 1e-3:
+                            dt = 4.0 * dt
+                        else:
+                            moving = 1
+        # land on the limit, and leave no sliver before it
+        if crossing < limit:
+            limit = crossing
+            ending = 2.0
+        step = dt if dt < state[12] else state[12]
+        landing = 0.0
+        if t + 1.01 * step >= limit:
+            step = limit - t
+            landing = 1.0
+        if not isfinite(t + step):
+            status = -2
+            break
+        if step <= 4.5e-16 * fabs(t):
+            if landing == 1.0:
+                t = limit
+                if limit == crossing:
+                    crossing = inf
+                fresh = 1.0
+                continue
+            status = -1
+            break
+        # what is given, at the stages
+        for i in range(8):
+            _drive(t + _NODES[i + 1] * step, table_t, table_F, segment, w)
+            given[i] = w[0]
+        # where the force crosses zero the law may have a kink: end a step there
+        if crossing == inf:
+            _drive(t, table_t, table_F, segment, w)
+            side = w[0]
+            earlier = t
+            for i in range(8):
+                later = t + _NODES[i + 1] * step
+                if side * given[i] < 0.0:
+                    while later - earlier > 4.5e-16 * fabs(later):
+                        middle = 0.5 * (earlier + later)
+                        if middle <= earlier or middle >= later:
+                            break
+                        _drive(middle, table_t, table_F, segment, w)
+                        if w[0] * side > 0.0:
+                            earlier = middle
+                        else:
+                            later = middle
+                    crossing = later
+                    break
+                if given[i] != 0.0:
+                    side = given[i]
+                earlier = later
+            if crossing < inf:
+                continue
+        # predict the stages: by the last step's polynomial, unless far beyond it, or along the tangent, bent where it decays
+        for i in range(8):
+            u_z[i] = u_kept[i]
+        for i in range(8):
+            deflection[i] = before[i]
+        wild: int = 0
+        if last > 0.0 and step <= 2.0 * last:
+            _predict(step / last, u_z, above, below)
+            _predict(step / last, deflection, above, below)
+            for i in range(8):
+                deflection[i] = delta + deflection[i]
+            for i in range(8):
+                if not fabs(u_z[i]) < 2.0:
+                    wild += 1
+        if step > 2.0 * last or wild > 0:
+            for i in range(8):
+                reach = _NODES[i + 1] * step
+                u_z[i] = reach * u_dot / (1.0 - reach * slopes[7] if slopes[7] < 0.0 else 1.0)
+                deflection[i] = delta
+        # what no step can be held to: u itself is rounded
+        rounding = 4.5e-16 * (1.0 + fabs(u))
+        # Newton's iteration, its matrix renewed while it moves far
+        moved = inf
+        renew: int = 1
+        turn: int = 0
+        done: int = 0
+        while turn < 10 and done == 0:
+            turn += 1
+            for i in range(8):
+                h[i] = exp(u + u_z[i])
+            _deflections(h, given, deflection, p, w, above, below)
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            if renew == 1:
+                for i in range(8):
+                    _slopes(i, h[i], deflection[i], given[i], p, slopes)
+                for i in range(64):
+                    m[i] = _INVERSE[i]
+                for i in range(8):
+                    m[9 * i] -= step * slopes[i]
+                _invert(m)
+            for i in range(8):
+                residual[0 + i] = step * u_rate[i]
+            for j in range(8):
+                for i in range(8):
+                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j]
+            for i in range(8):
+                change[i] = 0.0
+            for j in range(8):
+                for i in range(8):
+                    change[i] += m[8 * j + i] * residual[j]
+            for i in range(8):
+                u_z[i] += change[0 + i]
+            total = 0.0
+            for i in range(8):
+                total += change[i] * change[i]
+            moves = sqrt(total)
+            renew = 1 if moves > 0.03 else 0
+            contraction = moves / moved
+            # 1e-2 of what a step may err, or what rounding leaves
+            if moves <= 1e-2 * rtol or moves <= rounding:
+                done = 1
+            elif turn > 1 and contraction < 0.5 and moves * contraction / (1.0 - contraction) <= 1e-2 * rtol:
+                done = 1
+            elif not moves < 10.0 or (turn > 2 and contraction > 1.0):
+                break
+            moved = moves
+        passes += float(turn)
+        if done == 0:
+            rejected += 1.0
+            last = 0.0
+            shrink_only = 1.0
+            dt = 0.25 * step
+            continue
+        # the defect of the polynomial at the start and at the probe, and the error that it makes
+        _drive(t + 0.5501108282781375 * step, table_t, table_F, segment, w)
+        probe_given = w[0]
+        u_probe = u
+        u_late = 0.0
+        u_defect = -step * u_dot
+        for i in range(8):
+            u_probe += _VALUE_PROBE[i + 1] * u_z[i]
+            u_late += _SLOPE_PROBE[i + 1] * u_z[i]
+            u_defect += _SLOPE_START[i + 1] * u_z[i]
+        h_probe = exp(u_probe)
+        delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w)
+        _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below)
+        singles += 1.0
+        error = 0.014424143230897014 * fabs(u_defect)
+        other = 0.07596008870469767 * fabs(u_late - step * above[0])
+        # written so that nan rejects the step
+        error = error if error > other else other
+        decay = -step * slopes[7]
+        stiffest = decay if decay > stiffest else stiffest
+        error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0) / (rtol + rounding)
+        factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
+        if not error <= 1.0:
+            rejected += 1.0
+            shrink_only = 1.0
+            # an error that is nan leaves a factor above 1
+            dt = step * (factor if factor > 0.2 and factor < 1.0 else 0.2)
+            continue
+        # the step stands
+        base: int = 12 * stored
+        steps[base] = t
+        steps[base + 1] = step
+        steps[base + 2] = ending if landing == 1.0 else 0.0
+        steps[base + 3] = u
+        for i in range(8):
+            steps[base + 4 + i] = u_z[i]
+            u_kept[i] = u_z[i]
+        for i in range(8):
+            before[i] = deflection[i] - delta
+        accepted += 1.0
+        u_new = u + u_z[7]
+        if (u - u_stop) * (u_new - u_stop) <= 0.0:
+            status = 1
+        # the last stage is the end of the step; the last correction moves its rates along the Jacobian
+        u_dot = u_rate[7] + slopes[7] * change[7]
+        delta = deflection[7]
+        resting = 1.0 if slopes[7] < 0.0 and fabs(u_dot) <= -rtol * slopes[7] else 0.0
+        if resting > settled and steps[base + 2] == 0.0:
+            steps[base + 2] = 3.0
+        settled = resting
+        u = u_new
+        t = limit if landing == 1.0 else t + step
+        stored += 1
+        if last > 0.0:
+            foresight = factor * step / last * pow(last_error / (error if error > 1e-12 else 1e-12), 1.0 / 9.0)
+            factor = foresight if foresight < factor else factor
+        factor = factor if factor < 8.0 else 8.0
+        factor = factor if factor > 0.2 else 0.2
+        factor = factor if shrink_only == 0.0 or factor < 1.0 else 1.0
+        # a step shortened to land says nothing about the next
+        dt = step * factor if landing == 0.0 or step * factor > dt else dt
+        shrink_only = 0.0
+        last = step
+        last_error = error if error > 1e-2 else 1e-2
+        if landing == 1.0 and ending > 0.0:
+            fresh = 1.0
+            if limit == crossing:
+                crossing = inf
+    state[0] = t
+    state[1] = u
+    state[2] = delta
+    state[3] = dt
+    state[4] = accepted
+    state[5] = rejected
+    state[6] = passes
+    state[7] = singles
+    state[8] = float(segment)
+    state[9] = float(stored)
+    state[10] = stiffest
+    state[11] = settled
+    return status

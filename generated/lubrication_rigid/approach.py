@@ -1,0 +1,698 @@
+"""Contact law lubrication_rigid: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
+
+Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3
+Law 8d69788a3b8a1440:
+    a = sqrt(R)*sqrt(5*(1/(4*h) + 1/(4*R))/(1/h + 1/R)**2 + 1/(1/h + 1/R))
+    F_ela = oo
+    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+    F_adh = 0
+Left out, with the operations that each saved:
+    one sign of delta: 103 -> 103
+    constant force: 103 -> 103
+    no remote force: 103 -> 102
+    outputs asked for: 102 -> 101
+Operations, 171 in all:
+    gap_rate: 5 add, 20 mul, 7 div, 2 sqrt, 1 call
+    slopes: 18 add, 65 mul, 13 div, 2 sqrt, 1 call
+    quantities: 6 add, 21 mul, 7 div, 2 sqrt, 1 call
+
+Functions: lubrication_rigid_evaluate, lubrication_rigid_solve_delta, lubrication_rigid_drive, lubrication_rigid_integrate, lubrication_rigid_passages, lubrication_rigid_sample.
+p holds R, eta.
+"""
+
+from __future__ import annotations
+
+from math import (  # noqa: F401
+    acos, acosh, asin, asinh, atan, atanh, cos, cosh, erf, erfc, exp, expm1, fabs, inf, isfinite, log, log1p, nan, pow,
+    sin, sinh, sqrt, tan, tanh,
+)
+
+import numba
+from numpy import array as table
+from numpy import empty  # noqa: F401
+from numpy import ndarray as array  # noqa: F401
+
+# IEEE arithmetic: no fastmath, and a division by zero gives inf or nan instead of raising
+jit = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
+
+@jit
+def _balance(i: int, h: float, delta: float, p: array, w: array, out: array) -> None:
+    """The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta)."""
+    F_ela = 0.0
+    dF_ddelta = 1.0
+    w[i] = F_ela
+    out[i] = dF_ddelta
+
+
+@jit
+def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out: array) -> None:
+    """w[i] = d(ln h)/dt (eq. 7)."""
+    R = p[0]
+    eta = p[1]
+    a = 1.5 * R * sqrt(h) / sqrt(R + h)
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = x1 * R
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x2_p2 = x2 * x2
+    x2_p3 = x2_p2 * x2
+    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x3 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x3) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    dh_dt = -F / zeta
+    w[i] = dh_dt / h
+
+
+@jit
+def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> None:
+    """The Jacobian of the rates of the state (ln h, delta following from the force balance)."""
+    R = p[0]
+    eta = p[1]
+    x0 = R + h
+    a = 1.5 * R * sqrt(h) / sqrt(x0)
+    x1 = 1.0 / R
+    x3 = 1.0 / h
+    x4 = x1 + x3
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x4_p2 = x4 * x4
+    x4_p3 = x4_p2 * x4
+    x5 = R_p3 / (x4_p3 * a_p6)
+    x6 = 142.3828125 * x5 + 1.0
+    x7 = x3 * R
+    x8 = log1p((20.0 / 9.0) * x7)
+    x9 = x7 / 2.0 + 0.45 * x8 + 1.0
+    a_p4 = a_p2 * a_p2
+    x12 = x4_p2 * a_p4
+    zeta = 25.132741228718345 * x1 * x12 * x9 * eta / x6
+    dh_dt = -F / zeta
+    R_p6 = R_p3 * R_p3
+    h_p2 = h * h
+    h_p3 = h_p2 * h
+    x17 = R_p6 * h_p3
+    x0_p2 = x0 * x0
+    x0_p3 = x0_p2 * x0
+    x18 = x0_p3 * a_p6
+    x21 = 18225.0 * x17 + 128.0 * x18
+    x13 = 1.0 / x4_p2
+    x15 = 10.0 * R
+    x16 = 9.0 * x8
+    x19 = 1.0 / (18225.0 * x5 + 128.0)
+    x20 = x15 * x3 + x16 + 20.0
+    a_p8 = a_p4 * a_p4
+    x21_p2 = x21 * x21
+    slope_p11 = -1.6 * dh_dt * x13 * x6 * R * (9.0 * x3 * x0_p3 * a_p8 * (91125.0 * x17 + 256.0 * x18) * (x16 * h + 20.0 * h + x15) / x21_p2 - 4.0 * x19 * (54675.0 * x13 * x19 * x20 * R_p2 / a_p2 + 2.0 * x1 * x20 * x4 * a_p4 + 10.0 * x12 * (1.0 + 18.0 / (20.0 * x7 + 9.0)))) / (x9 * a_p4 * h_p2) - dh_dt * x3
+    out[0 + i] = slope_p11
+
+
+@jit
+def _quantities(i: int, n: int, h: float, delta: float, F: float, p: array, out: array) -> None:
+    """a, X, dh_dt at state i of n."""
+    R = p[0]
+    eta = p[1]
+    a = 1.5 * R * sqrt(h) / sqrt(R + h)
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = x1 * R
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x2_p2 = x2 * x2
+    x2_p3 = x2_p2 * x2
+    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x3 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x3) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    dh_dt = -F / zeta
+    X = 2.0 * R + h
+    out[0 * n + i] = a
+    out[1 * n + i] = X
+    out[2 * n + i] = dh_dt
+
+
+@jit
+def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
+    """The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
+
+    F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
+    solution. Uses w[0] and w[1].
+    """
+    return 0.0
+
+
+@jit
+def _drive(t: float, c: array, w: array) -> None:
+    """What is given, and its rate of change, at the time t: w[0] and w[1]."""
+    w[0] = c[0]
+    w[1] = 0.0
+
+
+@jit
+def lubrication_rigid_evaluate(n: int, h: array, delta: array, F: array, p: array, out: array) -> None:
+    """a, X, dh_dt at n states: out[k*n + i] is quantity k at state i."""
+    for i in range(n):
+        _quantities(i, n, h[i], delta[i], F[i], p, out)
+
+
+@jit
+def lubrication_rigid_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
+    """The deflection at n gaps under n forces; nan where there is none."""
+    w = empty(2)
+    for i in range(n):
+        delta[i] = _solve_delta(h[i], F[i], delta[i], p, w)
+
+
+@jit
+def lubrication_rigid_drive(n: int, t: array, c: array, value: array, rate: array) -> None:
+    """What is given, and its rate of change, at n times."""
+    w = empty(2)
+    for i in range(n):
+        _drive(t[i], c, w)
+        value[i] = w[0]
+        rate[i] = w[1]
+
+
+
+_NODES = table((0.0, 0.022479386438712497, 0.11467905316090424, 0.26578982278458946, 0.45284637366944464, 0.6473752828868303, 0.8197593082631076, 0.9437374394630779, 1.0))
+_WEIGHTS = table((6435.0, -10269.771635486373, 6713.600026233208, -5199.222168253645, 4231.204479179782, -3470.1488650701895, 2771.535521741593, -2016.5723583443762, 804.375))
+_INVERSE = table((22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978, 4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576, 7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715, -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559, -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823, 3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228, 0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856, -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752, -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231, 0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493, 0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161, 4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454, -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415, -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456, 0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409, 0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5))
+_MATRIX = table((0.028802823892616743, 0.061680826212949943, 0.055285563267234654, 0.05830068605753936, 0.05668200898480084, 0.05754303201724311, 0.057146971559234025, 0.0572544073721286, -0.010821698052015636, 0.0633079054352858, 0.13457201985444417, 0.12047766147733864, 0.12704316148341016, 0.12374099223938748, 0.12522069473806977, 0.12482395066493249, 0.008069010203851382, -0.016766167621301963, 0.08883018189912993, 0.18641428431849139, 0.16808837041936572, 0.17595155228374013, 0.17264331318806794, 0.17350739781725064, -0.006493073596535741, 0.011276575963180064, -0.02032248583700904, 0.10143090415741593, 0.2092022487638381, 0.19081981374722284, 0.1974144361397373, 0.19578608372624678, 0.005300041017295122, -0.008575400848083276, 0.012631022220423707, -0.021196196398555057, 0.099187005744833, 0.19945688894319688, 0.18521078469685745, 0.1882587726945593, -0.004223309650009842, 0.006607056898423003, -0.008970025754042578, 0.012247274295397013, -0.019275308810543568, 0.08243702475750181, 0.15862128747389664, 0.15206531032339257, 0.003069413349140929, -0.004723817373991893, 0.0061809009170075415, -0.007798637777900809, 0.010069646505165038, -0.014724795758020657, 0.05371248744655011, 0.09267907740148965, -0.0012238207256304553, 0.0018720744944425464, -0.0024173537825988994, 0.0029703975397181405, -0.003621850204038951, 0.00453480003283603, -0.006232535779335354, 0.015625))
+_POWERS = table((-0.22846422013505335, 0.1850897535747451, -0.23582081997972, 0.9532316380774069, 0.25013414867381245, -0.09207607235985078, 0.04827666589865964, -0.01708984375, -1.8169587583727254, 1.425631696375798, -1.6189489238471655, -1.5286388011415366, 3.099837256779687, -0.9726618084010183, 0.4888877761069608, -0.1708984375, 8.299490649731032, -7.032440683930033, 10.059171206875751, -10.481352867302109, 3.513059126845215, 1.057201966648256, -0.8008715863681131, 0.3076171875, 15.983944802687716, -10.864260754367306, 3.993981388193102, 8.191458200051803, -15.095735271262601, 11.597337302383426, -6.116295980186141, 2.1533203125, -45.52288420757575, 37.418986280822736, -38.23991314738859, 33.24792617216414, -19.69838579975891, 6.532894478231333, -0.80893627649496, 1.4575089257189037e-39, -33.758764202374415, 17.410379417518143, -2.410648918641197, -12.817228853617559, 22.317113424630126, -22.600580986157627, 16.294300431142524, -6.0908203125, 77.56815322909841, -56.79663545294092, 48.72602435523336, -40.24794743973546, 29.490461528420308, -18.324331004322836, 9.438766971747134, -2.9326171875, 19.591778158059423, -7.971750359526636, 0.03561645429526057, 6.1544094547072925, -10.321215410147214, 11.975905492175219, -10.666892227063347, 4.6083984375, -40.116295451118646, 26.22500010247347, -20.3094615947408, 16.528142496796022, -13.555269004180428, 10.826310631803098, -7.8772357747827195, 3.14208984375))
+_SLOPE_START = table((-64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437, -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375, -0.125))
+_VALUE_PROBE = table((0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314, 0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917, -0.029024131248411467))
+_SLOPE_PROBE = table((-0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966, -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628, -0.09513499620264546))
+
+
+@jit
+def _between(theta: float, z: array) -> float:
+    """A component at the fraction theta of a step, less its value at the start: barycentric interpolation."""
+    above = 0.0
+    below = _WEIGHTS[0] / theta
+    if theta == 0.0:
+        return 0.0
+    for j in range(8):
+        if theta == _NODES[j + 1]:
+            return z[j]
+        weight = _WEIGHTS[j + 1] / (theta - _NODES[j + 1])
+        above += weight * z[j]
+        below += weight
+    return above / below
+
+
+@jit
+def _predict(ratio: float, z: array, above: array, below: array) -> None:
+    """Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial."""
+    for i in range(8):
+        above[i] = 0.0
+        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1])
+    for j in range(8):
+        for i in range(8):
+            weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1])
+            above[i] += weight * z[j]
+            below[i] += weight
+    end = z[7]
+    for i in range(8):
+        z[i] = above[i] / below[i] - end
+
+
+@jit
+def _invert(m: array) -> None:
+    """Invert a matrix of 8 rows in place, by Gauss and Jordan: a poor inverse costs iterations, not accuracy."""
+    for k in range(8):
+        pivot = 1.0 / m[9 * k]
+        m[9 * k] = 1.0
+        for j in range(8):
+            m[8 * k + j] = pivot * m[8 * k + j]
+        for i in range(8):
+            if i != k:
+                factor = m[8 * i + k]
+                m[8 * i + k] = 0.0
+                for j in range(8):
+                    m[8 * i + j] -= factor * m[8 * k + j]
+
+
+@jit
+def _deflections(h: array, F: array, delta: array, p: array, w: array, force: array, stiffness: array) -> None:
+    """Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once."""
+    for iteration in range(6):
+        for i in range(8):
+            _balance(i, h[i], delta[i], p, force, stiffness)
+        for i in range(8):
+            force[i] = (force[i] - F[i]) / stiffness[i]
+            delta[i] = delta[i] - force[i]
+        moving: int = 0
+        for i in range(8):
+            if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
+                moving += 1
+        if moving == 0:
+            break
+    for i in range(8):
+        if not (fabs(force[i]) <= 1e-9 * fabs(delta[i]) and delta[i] > 0.0):
+            delta[i] = _solve_delta(h[i], F[i], nan, p, w)
+
+
+@jit
+def lubrication_rigid_passages(n: int, u: array, at: array, steps: array, out: array) -> None:
+    """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
+    z = empty(8)
+    for i in range(n):
+        base: int = 13 * int(at[i])
+        if steps[base + 12] != 0.0:
+            for j in range(8):
+                z[j] = steps[base + 4 + j]
+            theta = (u[i] - steps[base + 3]) / steps[base + 12]
+            out[i] = steps[base] + _between(theta, z)
+            continue
+        for j in range(8):
+            z[j] = steps[base + 4 + j]
+        target = u[i] - steps[base + 3]
+        low = 0.0
+        high = 1.0
+        for iteration in range(60):
+            middle = 0.5 * (low + high)
+            value = _between(middle, z)
+            if (value < target and z[7] > 0.0) or (value > target and z[7] < 0.0):
+                low = middle
+            else:
+                high = middle
+        out[i] = steps[base] + high * steps[base + 1]
+
+
+@jit
+def _gap_at(t: float, z: array, powers: array) -> float:
+    """The fraction of a step in ln h at which the time t, from its start, is reached: Newton's iteration.
+
+    powers: the time as a polynomial of 2 theta - 1, which rises.
+    """
+    low = -1.0
+    high = 1.0
+    before = 0.0
+    x = 1.0
+    for j in range(8):
+        if z[j] >= t:
+            low = 2.0 * _NODES[j] - 1.0
+            high = 2.0 * _NODES[j + 1] - 1.0
+            x = low + (high - low) * (t - before) / (z[j] - before) if z[j] > before else high
+            break
+        before = z[j]
+    for iteration in range(20):
+        value = powers[8]
+        slope = 0.0
+        for k in range(8):
+            slope = slope * x + value
+            value = value * x + powers[7 - k]
+        change = (value - t) / slope
+        if value > t:
+            high = x
+        else:
+            low = x
+        trial = x - change
+        x = trial if low <= trial and trial <= high else 0.5 * (low + high)
+        if fabs(change) <= 1e-8:
+            break
+    return 0.5 * (1.0 + x)
+
+
+@jit
+def lubrication_rigid_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
+    """The state at n times, in increasing order, from the 13 numbers of each of the steps stored: out[k*n + i] is component k."""
+    z = empty(8)
+    powers = empty(9)
+    known: int = -1
+    at: int = 0
+    for i in range(n):
+        while at < stored - 1 and t[i] >= steps[13 * (at + 1)]:
+            at += 1
+        if steps[13 * at + 12] != 0.0:
+            if known != at:
+                known = at
+                for j in range(8):
+                    z[j] = steps[13 * at + 4 + j]
+                for k in range(9):
+                    powers[k] = 0.0
+                    for j in range(8):
+                        powers[k] += _POWERS[8 * k + j] * z[j]
+            part = _gap_at(t[i] - steps[13 * at], z, powers)
+            out[i] = steps[13 * at + 3] + part * steps[13 * at + 12]
+            continue
+        theta = (t[i] - steps[13 * at]) / steps[13 * at + 1]
+        for j in range(8):
+            z[j] = steps[13 * at + 4 + j]
+        out[0 * n + i] = steps[13 * at + 3] + _between(theta, z)
+
+
+@jit
+def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array, capacity: int, state: array, steps: array) -> int:
+    """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
+
+    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
+    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
+
+    state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
+    longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
+    steps, of 13*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the length of the step in ln h if that
+    is the independent variable, when the stages are times, or 0.
+
+    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
+    -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
+    """
+    w = empty(4)
+    given = empty(8)
+    h = empty(8)
+    deflection = empty(8)
+    before = empty(8)
+    above = empty(8)
+    below = empty(8)
+    slopes = empty(8)
+    m = empty(64)
+    residual = empty(8)
+    change = empty(8)
+    u_z = empty(8)
+    u_kept = empty(8)
+    u_rate = empty(8)
+    t = state[0]
+    u = state[1]
+    delta = state[2]
+    dt = state[3]
+    accepted = state[4]
+    rejected = state[5]
+    passes = state[6]
+    singles = state[7]
+    stiffest = state[10]
+    settled = state[11]
+    # the last step, of which the next one is predicted; 0 after what cannot be extrapolated
+    last = 0.0
+    last_error = 1.0
+    fresh = 1.0
+    crossing = inf
+    shrink_only = 0.0
+    stride = 0.5
+    u_dot = 0.0
+    status: int = 2
+    stored: int = 0
+    while status == 2 and stored < capacity:
+        limit = t_end
+        ending = 0.0
+        if t >= t_end:
+            status = 0
+            break
+        if fresh == 1.0:
+            # the rates where the run starts, or goes on after an event
+            _drive(t, c, w)
+            for i in range(8):
+                h[i] = exp(u)
+                given[i] = w[0]
+                deflection[i] = delta
+            _deflections(h, given, deflection, p, w, above, below)
+            delta = deflection[0]
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            for i in range(8):
+                _slopes(i, h[i], deflection[i], given[i], p, slopes)
+            singles += 8.0
+            u_dot = u_rate[0]
+            if not isfinite(u_dot):
+                status = -3
+                break
+            fresh = 0.0
+            last = 0.0
+            if dt == 0.0:
+                speed = fabs(u_dot) + fabs(slopes[0])
+                if speed > 0.0:
+                    dt = 0.1 / speed
+                else:
+                    # nothing moves yet: look ahead until something does
+                    dt = 1e-9 * (t_end - t) if isfinite(t_end) else 1e-200
+                    moving: int = 0
+                    while moving == 0 and dt < 1e200 and t + dt < limit:
+                        _drive(t + dt, c, w)
+                        given[0] = w[0]
+                        deflection[0] = _solve_delta(h[0], given[0], nan, p, w)
+                        _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w)
+                        singles += 1.0
+                        if fabs(u_rate[0]) * dt < 1e-3:
+                            dt = 4.0 * dt
+                        else:
+                            moving = 1
+        # while the gap moves, it serves as the independent variable: its time is an integral, without iterations
+        if state[13] == 1.0 and fabs(u_dot) > 0.1 * fabs(slopes[7]):
+            stride = fabs(stride) if u_dot > 0.0 else -fabs(stride)
+            landing = 0.0
+            step = stride
+            if (u_stop - u) * u_dot > 0.0 and fabs(u_stop - u) <= 1.01 * fabs(stride):
+                step = u_stop - u
+                landing = 1.0
+            for i in range(8):
+                h[i] = exp(u + _NODES[i + 1] * step)
+                given[i] = c[0]
+                deflection[i] = delta
+            _deflections(h, given, deflection, p, w, above, below)
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            passes += 1.0
+            astray: int = 0
+            for i in range(8):
+                u_z[i] = 0.0
+                above[i] = step / u_rate[i]
+                if not above[i] > 0.0:
+                    astray += 1
+            for j in range(8):
+                for i in range(8):
+                    u_z[i] += _MATRIX[8 * j + i] * above[j]
+            u_defect = -step / u_dot
+            u_late = 0.0
+            for i in range(8):
+                u_defect += _SLOPE_START[i + 1] * u_z[i]
+                u_late += _SLOPE_PROBE[i + 1] * u_z[i]
+            h_probe = exp(u + 0.5501108282781375 * step)
+            _gap_rate(0, h_probe, _solve_delta(h_probe, c[0], deflection[4], p, w), c[0], p, below, w)
+            singles += 1.0
+            error = 0.014424143230897014 * fabs(u_defect)
+            other = 0.07596008870469767 * fabs(u_late - step / below[0])
+            error = error if error > other else other
+            # an error of the time is one of ln h by the rate
+            fastest = fabs(u_dot) if fabs(u_dot) > fabs(u_rate[7]) else fabs(u_rate[7])
+            error = error * fastest / (rtol + 4.5e-16 * (1.0 + fabs(u)))
+            factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
+            if astray > 0 or not error <= 1.0:
+                rejected += 1.0
+                stride = step * (factor if factor > 0.2 and factor < 1.0 and astray == 0 else 0.2)
+                # where the rate vanishes on the way, time has to take over
+                state[13] = 1.0 if fabs(stride) > 1e-6 else 0.0
+                continue
+            if not isfinite(t + u_z[7]):
+                status = -2
+                break
+            here: int = 13 * stored
+            steps[here] = t
+            steps[here + 1] = u_z[7]
+            steps[here + 2] = 0.0
+            steps[here + 3] = u
+            for i in range(8):
+                steps[here + 4 + i] = u_z[i]
+            steps[here + 12] = step
+            stored += 1
+            accepted += 1.0
+            state[14] += 1.0
+            t = t + u_z[7]
+            u = u_stop if landing == 1.0 else u + step
+            u_dot = u_rate[7]
+            delta = deflection[7]
+            _slopes(7, h[7], delta, c[0], p, slopes)
+            factor = factor if factor < 8.0 else 8.0
+            stride = step * factor if fabs(step * factor) < 3.0 else 3.0
+            dt = 0.1 / (fabs(u_dot) + fabs(slopes[7]))
+            last = 0.0
+            if t < t_end and landing == 1.0:
+                status = 1
+            continue
+        # land on the limit, and leave no sliver before it
+        if crossing < limit:
+            limit = crossing
+            ending = 2.0
+        step = dt if dt < state[12] else state[12]
+        landing = 0.0
+        if t + 1.01 * step >= limit:
+            step = limit - t
+            landing = 1.0
+        if not isfinite(t + step):
+            status = -2
+            break
+        if step <= 4.5e-16 * fabs(t):
+            if landing == 1.0:
+                t = limit
+                if limit == crossing:
+                    crossing = inf
+                fresh = 1.0
+                continue
+            status = -1
+            break
+        # what is given, at the stages
+        for i in range(8):
+            _drive(t + _NODES[i + 1] * step, c, w)
+            given[i] = w[0]
+        # predict the stages: by the last step's polynomial, unless far beyond it, or along the tangent, bent where it decays
+        for i in range(8):
+            u_z[i] = u_kept[i]
+        for i in range(8):
+            deflection[i] = before[i]
+        wild: int = 0
+        if last > 0.0 and step <= 2.0 * last:
+            _predict(step / last, u_z, above, below)
+            _predict(step / last, deflection, above, below)
+            for i in range(8):
+                deflection[i] = delta + deflection[i]
+            for i in range(8):
+                if not fabs(u_z[i]) < 2.0:
+                    wild += 1
+        if step > 2.0 * last or wild > 0:
+            for i in range(8):
+                reach = _NODES[i + 1] * step
+                u_z[i] = reach * u_dot / (1.0 - reach * slopes[7] if slopes[7] < 0.0 else 1.0)
+                deflection[i] = delta
+        # what no step can be held to: u itself is rounded
+        rounding = 4.5e-16 * (1.0 + fabs(u))
+        # Newton's iteration, its matrix renewed while it moves far
+        moved = inf
+        renew: int = 1
+        turn: int = 0
+        done: int = 0
+        while turn < 10 and done == 0:
+            turn += 1
+            for i in range(8):
+                h[i] = exp(u + u_z[i])
+            _deflections(h, given, deflection, p, w, above, below)
+            for i in range(8):
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            if renew == 1:
+                for i in range(8):
+                    _slopes(i, h[i], deflection[i], given[i], p, slopes)
+                for i in range(64):
+                    m[i] = _INVERSE[i]
+                for i in range(8):
+                    m[9 * i] -= step * slopes[i]
+                _invert(m)
+            for i in range(8):
+                residual[0 + i] = step * u_rate[i]
+            for j in range(8):
+                for i in range(8):
+                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j]
+            for i in range(8):
+                change[i] = 0.0
+            for j in range(8):
+                for i in range(8):
+                    change[i] += m[8 * j + i] * residual[j]
+            for i in range(8):
+                u_z[i] += change[0 + i]
+            total = 0.0
+            for i in range(8):
+                total += change[i] * change[i]
+            moves = sqrt(total)
+            renew = 1 if moves > 0.03 else 0
+            contraction = moves / moved
+            # 1e-2 of what a step may err, or what rounding leaves
+            if moves <= 1e-2 * rtol or moves <= rounding:
+                done = 1
+            elif turn > 1 and contraction < 0.5 and moves * contraction / (1.0 - contraction) <= 1e-2 * rtol:
+                done = 1
+            elif not moves < 10.0 or (turn > 2 and contraction > 1.0):
+                break
+            moved = moves
+        passes += float(turn)
+        if done == 0:
+            rejected += 1.0
+            last = 0.0
+            shrink_only = 1.0
+            dt = 0.25 * step
+            continue
+        # the defect of the polynomial at the start and at the probe, and the error that it makes
+        _drive(t + 0.5501108282781375 * step, c, w)
+        probe_given = w[0]
+        u_probe = u
+        u_late = 0.0
+        u_defect = -step * u_dot
+        for i in range(8):
+            u_probe += _VALUE_PROBE[i + 1] * u_z[i]
+            u_late += _SLOPE_PROBE[i + 1] * u_z[i]
+            u_defect += _SLOPE_START[i + 1] * u_z[i]
+        h_probe = exp(u_probe)
+        delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w)
+        _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below)
+        singles += 1.0
+        error = 0.014424143230897014 * fabs(u_defect)
+        other = 0.07596008870469767 * fabs(u_late - step * above[0])
+        # written so that nan rejects the step
+        error = error if error > other else other
+        decay = -step * slopes[7]
+        stiffest = decay if decay > stiffest else stiffest
+        error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0) / (rtol + rounding)
+        factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
+        if not error <= 1.0:
+            rejected += 1.0
+            shrink_only = 1.0
+            # an error that is nan leaves a factor above 1
+            dt = step * (factor if factor > 0.2 and factor < 1.0 else 0.2)
+            continue
+        # the step stands
+        base: int = 13 * stored
+        steps[base] = t
+        steps[base + 1] = step
+        steps[base + 2] = ending if landing == 1.0 else 0.0
+        steps[base + 3] = u
+        for i in range(8):
+            steps[base + 4 + i] = u_z[i]
+            u_kept[i] = u_z[i]
+        for i in range(8):
+            before[i] = deflection[i] - delta
+        steps[base + 12] = 0.0
+        accepted += 1.0
+        u_new = u + u_z[7]
+        if (u - u_stop) * (u_new - u_stop) <= 0.0:
+            status = 1
+        # the last stage is the end of the step; the last correction moves its rates along the Jacobian
+        u_dot = u_rate[7] + slopes[7] * change[7]
+        delta = deflection[7]
+        resting = 1.0 if slopes[7] < 0.0 and fabs(u_dot) <= -rtol * slopes[7] else 0.0
+        if resting > settled and steps[base + 2] == 0.0:
+            steps[base + 2] = 3.0
+        settled = resting
+        u = u_new
+        t = limit if landing == 1.0 else t + step
+        stored += 1
+        if last > 0.0:
+            foresight = factor * step / last * pow(last_error / (error if error > 1e-12 else 1e-12), 1.0 / 9.0)
+            factor = foresight if foresight < factor else factor
+        factor = factor if factor < 8.0 else 8.0
+        factor = factor if factor > 0.2 else 0.2
+        factor = factor if shrink_only == 0.0 or factor < 1.0 else 1.0
+        # a step shortened to land says nothing about the next
+        dt = step * factor if landing == 0.0 or step * factor > dt else dt
+        shrink_only = 0.0
+        last = step
+        last_error = error if error > 1e-2 else 1e-2
+        if landing == 1.0 and ending > 0.0:
+            fresh = 1.0
+            if limit == crossing:
+                crossing = inf
+    state[0] = t
+    state[1] = u
+    state[2] = delta
+    state[3] = dt
+    state[4] = accepted
+    state[5] = rejected
+    state[6] = passes
+    state[7] = singles
+    state[9] = float(stored)
+    state[10] = stiffest
+    state[11] = settled
+    return status

@@ -1,0 +1,835 @@
+/* Contact law soap_film: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
+ *
+ * Source: Bergeron 1999, doi:10.1088/0953-8984/11/19/201; droplet
+ * Law b58da6dec597cfd2:
+ *     a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+ *     F_ela = 4*pi*delta*sigma
+ *     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
+ *     F_adh = pi*Pi0*(R*ell - 2*R/(1/h + 1/R) + a**2)*exp(-h/ell)
+ * Operations, 311 in all:
+ *     balance: 2 mul
+ *     gap_rate: 8 add, 22 mul, 8 div, 1 sqrt, 2 call
+ *     slopes: 28 add, 81 mul, 15 div, 1 sqrt, 2 call
+ *     quantities: 32 add, 86 mul, 20 div, 1 sqrt, 2 call
+ *
+ * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
+ *
+ *   void soap_film_evaluate(n, h, delta, F, dF_dt, p, out)
+ *       a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at n states; out holds them one after the other, n each.
+ *   void soap_film_solve_delta(n, h, F, p, delta)
+ *       The deflection at n gaps under n forces; on entry delta holds guesses, or nan.
+ *   void soap_film_drive(n, t, table_t, table_F, rows, value, rate)
+ *       The external force at n times, in increasing order.
+ *   int64_t soap_film_integrate(t_end, u_stop, rtol, p, table_t, table_F, rows, capacity, state, steps)
+ *       The state from one time on; see there.
+ *   void soap_film_passages(n, u, at, steps, out)
+ *       The times at which ln h passes n values within given steps.
+ *   void soap_film_sample(n, t, stored, steps, out)
+ *       The state at n times, from the steps.
+ *
+ *   p: R, eta, Pi0, ell, sigma
+ */
+#include <math.h>
+#include <stdint.h>
+
+#if defined(__FAST_MATH__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#endif
+
+static const double _NODES[9] = {
+    0.0, 0.022479386438712497, 0.11467905316090424, 0.26578982278458946,
+    0.45284637366944464, 0.6473752828868303, 0.8197593082631076, 0.9437374394630779,
+    1.0,
+};
+static const double _WEIGHTS[9] = {
+    6435.0, -10269.771635486373, 6713.600026233208, -5199.222168253645,
+    4231.204479179782, -3470.1488650701895, 2771.535521741593, -2016.5723583443762,
+    804.375,
+};
+static const double _INVERSE[64] = {
+    22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978,
+    4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576,
+    7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715,
+    -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559,
+    -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823,
+    3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228,
+    0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856,
+    -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752,
+    -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231,
+    0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493,
+    0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161,
+    4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454,
+    -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415,
+    -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456,
+    0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409,
+    0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5,
+};
+static const double _SLOPE_START[9] = {
+    -64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437,
+    -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375,
+    -0.125,
+};
+static const double _VALUE_PROBE[9] = {
+    0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314,
+    0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917,
+    -0.029024131248411467,
+};
+static const double _SLOPE_PROBE[9] = {
+    -0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966,
+    -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628,
+    -0.09513499620264546,
+};
+
+/* The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta). */
+static inline void _balance(int64_t i, double h, double delta, const double *restrict p, double *restrict w, double *restrict out)
+{
+    const double sigma = p[4];
+    const double x0 = 12.566370614359172 * sigma;
+    const double F_ela = delta * x0;
+    const double dF_ddelta = x0;
+    w[i] = F_ela;
+    out[i] = dF_ddelta;
+}
+
+/* w[i] = d(ln h)/dt (eq. 7). */
+static inline void _gap_rate(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict w, const double *restrict out)
+{
+    const double R = p[0];
+    const double eta = p[1];
+    const double Pi0 = p[2];
+    const double ell = p[3];
+    const double x0 = 1.0 / R;
+    const double x1 = 1.0 / h;
+    const double x2 = x0 + x1;
+    const double x3 = 1.0 / x2;
+    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
+    const double x6 = x1 * R;
+    const double R_p2 = R * R;
+    const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x2_p2 = x2 * x2;
+    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
+    const double F_adh = 3.141592653589793 * Pi0 * (R * ell + a_p2 - 2.0 * x3 * R) * exp(-h / ell);
+    const double dh_dt = (F_adh - F) / zeta;
+    w[i] = dh_dt / h;
+}
+
+/* The Jacobian of the rates of the state (ln h, delta following from the force balance). */
+static inline void _slopes(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict out)
+{
+    const double R = p[0];
+    const double eta = p[1];
+    const double Pi0 = p[2];
+    const double ell = p[3];
+    const double sigma = p[4];
+    const double x0 = 1.0 / R;
+    const double x1 = 1.0 / h;
+    const double x2 = x0 + x1;
+    const double x3 = 1.0 / x2;
+    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
+    const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x6 = 1.0 / a_p4;
+    const double x2_p2 = x2 * x2;
+    const double x8 = 1.0 / x2_p2;
+    const double R_p2 = R * R;
+    const double x9 = 12.0 * x6 * x8 * R_p2 + 1.0;
+    const double x10 = 1.0 / x9;
+    const double x11 = x1 * R;
+    const double x12 = log1p(20.0 / 9.0 * x11);
+    const double x13 = x11 / 2.0 + 0.45 * x12 + 1.0;
+    const double x14 = x2_p2 * a_p4;
+    const double zeta = 9.42477796076938 * x0 * x10 * x13 * x14 * eta;
+    const double x16 = R * ell;
+    const double x17 = x3 * R;
+    const double x18 = 1.0 / ell;
+    const double x19 = 3.141592653589793 * Pi0 * exp(-x18 * h);
+    const double F_adh = x19 * (a_p2 + x16 - 2.0 * x17);
+    const double dF_ddelta = 12.566370614359172 * sigma;
+    const double dF_dh = 0.0;
+    const double x20 = 1.0 / zeta;
+    const double dh_dt = x20 * (F_adh - F);
+    const double x21 = dF_dh * R * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / dF_ddelta;
+    const double x22 = R + h;
+    const double R_p4 = R_p2 * R_p2;
+    const double h_p2 = h * h;
+    const double x24 = R_p4 * h_p2;
+    const double x22_p2 = x22 * x22;
+    const double x26 = x22_p2 * a_p4;
+    const double x27 = 24.0 * x24 + x26;
+    const double x28 = 12.0 * x24 + x26;
+    const double x29 = 10.0 * R;
+    const double x30 = 9.0 * x12;
+    const double x31 = x1 * x29 + x30 + 20.0;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x28_p2 = x28 * x28;
+    const double slope_p11 = x20 * (-x18 * x19 * (ell * R_p2 + R * a_p2 + h * a_p2 + x16 * h - 2.0 * h * R_p2) / x22 - 2.0 * x19 * x21) - dh_dt * x1 - dh_dt * (x6 * x8 * x9 * R * (2.0 * x1 * x27 * x22_p2 * a_p6 * (x30 * h + 20.0 * h + x29) / x28_p2 - x10 * (x0 * x2 * x31 * a_p4 + 12.0 * x10 * x17 * x31 + 5.0 * x14 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (10.0 * x13 * h_p2) - 4.0 * x21 * x27 / (x28 * a_p2));
+    out[0 + i] = slope_p11;
+}
+
+/* a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at state i of n. */
+static inline void _quantities(int64_t i, int64_t n, double h, double delta, double F, double dF_dt, const double *restrict p, double *restrict out)
+{
+    const double R = p[0];
+    const double eta = p[1];
+    const double Pi0 = p[2];
+    const double ell = p[3];
+    const double sigma = p[4];
+    const double x0 = 1.0 / R;
+    const double x1 = 1.0 / h;
+    const double x2 = x0 + x1;
+    const double x3 = 1.0 / x2;
+    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
+    const double x4 = 12.566370614359172 * sigma;
+    const double F_ela = delta * x4;
+    const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x7 = 1.0 / a_p4;
+    const double x2_p2 = x2 * x2;
+    const double x9 = 1.0 / x2_p2;
+    const double R_p2 = R * R;
+    const double x10 = 12.0 * x7 * x9 * R_p2 + 1.0;
+    const double x11 = 1.0 / x10;
+    const double x12 = x1 * R;
+    const double x13 = log1p(20.0 / 9.0 * x12);
+    const double x14 = x12 / 2.0 + 0.45 * x13 + 1.0;
+    const double x15 = x2_p2 * a_p4;
+    const double zeta = 9.42477796076938 * x0 * x11 * x14 * x15 * eta;
+    const double x17 = R * ell;
+    const double x18 = 2.0 * R;
+    const double x19 = 1.0 / ell;
+    const double x20 = 3.141592653589793 * Pi0 * exp(-x19 * h);
+    const double F_adh = x20 * (a_p2 + x17 - x18 * x3);
+    const double dF_ddelta = x4;
+    const double dF_dh = 0.0;
+    const double C = dF_ddelta / 2.0;
+    const double D = C * zeta / (C + dF_dh);
+    const double x21 = F - F_adh;
+    const double dh_dt = -x21 / zeta;
+    const double x22 = 1.0 / dF_ddelta;
+    const double ddelta_dt = x22 * (dF_dt - dF_dh * dh_dt);
+    const double dX_dt = -x21 / D - dF_dt / C;
+    const double X = h + x18 - 2.0 * delta;
+    const double lambda1 = 0.0;
+    const double x23 = dF_dh * x22 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
+    const double x24 = R + h;
+    const double R_p4 = R_p2 * R_p2;
+    const double h_p2 = h * h;
+    const double x26 = R_p4 * h_p2;
+    const double x24_p2 = x24 * x24;
+    const double x28 = x24_p2 * a_p4;
+    const double x29 = 24.0 * x26 + x28;
+    const double x30 = 12.0 * x26 + x28;
+    const double x31 = 10.0 * R;
+    const double x32 = 9.0 * x13;
+    const double x33 = x1 * x31 + x32 + 20.0;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x30_p2 = x30 * x30;
+    const double lambda2 = -h * (x10 * x7 * x9 * R * (2.0 * x1 * x29 * x24_p2 * a_p6 * (x32 * h + 20.0 * h + x31) / x30_p2 - x11 * (12.0 * x11 * x3 * x33 * R + x0 * x2 * x33 * a_p4 + 5.0 * x15 * (1.0 + 18.0 / (20.0 * x12 + 9.0)))) / (10.0 * x14 * h_p2) - 4.0 * x23 * x29 * R / (x30 * a_p2)) - h * (-x18 * x20 * x23 - x19 * x20 * (ell * R_p2 + R * a_p2 + h * a_p2 + x17 * h - 2.0 * h * R_p2) / x24) / x21;
+    out[0 * n + i] = a;
+    out[1 * n + i] = F_ela;
+    out[2 * n + i] = zeta;
+    out[3 * n + i] = F_adh;
+    out[4 * n + i] = C;
+    out[5 * n + i] = D;
+    out[6 * n + i] = dh_dt;
+    out[7 * n + i] = ddelta_dt;
+    out[8 * n + i] = dX_dt;
+    out[9 * n + i] = X;
+    out[10 * n + i] = lambda1;
+    out[11 * n + i] = lambda2;
+}
+
+/* The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
+
+   F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
+   solution. Uses w[0] and w[1]. */
+static inline double _solve_delta(double h, double F, double guess, const double *restrict p, double *restrict w)
+{
+    if (F == 0.0) {
+        return 0.0;
+    }
+    double low = F > 0.0 ? 0.0 : -INFINITY;
+    double high = F > 0.0 ? INFINITY : 0.0;
+    double stiffness[1];
+    double delta = guess;
+    if (!(low < guess && guess < high)) {
+        /* start from the linear response, or from R where that is beyond R */
+        _balance(0, h, 0.0, p, w, stiffness);
+        delta = F / stiffness[0];
+        if (!(fabs(delta) < p[0])) {
+            delta = F > 0.0 ? p[0] : -p[0];
+        }
+    }
+    for (int64_t iteration = 0; iteration < 400; iteration++) {
+        _balance(0, h, delta, p, w, stiffness);
+        const double residual = w[0] - F;
+        const double step = residual / stiffness[0];
+        double trial = delta - step;
+        /* Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding */
+        if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
+            return trial;
+        }
+        if (residual > 0.0) {
+            high = delta;
+        } else if (residual < 0.0) {
+            low = delta;
+        } else {
+            return residual == 0.0 ? delta : NAN;
+        }
+        if (!(low < trial && trial < high)) {
+            if (high == INFINITY || low == -INFINITY) {
+                trial = 2.0 * delta;
+            } else if (low == 0.0 || high == 0.0) {
+                trial = 0.001 * delta;
+            } else if (0.5 * (low + high) == low || 0.5 * (low + high) == high) {
+                return delta;
+            } else {
+                trial = 0.5 * (low + high);
+            }
+        }
+        delta = trial;
+    }
+    return NAN;
+}
+
+/* What is given, and its rate of change, at the time t: w[0] and w[1]. */
+static inline void _drive(double t, const double *restrict table_t, const double *restrict table_F, int64_t segment, double *restrict w)
+{
+    /* linear between two rows */
+    const double start = table_t[segment];
+    const double slope = (table_F[segment + 1] - table_F[segment]) / (table_t[segment + 1] - start);
+    w[0] = table_F[segment] + slope * (t - start);
+    w[1] = slope;
+}
+
+/* a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at n states: out[k*n + i] is quantity k at state i. */
+void soap_film_evaluate(int64_t n, const double *restrict h, const double *restrict delta, const double *restrict F, const double *restrict dF_dt, const double *restrict p, double *restrict out)
+{
+    for (int64_t i = 0; i < n; i++) {
+        _quantities(i, n, h[i], delta[i], F[i], dF_dt[i], p, out);
+    }
+}
+
+/* The deflection at n gaps under n forces; nan where there is none. */
+void soap_film_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
+{
+    double w[2];
+    for (int64_t i = 0; i < n; i++) {
+        delta[i] = _solve_delta(h[i], F[i], delta[i], p, w);
+    }
+}
+
+/* What is given, and its rate of change, at n times, in increasing order. */
+void soap_film_drive(int64_t n, const double *restrict t, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict value, double *restrict rate)
+{
+    double w[2];
+    int64_t segment = 0;
+    for (int64_t i = 0; i < n; i++) {
+        while (segment < rows - 2 && t[i] >= table_t[segment + 1]) {
+            segment += 1;
+        }
+        _drive(t[i], table_t, table_F, segment, w);
+        value[i] = w[0];
+        rate[i] = w[1];
+    }
+}
+
+/* A component at the fraction theta of a step, less its value at the start: barycentric interpolation. */
+static inline double _between(double theta, const double *restrict z)
+{
+    double above = 0.0;
+    double below = _WEIGHTS[0] / theta;
+    if (theta == 0.0) {
+        return 0.0;
+    }
+    for (int64_t j = 0; j < 8; j++) {
+        if (theta == _NODES[j + 1]) {
+            return z[j];
+        }
+        const double weight = _WEIGHTS[j + 1] / (theta - _NODES[j + 1]);
+        above += weight * z[j];
+        below += weight;
+    }
+    return above / below;
+}
+
+/* Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial. */
+static inline void _predict(double ratio, double *restrict z, double *restrict above, double *restrict below)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        above[i] = 0.0;
+        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1]);
+    }
+    for (int64_t j = 0; j < 8; j++) {
+        for (int64_t i = 0; i < 8; i++) {
+            const double weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1]);
+            above[i] += weight * z[j];
+            below[i] += weight;
+        }
+    }
+    const double end = z[7];
+    for (int64_t i = 0; i < 8; i++) {
+        z[i] = above[i] / below[i] - end;
+    }
+}
+
+/* Invert a matrix of 8 rows in place, by Gauss and Jordan: a poor inverse costs iterations, not accuracy. */
+static inline void _invert(double *restrict m)
+{
+    for (int64_t k = 0; k < 8; k++) {
+        const double pivot = 1.0 / m[9 * k];
+        m[9 * k] = 1.0;
+        for (int64_t j = 0; j < 8; j++) {
+            m[8 * k + j] = pivot * m[8 * k + j];
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            if (i != k) {
+                const double factor = m[8 * i + k];
+                m[8 * i + k] = 0.0;
+                for (int64_t j = 0; j < 8; j++) {
+                    m[8 * i + j] -= factor * m[8 * k + j];
+                }
+            }
+        }
+    }
+}
+
+/* Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once. */
+static inline void _deflections(const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict force, double *restrict stiffness)
+{
+    for (int64_t iteration = 0; iteration < 6; iteration++) {
+        for (int64_t i = 0; i < 8; i++) {
+            _balance(i, h[i], delta[i], p, force, stiffness);
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            force[i] = (force[i] - F[i]) / stiffness[i];
+            delta[i] = delta[i] - force[i];
+        }
+        int64_t moving = 0;
+        for (int64_t i = 0; i < 8; i++) {
+            if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
+                moving += 1;
+            }
+        }
+        if (moving == 0) {
+            break;
+        }
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
+            delta[i] = _solve_delta(h[i], F[i], NAN, p, w);
+        }
+    }
+}
+
+/* The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial. */
+void soap_film_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
+{
+    double z[8];
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t base = 12 * (int64_t)at[i];
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[base + 4 + j];
+        }
+        const double target = u[i] - steps[base + 3];
+        double low = 0.0;
+        double high = 1.0;
+        for (int64_t iteration = 0; iteration < 60; iteration++) {
+            const double middle = 0.5 * (low + high);
+            const double value = _between(middle, z);
+            if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        out[i] = steps[base] + high * steps[base + 1];
+    }
+}
+
+/* The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k. */
+void soap_film_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
+{
+    double z[8];
+    int64_t at = 0;
+    for (int64_t i = 0; i < n; i++) {
+        while (at < stored - 1 && t[i] >= steps[12 * (at + 1)]) {
+            at += 1;
+        }
+        const double theta = (t[i] - steps[12 * at]) / steps[12 * at + 1];
+        for (int64_t j = 0; j < 8; j++) {
+            z[j] = steps[12 * at + 4 + j];
+        }
+        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z);
+    }
+}
+
+/* Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
+
+   A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
+   of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
+
+   state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
+   longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
+   steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+
+   Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
+   -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
+int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict table_t, const double *restrict table_F, int64_t rows, int64_t capacity, double *restrict state, double *restrict steps)
+{
+    double w[4];
+    double given[8];
+    double h[8];
+    double deflection[8];
+    double before[8];
+    double above[8];
+    double below[8];
+    double slopes[8];
+    double m[64];
+    double residual[8];
+    double change[8];
+    double u_z[8];
+    double u_kept[8];
+    double u_rate[8];
+    double t = state[0];
+    double u = state[1];
+    double delta = state[2];
+    double dt = state[3];
+    double accepted = state[4];
+    double rejected = state[5];
+    double passes = state[6];
+    double singles = state[7];
+    int64_t segment = (int64_t)state[8];
+    double stiffest = state[10];
+    double settled = state[11];
+    /* the last step, of which the next one is predicted; 0 after what cannot be extrapolated */
+    double last = 0.0;
+    double last_error = 1.0;
+    double fresh = 1.0;
+    double crossing = INFINITY;
+    double shrink_only = 0.0;
+    double u_dot = 0.0;
+    int64_t status = 2;
+    int64_t stored = 0;
+    while (status == 2 && stored < capacity) {
+        if (t >= table_t[segment + 1] && segment < rows - 2) {
+            segment += 1;
+            continue;
+        }
+        double limit = table_t[segment + 1] < t_end ? table_t[segment + 1] : t_end;
+        double ending = table_t[segment + 1] < t_end ? 1.0 : 0.0;
+        if (t >= t_end) {
+            status = 0;
+            break;
+        }
+        if (t >= table_t[rows - 1]) {
+            status = 3;
+            break;
+        }
+        if (fresh == 1.0) {
+            /* the rates where the run starts, or goes on after an event */
+            _drive(t, table_t, table_F, segment, w);
+            for (int64_t i = 0; i < 8; i++) {
+                h[i] = exp(u);
+                given[i] = w[0];
+                deflection[i] = delta;
+            }
+            _deflections(h, given, deflection, p, w, above, below);
+            delta = deflection[0];
+            for (int64_t i = 0; i < 8; i++) {
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                _slopes(i, h[i], deflection[i], given[i], p, slopes);
+            }
+            singles += 8.0;
+            u_dot = u_rate[0];
+            if (!isfinite(u_dot)) {
+                status = -3;
+                break;
+            }
+            fresh = 0.0;
+            last = 0.0;
+            if (dt == 0.0) {
+                const double speed = fabs(u_dot) + fabs(slopes[0]);
+                if (speed > 0.0) {
+                    dt = 0.1 / speed;
+                } else {
+                    /* nothing moves yet: look ahead until something does */
+                    dt = isfinite(t_end) ? 1e-09 * (t_end - t) : 1e-200;
+                    int64_t moving = 0;
+                    while (moving == 0 && dt < 1e+200 && t + dt < limit) {
+                        _drive(t + dt, table_t, table_F, segment, w);
+                        given[0] = w[0];
+                        deflection[0] = _solve_delta(h[0], given[0], NAN, p, w);
+                        _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w);
+                        singles += 1.0;
+                        if (fabs(u_rate[0]) * dt < 0.001) {
+                            dt = 4.0 * dt;
+                        } else {
+                            moving = 1;
+                        }
+                    }
+                }
+            }
+        }
+        /* land on the limit, and leave no sliver before it */
+        if (crossing < limit) {
+            limit = crossing;
+            ending = 2.0;
+        }
+        double step = dt < state[12] ? dt : state[12];
+        double landing = 0.0;
+        if (t + 1.01 * step >= limit) {
+            step = limit - t;
+            landing = 1.0;
+        }
+        if (!isfinite(t + step)) {
+            status = -2;
+            break;
+        }
+        if (step <= 4.5e-16 * fabs(t)) {
+            if (landing == 1.0) {
+                t = limit;
+                if (limit == crossing) {
+                    crossing = INFINITY;
+                }
+                fresh = 1.0;
+                continue;
+            }
+            status = -1;
+            break;
+        }
+        /* what is given, at the stages */
+        for (int64_t i = 0; i < 8; i++) {
+            _drive(t + _NODES[i + 1] * step, table_t, table_F, segment, w);
+            given[i] = w[0];
+        }
+        /* where the force crosses zero the law may have a kink: end a step there */
+        if (crossing == INFINITY) {
+            _drive(t, table_t, table_F, segment, w);
+            double side = w[0];
+            double earlier = t;
+            for (int64_t i = 0; i < 8; i++) {
+                double later = t + _NODES[i + 1] * step;
+                if (side * given[i] < 0.0) {
+                    while (later - earlier > 4.5e-16 * fabs(later)) {
+                        const double middle = 0.5 * (earlier + later);
+                        if (middle <= earlier || middle >= later) {
+                            break;
+                        }
+                        _drive(middle, table_t, table_F, segment, w);
+                        if (w[0] * side > 0.0) {
+                            earlier = middle;
+                        } else {
+                            later = middle;
+                        }
+                    }
+                    crossing = later;
+                    break;
+                }
+                if (given[i] != 0.0) {
+                    side = given[i];
+                }
+                earlier = later;
+            }
+            if (crossing < INFINITY) {
+                continue;
+            }
+        }
+        /* predict the stages: by the last step's polynomial, unless far beyond it, or along the tangent, bent where it decays */
+        for (int64_t i = 0; i < 8; i++) {
+            u_z[i] = u_kept[i];
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            deflection[i] = before[i];
+        }
+        int64_t wild = 0;
+        if (last > 0.0 && step <= 2.0 * last) {
+            _predict(step / last, u_z, above, below);
+            _predict(step / last, deflection, above, below);
+            for (int64_t i = 0; i < 8; i++) {
+                deflection[i] = delta + deflection[i];
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                if (!(fabs(u_z[i]) < 2.0)) {
+                    wild += 1;
+                }
+            }
+        }
+        if (step > 2.0 * last || wild > 0) {
+            for (int64_t i = 0; i < 8; i++) {
+                const double reach = _NODES[i + 1] * step;
+                u_z[i] = reach * u_dot / (slopes[7] < 0.0 ? 1.0 - reach * slopes[7] : 1.0);
+                deflection[i] = delta;
+            }
+        }
+        /* what no step can be held to: u itself is rounded */
+        const double rounding = 4.5e-16 * (1.0 + fabs(u));
+        /* Newton's iteration, its matrix renewed while it moves far */
+        double moved = INFINITY;
+        int64_t renew = 1;
+        int64_t turn = 0;
+        int64_t done = 0;
+        while (turn < 10 && done == 0) {
+            turn += 1;
+            for (int64_t i = 0; i < 8; i++) {
+                h[i] = exp(u + u_z[i]);
+            }
+            _deflections(h, given, deflection, p, w, above, below);
+            for (int64_t i = 0; i < 8; i++) {
+                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
+            }
+            if (renew == 1) {
+                for (int64_t i = 0; i < 8; i++) {
+                    _slopes(i, h[i], deflection[i], given[i], p, slopes);
+                }
+                for (int64_t i = 0; i < 64; i++) {
+                    m[i] = _INVERSE[i];
+                }
+                for (int64_t i = 0; i < 8; i++) {
+                    m[9 * i] -= step * slopes[i];
+                }
+                _invert(m);
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                residual[0 + i] = step * u_rate[i];
+            }
+            for (int64_t j = 0; j < 8; j++) {
+                for (int64_t i = 0; i < 8; i++) {
+                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j];
+                }
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                change[i] = 0.0;
+            }
+            for (int64_t j = 0; j < 8; j++) {
+                for (int64_t i = 0; i < 8; i++) {
+                    change[i] += m[8 * j + i] * residual[j];
+                }
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                u_z[i] += change[0 + i];
+            }
+            double total = 0.0;
+            for (int64_t i = 0; i < 8; i++) {
+                total += change[i] * change[i];
+            }
+            const double moves = sqrt(total);
+            renew = moves > 0.03 ? 1 : 0;
+            const double contraction = moves / moved;
+            /* 1e-2 of what a step may err, or what rounding leaves */
+            if (moves <= 0.01 * rtol || moves <= rounding) {
+                done = 1;
+            } else if (turn > 1 && contraction < 0.5 && moves * contraction / (1.0 - contraction) <= 0.01 * rtol) {
+                done = 1;
+            } else if (!(moves < 10.0) || (turn > 2 && contraction > 1.0)) {
+                break;
+            }
+            moved = moves;
+        }
+        passes += (double)turn;
+        if (done == 0) {
+            rejected += 1.0;
+            last = 0.0;
+            shrink_only = 1.0;
+            dt = 0.25 * step;
+            continue;
+        }
+        /* the defect of the polynomial at the start and at the probe, and the error that it makes */
+        _drive(t + 0.5501108282781375 * step, table_t, table_F, segment, w);
+        const double probe_given = w[0];
+        double u_probe = u;
+        double u_late = 0.0;
+        double u_defect = -step * u_dot;
+        for (int64_t i = 0; i < 8; i++) {
+            u_probe += _VALUE_PROBE[i + 1] * u_z[i];
+            u_late += _SLOPE_PROBE[i + 1] * u_z[i];
+            u_defect += _SLOPE_START[i + 1] * u_z[i];
+        }
+        const double h_probe = exp(u_probe);
+        const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
+        _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
+        singles += 1.0;
+        double error = 0.014424143230897014 * fabs(u_defect);
+        const double other = 0.07596008870469767 * fabs(u_late - step * above[0]);
+        /* written so that nan rejects the step */
+        error = error > other ? error : other;
+        const double decay = -step * slopes[7];
+        stiffest = decay > stiffest ? decay : stiffest;
+        error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0) / (rtol + rounding);
+        double factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
+        if (!(error <= 1.0)) {
+            rejected += 1.0;
+            shrink_only = 1.0;
+            /* an error that is nan leaves a factor above 1 */
+            dt = step * (factor > 0.2 && factor < 1.0 ? factor : 0.2);
+            continue;
+        }
+        /* the step stands */
+        const int64_t base = 12 * stored;
+        steps[base] = t;
+        steps[base + 1] = step;
+        steps[base + 2] = landing == 1.0 ? ending : 0.0;
+        steps[base + 3] = u;
+        for (int64_t i = 0; i < 8; i++) {
+            steps[base + 4 + i] = u_z[i];
+            u_kept[i] = u_z[i];
+        }
+        for (int64_t i = 0; i < 8; i++) {
+            before[i] = deflection[i] - delta;
+        }
+        accepted += 1.0;
+        const double u_new = u + u_z[7];
+        if ((u - u_stop) * (u_new - u_stop) <= 0.0) {
+            status = 1;
+        }
+        /* the last stage is the end of the step; the last correction moves its rates along the Jacobian */
+        u_dot = u_rate[7] + slopes[7] * change[7];
+        delta = deflection[7];
+        const double resting = slopes[7] < 0.0 && fabs(u_dot) <= -rtol * slopes[7] ? 1.0 : 0.0;
+        if (resting > settled && steps[base + 2] == 0.0) {
+            steps[base + 2] = 3.0;
+        }
+        settled = resting;
+        u = u_new;
+        t = landing == 1.0 ? limit : t + step;
+        stored += 1;
+        if (last > 0.0) {
+            const double foresight = factor * step / last * pow(last_error / (error > 1e-12 ? error : 1e-12), 1.0 / 9.0);
+            factor = foresight < factor ? foresight : factor;
+        }
+        factor = factor < 8.0 ? factor : 8.0;
+        factor = factor > 0.2 ? factor : 0.2;
+        factor = shrink_only == 0.0 || factor < 1.0 ? factor : 1.0;
+        /* a step shortened to land says nothing about the next */
+        dt = landing == 0.0 || step * factor > dt ? step * factor : dt;
+        shrink_only = 0.0;
+        last = step;
+        last_error = error > 0.01 ? error : 0.01;
+        if (landing == 1.0 && ending > 0.0) {
+            fresh = 1.0;
+            if (limit == crossing) {
+                crossing = INFINITY;
+            }
+        }
+    }
+    state[0] = t;
+    state[1] = u;
+    state[2] = delta;
+    state[3] = dt;
+    state[4] = accepted;
+    state[5] = rejected;
+    state[6] = passes;
+    state[7] = singles;
+    state[8] = (double)segment;
+    state[9] = (double)stored;
+    state[10] = stiffest;
+    state[11] = settled;
+    return status;
+}
