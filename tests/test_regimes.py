@@ -11,6 +11,8 @@ from typing import Any
 import mpmath
 import pytest
 from exactly import deflection, gap_energy_slope, quantities
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from sympy import (
     Abs,
     Add,
@@ -31,7 +33,8 @@ from sympy import (
     sqrt,
 )
 
-from softdyn.derive import DIMENSIONLESS, LENGTH, ContactLaw, E, R, delta, eta, h
+from softdyn.derive import DIMENSIONLESS, LENGTH, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.cones import dot, hull_normals
 from softdyn.derive.films import find_films
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.limits import check_limits
@@ -378,3 +381,69 @@ def test_every_law_is_answered_or_given_up_in_time(name: str) -> None:
 def test_a_law_that_takes_too_long_is_given_up() -> None:
     takes_at_most(2, 0.5, changed(**LARGE["200 roots of sums"]))
     takes_at_most(2, 0.5, changed(**LARGE["nested logarithms"]))
+
+
+# ---------------------------------------------------------------- random laws
+
+strength = st.integers(1, 9).map(Integer)
+powers = st.sampled_from([Integer(0), S.Half, Integer(1), Rational(3, 2), Integer(2)])
+span = Symbol("span", positive=True)
+
+
+@st.composite
+def posynomial_laws(draw: st.DrawFn) -> ContactLaw:
+    """Sums, products and roots of monomials with positive coefficients, with a length of the law's own."""
+
+    def total(*sizes: Expr) -> Expr:
+        terms = draw(st.lists(st.tuples(strength, *[powers] * len(sizes)), min_size=1, max_size=3))
+        return Add(
+            *(c * Mul(*((s / R) ** p for s, p in zip(sizes, exponents, strict=True))) for c, *exponents in terms)
+        )
+
+    root = draw(st.sampled_from([S.Half, Integer(1)]))
+    stiffening = total(Abs(delta), a)
+    drag = total(R**2 / h, a, draw(st.sampled_from([span, R])))
+    return changed(
+        a=R * total(h, Abs(delta)) ** root,
+        F_ela=E * R * delta * stiffening,
+        zeta=eta * R * drag,
+        parameters={span: LENGTH},
+        typical={span: R / 10 ** draw(st.integers(1, 4))},
+    )
+
+
+def check_random(law: ContactLaw) -> None:
+    """See that forms are approached, that regimes cover the plane once, and that they agree where they meet."""
+    found = discover(law)
+    assert all(regime.forms for regime in found.regimes)
+    compare(found)
+    for side in SIDES:
+        here = list(regimes(side, found).values())
+        axes = len(here[0].cones[0][0])
+        for point in ((97, 89, 1), (-53, 71, 3), (31, -83, 2), (-61, -43, 5), (1, 101, 37), (11, 13, 41)):
+            inside = [r for r in here if all(dot(n, point[:axes]) > 0 for n in hull_normals(r.cones))]
+            assert len(inside) <= 1
+            on = [r for r in here if all(dot(n, point[:axes]) >= 0 for n in hull_normals(r.cones))]
+            assert on
+    for crossover in found.crossovers:
+        if not crossover.quantity:
+            continue
+        pair = (found.regime(name, crossover.side) for name in (crossover.first, crossover.second))
+        one, other = (regime.forms[crossover.quantity].leading for regime in pair)
+        assert abs(simplify((one / other).subs(crossover.line.lhs, crossover.line.rhs))) == 1
+
+
+quickly = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+
+
+@settings(max_examples=2, **quickly)
+@given(posynomial_laws())
+def test_the_regimes_of_a_random_law_are_its_own(law: ContactLaw) -> None:
+    check_random(law)
+
+
+@pytest.mark.slow
+@settings(max_examples=40, **quickly)
+@given(posynomial_laws())
+def test_the_regimes_of_many_random_laws_are_their_own(law: ContactLaw) -> None:
+    check_random(law)
