@@ -47,14 +47,12 @@ class Product:
 
 
 def force_unit(law: ContactLaw) -> Expr:
-    """Return what F is compared with: E R^2, or the same of the law's own parameter where E is not among them."""
-    used = parameters_of(law)
-    if E not in used:
-        for symbol in used:
-            if symbol in law.parameters:
-                for power in (0, 1, 2):
-                    if law.parameters[symbol] * LENGTH**power == FORCE:
-                        return symbol * R**power
+    """Return what F is compared with: E R^2, or the same of the elastic force's own parameter where E is not in it."""
+    if E not in parameters_of(law):
+        for symbol in sorted(law.F_ela.free_symbols & law.parameters.keys(), key=str):
+            for power in (0, 1, 2):
+                if law.parameters[symbol] * LENGTH**power == FORCE:
+                    return symbol * R**power
     return E * R**2
 
 

@@ -10,9 +10,10 @@ from sympy import Expr, latex
 
 from softdyn.derive.films import Films
 from softdyn.derive.forms import force, force_unit, plain
+from softdyn.derive.law import parameters_of
 from softdyn.derive.limits import Finding
 from softdyn.derive.regimes import Condition, Diagram, Form, Regime, Side
-from softdyn.derive.symbols import R, h
+from softdyn.derive.symbols import E, R, eta, h
 
 #: What a number of the form stands for; rates are written in V = F/(eta R).
 RATES = ("dh_dt", "dX_dt")
@@ -74,7 +75,8 @@ def regimes_text(diagram: Diagram, films: Films | None = None) -> str:
         f"kappa = F/({unit}), V = F/(eta R); F and delta stand for their sizes",
     ]
     if diagram.scales:
-        scales = ", ".join(f"{symbol} = {law.typical[symbol]}" for symbol in diagram.scales)
+        own = {} if E in parameters_of(law) else {E: unit / R**2}
+        scales = ", ".join(f"{symbol} = {law.typical[symbol].subs(own)}" for symbol in diagram.scales)
         lines.append(f"own parameters scale as they do at {scales}")
     conservative = {
         True: "conservative: U_h = 0",
@@ -148,6 +150,8 @@ def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
 def _condition_text(condition: Condition, unit: Expr) -> str:
     """An inequality between dimensionless sizes, h or F first."""
     small, large = condition.small, condition.large
+    if (small / large).free_symbols - {h, force, R, E, eta} - unit.free_symbols:
+        return f"{small} << {large}" if small in (force, h) else f"{large} >> {small}"
     over = unit if force in small.free_symbols | large.free_symbols else R
     texts = (plain(small / over, unit), plain(large / over, unit))
     return f"{texts[0]} << {texts[1]}" if small in (force, h) else f"{texts[1]} >> {texts[0]}"

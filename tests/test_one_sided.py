@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from invented_laws import LAWS
-from sympy import Abs, Rational, Symbol, exp, oo, pi, simplify, sqrt
+from sympy import Abs, Rational, Symbol, exp, oo, pi, sign, simplify, sqrt
 
 import softdyn
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
@@ -115,9 +115,9 @@ def spheres(**changes: Any) -> ContactLaw:
         (rigid, {"zeta": eta * R * (1 + R / h), "F_adh": E * R * h * exp(-h / R)}, "F_adh = .* depends on E"),
         (dry, {"F_adh": A * exp(-h / ell), "parameters": {A: FORCE, ell: LENGTH}}, "may hold a gap open"),
         (dry, {"a": sqrt(R**3 / h + R * Abs(delta))}, "no limit as h -> 0"),
-        (dry, {"a": sqrt(R * (h + 4 * R + delta))}, "in compression, .* in tension"),
+        (dry, {"a": R + h + sqrt(R * Abs(delta)) * (3 + sign(delta)) / 2}, "in compression, .* in tension"),
     ],
-    ids=["a spring besides E", "a force with E", "a remote force", "a that diverges", "a without abs"],
+    ids=["a spring besides E", "a force with E", "a remote force", "a that diverges", "a that differs by side"],
 )
 def test_a_law_without_the_limit_is_refused(rule: Any, changes: dict[str, Any], reason: str) -> None:
     with pytest.raises(LawError, match=reason):
