@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from itertools import product
+from itertools import combinations, product
 from math import gcd, lcm
 
 Ray = tuple[int, ...]
@@ -138,6 +138,20 @@ def merged(groups: Sequence[tuple[list[Cone], object]]) -> list[tuple[list[Cone]
                     break
             if progress:
                 break
+    return parts
+
+
+def simpler(cones: Sequence[Cone]) -> list[Cone]:
+    """Fill a convex region with fewer simplicial cones: pairs that make up one are joined."""
+    parts = list(cones)
+    for one, other in combinations(parts, 2):
+        facets = hull_normals([one, other])
+        rays = dict.fromkeys(ray for ray in (*one, *other))
+        # a ray is an edge if as many facets meet in it as leave one direction free
+        edges = tuple(ray for ray in rays if sum(dot(facet, ray) == 0 for facet in facets) >= len(one) - 1)
+        rest = [cone for cone in parts if cone not in (one, other)]
+        if len(edges) == len(one) == len(facets) and not cut(rest, facets):
+            return simpler([*rest, edges])
     return parts
 
 

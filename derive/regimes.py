@@ -39,7 +39,18 @@ from softdyn.derive.asymptotics import (
     zero,
 )
 from softdyn.derive.balance import contact_series, definitions, settle, size
-from softdyn.derive.cones import Cone, Normal, cut, dot, hull_normals, merged, orthants, primitive, shared_facets
+from softdyn.derive.cones import (
+    Cone,
+    Normal,
+    cut,
+    dot,
+    hull_normals,
+    merged,
+    orthants,
+    primitive,
+    shared_facets,
+    simpler,
+)
 from softdyn.derive.dynamics import a_h
 from softdyn.derive.forms import force, joined_logarithms
 from softdyn.derive.law import is_dry, is_rigid, typical_values
@@ -333,12 +344,9 @@ def _regimes(
     regimes = []
     for cones, _ in groups:
         # corrections are those within the model, where the regime has a part there
-        within = cut(cones, [(0, 1, 0)[:axes]])
-        found = [
-            (scale, _with_corrections(law, cone, directions, side, deadline))
-            for cone in within or cones
-            for scale in [scale_of(cone, directions, CORRECTION_TERMS)]
-        ]
+        within = simpler(cut(cones, [(0, 1, 0)[:axes]]))
+        settled = settle(within or cones, lambda cone: _with_corrections(law, cone, directions, side, deadline))
+        found = [(scale_of(cone, directions, CORRECTION_TERMS), series) for cone, series in settled]
         regimes.append((cones, bool(within), found))
     if not conservative:
         _integrate_along_delta([series for _, _, found in regimes for _, series in found], SIGN[side])

@@ -156,9 +156,9 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     LawError, SceneError
         If there is no such law, if it is faulty, or if the page cannot be written.
     """
-    from softdyn import report
+    from softdyn.report import write_report as write
 
-    report.write_report(_law(law), Path(path))
+    write(_law(law), Path(path))
 
 
 def _law(law: ContactLaw | str | Path) -> ContactLaw:

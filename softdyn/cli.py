@@ -177,11 +177,11 @@ def _derive(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    law = _law(options.law)
-    from softdyn.derive.limits import check_limits
-    from softdyn.tables import limits_data, limits_text
+    with _patience(f"the limits of {options.law}"):
+        law = _law(options.law)
+        from softdyn.derive.limits import check_limits
+        from softdyn.tables import limits_data, limits_text
 
-    with _patience(f"the limits of {law.name}"):
         findings = check_limits(law)
     proved = sum(finding.verdict == "proved" for finding in findings)
     data = limits_data(law.name, findings)
@@ -196,14 +196,14 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _regimes(options: argparse.Namespace) -> int:
-    law = _law(options.law)
-    from softdyn.derive.films import find_films
-    from softdyn.derive.regimes import discover
-    from softdyn.tables import regimes_data, regimes_text
-
     if options.plot is not None and options.plot.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
-    with _patience(f"the regimes of {law.name}"):
+    with _patience(f"the regimes of {options.law}"):
+        law = _law(options.law)
+        from softdyn.derive.films import find_films
+        from softdyn.derive.regimes import discover
+        from softdyn.tables import regimes_data, regimes_text
+
         diagram = discover(law)
         films = find_films(diagram)
     measured = None

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sympy import Expr, latex
+from sympy import Expr, S, latex
 
 from softdyn.derive.films import Films
 from softdyn.derive.forms import force, force_unit, plain
@@ -76,7 +76,7 @@ def regimes_text(diagram: Diagram, films: Films | None = None) -> str:
     ]
     if diagram.scales:
         own = {} if E in parameters_of(law) else {E: unit / R**2}
-        scales = ", ".join(f"{symbol} = {law.typical[symbol].subs(own)}" for symbol in diagram.scales)
+        scales = ", ".join(f"{symbol} = {S(law.typical[symbol]).subs(own)}" for symbol in diagram.scales)
         lines.append(f"own parameters scale as they do at {scales}")
     conservative = {
         True: "conservative: U_h = 0",
