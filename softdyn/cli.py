@@ -25,6 +25,7 @@ examples:
   softdyn generate rognon_gay --target c     the kernel's source, on the terminal
   softdyn run scene.toml -o result.npz       simulate a scene
   softdyn plot result.npz                    draw the result
+  softdyn bench                              error against CPU time, ours and that of every peer that is installed
 
 exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
 carried to its end, with the reason on stderr
@@ -118,6 +119,16 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
     plot.add_argument(
         "-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)"
+    )
+
+    bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
+    bench.add_argument(
+        "-o",
+        dest="folder",
+        metavar="DIR",
+        type=Path,
+        default=Path("softdyn-results/bench"),
+        help="default: %(default)s",
     )
 
     reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
@@ -272,13 +283,18 @@ def _run(options: argparse.Namespace) -> int:
     )
     for name, values in result.arrays.items():
         print(f"  {name:10} {values[0]: .6e} .. {values[-1]: .6e}")
-    print(
-        f"  the force balance holds to {stats['force_residual']:.1e}; "
-        f"run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s"
-    )
+    for event in result.events:
+        print(f"  {event.what}: t = {event.t:.6g}, h = {event.h:.6g}, delta = {event.delta:.6g}")
+    print(f"  {_closure(stats)}; run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s")
     if options.output is not None:
         print(f"wrote {options.output}")
     return 0
+
+
+def _closure(stats: Any) -> str:
+    if "force_residual" in stats:
+        return f"the force balance holds to {stats['force_residual']:.1e}"
+    return f"X keeps to the drive within {stats['drift']:.1e} R" if "drift" in stats else "X follows from its rate"
 
 
 class _progress_bar:
@@ -324,6 +340,12 @@ def _plot(options: argparse.Namespace) -> int:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
     return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from softdyn.bench import main
+
+    return main(options.folder)
 
 
 def _reproduce(options: argparse.Namespace) -> int:
