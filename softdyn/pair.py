@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 #: Steps between two looks at the progress, and at whether the user interrupts.
 CHUNK = 2048
+#: Of the first of these looks, which most runs do not outlast.
+FIRST_CHUNK = 128
 #: A solved force balance holds to rounding times the stiffness of the law in delta.
 LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
@@ -220,8 +222,9 @@ def integrate_steps(
     recorded: list[Array] = []
     status = 2
     while status == 2:
-        chunk = np.empty(CHUNK * width)
-        status = kernel.functions.integrate(t_end, u_stop, rtol, p, *drive.arguments, CHUNK, state, chunk)
+        capacity = CHUNK if recorded else FIRST_CHUNK
+        chunk = np.empty(capacity * width)
+        status = kernel.functions.integrate(t_end, u_stop, rtol, p, *drive.arguments, capacity, state, chunk)
         recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
         if progress is not None:
             progress(float(state[0]), math.exp(min(state[1], 700.0)))
