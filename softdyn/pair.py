@@ -44,7 +44,9 @@ WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to re
 Progress = Callable[[float, float], None]
 
 
-def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
+def simulate_pair(
+    scene: Scene, progress: Progress | None = None, kernel_of: Callable[..., Kernel] = get_kernel
+) -> PairResult:
     """Integrate eq. 7 with the deflection from the force balance.
 
     Parameters
@@ -52,6 +54,8 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
     scene : Scene
     progress : function of (t, h), optional
         Called now and then.
+    kernel_of : function, optional
+        In the place of :func:`get_kernel`, by whoever makes many runs and looks a kernel up but once.
 
     Raises
     ------
@@ -62,7 +66,7 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
     """
     check_scene(scene)
     drive = drive_of(scene)
-    kernel = get_kernel(scene.law, scene.target, **kernel_needs(scene, drive))
+    kernel = kernel_of(scene.law, scene.target, **kernel_needs(scene, drive))
     p = kernel_parameters(scene, kernel, drive)
     R = float(p[kernel.parameters.index("R")])
     start = time.perf_counter()

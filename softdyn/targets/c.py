@@ -108,7 +108,7 @@ def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes
 def _passed(array: np.ndarray) -> Any:
     """An array as C takes it. ndarray.ctypes.data takes three times as long, and a short call hardly longer."""
     try:
-        return ctypes.byref(ctypes.c_char.from_buffer(array))
+        return ctypes.byref(ctypes.c_char.from_buffer(array))  # type: ignore[arg-type]
     except (TypeError, ValueError, BufferError):  # read-only, or empty
         return array.ctypes.data
 
