@@ -32,8 +32,8 @@ class Collocation:
     matrix : tuple of float
         The Runge-Kutta matrix A, by columns.
     powers : tuple of float
-        Weights of the values at the s nodes, 0 at 0, in the polynomial's coefficients by powers of 2 theta - 1: those
-        of the power k from s*k on.
+        Weights of the values at the s nodes, with 0 at 0, in the polynomial's coefficients by powers of 2 theta - 1:
+        those of the power k from s*k on.
     slope_start : tuple of float
         Weights of the s + 1 values in the derivative of the polynomial at 0.
     probe : float

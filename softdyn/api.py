@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from softdyn.errors import SceneError
 from softdyn.pair import Progress, simulate_pair
 from softdyn.results import PairResult, load_result
-from softdyn.scene import Scene, Table, read_scene, suggestion
+from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
@@ -69,7 +69,8 @@ def simulate(
     for name in keywords:
         if name not in known:
             raise SceneError(f"simulate: unknown keyword {name!r}{suggestion(name, known)}")
-    missing = [name for name in ("law", "parameters", "h", "force") if name not in keywords]
+    missing = [name for name in ("law", "parameters", "h") if name not in keywords]
+    missing += [] if set(DRIVES) & set(keywords) else ["force"]
     if missing:
         raise SceneError(f"simulate needs {', '.join(missing)}")
     return simulate_pair(Scene(**keywords), progress)

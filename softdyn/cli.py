@@ -29,7 +29,9 @@ examples:
   softdyn report my_law.py -o my_law.html    all of it on one page, to hand to a colleague
   softdyn generate rognon_gay --target c     the kernel's source, on the terminal
   softdyn run scene.toml -o result.npz       simulate a scene
+  softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv     the scene for a hundred forces
   softdyn plot result.npz                    draw the result
+  softdyn bench                              error against CPU time, ours and that of every peer that is installed
 
 exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
 carried to its end, with the reason on stderr
@@ -138,10 +140,38 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.add_argument("--json", action="store_true", help="print the result as one JSON object")
 
+    many = add("sweep", _sweep, "simulate a scene for many values of some of its numbers")
+    many.add_argument("scene", metavar="SCENE.toml", type=Path)
+    many.add_argument(
+        "--vary",
+        metavar="NAME=VALUES",
+        action="append",
+        required=True,
+        help="logspace(a,b,n), linspace(a,b,n) or x,y,... for a parameter, a constant of the drive, h, delta, force, "
+        "velocity or kappa; repeatable, for every combination",
+    )
+    many.add_argument(
+        "-o", dest="output", metavar="FILE", type=Path, required=True,
+        help="one table, .npz or .csv; an interrupted sweep is kept beside it, and the same command goes on with it",
+    )  # fmt: skip
+    many.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
+    )
+
     plot = add("plot", _plot, "draw a saved result")
     plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
     plot.add_argument(
         "-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)"
+    )
+
+    bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
+    bench.add_argument(
+        "-o",
+        dest="folder",
+        metavar="DIR",
+        type=Path,
+        default=Path("softdyn-results/bench"),
+        help="default: %(default)s",
     )
 
     reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
@@ -369,13 +399,54 @@ def _run(options: argparse.Namespace) -> int:
     )
     for name, values in result.arrays.items():
         print(f"  {name:10} {values[0]: .6e} .. {values[-1]: .6e}")
-    print(
-        f"  the force balance holds to {stats['force_residual']:.1e}; "
-        f"run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s"
-    )
+    for event in result.events:
+        print(f"  {event.what}: t = {event.t:.6g}, h = {event.h:.6g}, delta = {event.delta:.6g}")
+    print(f"  {_closure(stats)}; run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s")
     if options.output is not None:
         print(f"wrote {options.output}")
     return 0
+
+
+def _closure(stats: Any) -> str:
+    if "force_residual" in stats:
+        return f"the force balance holds to {stats['force_residual']:.1e}"
+    return f"X keeps to the drive within {stats['drift']:.1e} R" if "drift" in stats else "X follows from its rate"
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from softdyn.scene import read_scene
+    from softdyn.sweep import read_values, sweep
+
+    if options.output.suffix not in (".npz", ".csv"):
+        raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
+    vary = dict(read_values(text) for text in options.vary)
+    parts = options.output.with_name(options.output.name + ".parts")
+    scene = read_scene(options.scene)
+    with _sweep_bar() as progress:
+        result = sweep(scene, vary, folder=parts, scheduler=options.scheduler, progress=progress)
+    result.save(options.output)
+    runs = len(next(iter(result.varied.values())))
+    for number, text in list(result.errors.items())[:5]:
+        print(f"softdyn: run {number}: {text}", file=sys.stderr)
+    print(f"{runs} runs, {len(result.errors)} of them failed\nwrote {options.output}")
+    return 0 if not result.errors else 1
+
+
+@contextmanager
+def _sweep_bar() -> Iterator[Callable[[int, int], None] | None]:
+    """A progress callback that draws a bar on a terminal, and None elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(unit="run", delay=0.5, leave=False) as bar:
+
+        def update(done: int, runs: int) -> None:
+            bar.total = runs
+            bar.update(done - bar.n)
+
+        yield update
 
 
 class _progress_bar:
@@ -421,6 +492,12 @@ def _plot(options: argparse.Namespace) -> int:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
     return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from softdyn.bench import main
+
+    return main(options.folder)
 
 
 def _reproduce(options: argparse.Namespace) -> int:

@@ -92,6 +92,7 @@ def get_kernel(
     target: str = "auto",
     *,
     drive: str | tuple = "constant",
+    control: str = "force",
     deflection: str = "either",
     fixed: Mapping[str, str] | None = None,
     outputs: tuple[str, ...] = ("a", "X"),
@@ -103,7 +104,7 @@ def get_kernel(
     law : str, Path or ContactLaw
         A stock law's name, a law file, or a law.
     target : "auto", "c" or "numba"
-    drive, deflection, fixed, outputs
+    drive, control, deflection, fixed, outputs
         See :class:`softdyn.derive.specialise.Needs`.
 
     Raises
@@ -112,7 +113,13 @@ def get_kernel(
     """
     start = time.perf_counter()
     target = choose_target(target)
-    needs = {"drive": drive, "deflection": deflection, "fixed": dict(fixed or {}), "outputs": outputs}
+    needs = {
+        "drive": drive,
+        "control": control,
+        "deflection": deflection,
+        "fixed": dict(fixed or {}),
+        "outputs": outputs,
+    }
     manifest = _manifest(find(law), target, needs)
     back_end = importlib.import_module(f"softdyn.targets.{target}")
     made_by = back_end.identity()

@@ -1,7 +1,8 @@
-"""The pair engine: two particles under a given force.
+"""The pair engine: two particles, pushed or moved.
 
-The state is u = ln h. The force balance (eq. 1) gives the deflection at every gap and force, so delta is not integrated
-and cannot drift; at a jump of the force it moves at once, at fixed h, as it must. The distance of the centres,
+Where the force is given, the state is u = ln h: the force balance (eq. 1) gives the deflection at every gap and force,
+so delta is not integrated and cannot drift; at a jump of the force it moves at once, at fixed h, as it must. Where the
+centres are moved, or pushed by a spring, the state is (ln h, delta). The distance of the centres,
 X = 2R + h - 2 delta (eq. 2), is an output only: integrating it would cancel.
 """
 
@@ -18,13 +19,16 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.quadrature import integrate_constant_force
-from softdyn.results import PairResult
+from softdyn.results import Event, PairResult
 from softdyn.scene import Drive, Scene, check_scene, drive_of, parameter_values
+from softdyn.states import deflection, drive_at, evaluate, initial_deflection
 
 Array = NDArray[np.float64]
 
 #: Steps between two looks at the progress, and at whether the user interrupts.
 CHUNK = 2048
+#: Of the first of these looks, which most runs do not outlast.
+FIRST_CHUNK = 128
 #: A solved force balance holds to rounding times the stiffness of the law in delta.
 LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
@@ -34,10 +38,15 @@ FEWEST_STEPS = 16
 #: Under a constant force one more, the length in ln h of a step that has ln h as its independent variable.
 WIDTH = 12
 
+#: What ends a step, by its number in the steps.
+WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to rest on a film")
+
 Progress = Callable[[float, float], None]
 
 
-def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
+def simulate_pair(
+    scene: Scene, progress: Progress | None = None, kernel_of: Callable[..., Kernel] = get_kernel
+) -> PairResult:
     """Integrate eq. 7 with the deflection from the force balance.
 
     Parameters
@@ -45,6 +54,8 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
     scene : Scene
     progress : function of (t, h), optional
         Called now and then.
+    kernel_of : function, optional
+        In the place of :func:`get_kernel`, by whoever makes many runs and looks a kernel up but once.
 
     Raises
     ------
@@ -55,45 +66,44 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
     """
     check_scene(scene)
     drive = drive_of(scene)
-    kernel = get_kernel(scene.law, scene.target, **kernel_needs(scene, drive))
-    p = parameter_values(scene, kernel.parameters, kernel.positive, kernel.ranges)
+    kernel = kernel_of(scene.law, scene.target, **kernel_needs(scene, drive))
+    p = kernel_parameters(scene, kernel, drive)
     R = float(p[kernel.parameters.index("R")])
     start = time.perf_counter()
     if scene.until_t is not None and scene.until_t <= drive.start:
         raise SceneError(f"[until] t = {scene.until_t:g} is not after the start, t = {drive.start:g}")
 
-    F0 = float(_force(kernel, drive, np.array([drive.start]))[0][0])
     if kernel.dry and (scene.until_t is None or scene.gaps is not None or scene.method == "quadrature"):
         raise SceneError(
             f"law {kernel.law!r} is that of a dry contact, which has no gap: end the run by [until] t, with outputs at "
             "times"
         )
-    delta0 = _initial_deflection(scene, kernel, p, R, F0)
+    delta0 = initial_deflection(scene, kernel, drive, p, R)
     if scene.method == "quadrature":
-        if drive.shape != "constant":
+        if drive.control != "force" or drive.shape != "constant":
             raise SceneError("[accuracy] method = 'quadrature' is for a constant force; this one depends on time")
-        t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, F0)
+        steps = np.empty((0, WIDTH))
+        t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, float(drive.constants[0]))
     else:
         steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, progress)
         t, h = _sample(scene, kernel, drive, steps, stopped_by)
     if kernel.dry:
         h = np.zeros(len(t))  # closed from the start, whatever h was given
-    F, dF_dt = _force(kernel, drive, t)
-    delta = deflection(kernel, h, F, p)
-    arrays = {"t": t, "h": h, "delta": delta}
-    values = evaluate(kernel, h, delta, F, dF_dt, p)
-    balanced = np.isfinite(values["F_ela"])
-    if not balanced.all():
-        at = int(np.argmin(balanced))
-        raise IntegrationError(f"the force balance has no solution at t={t[at]:g}, h={h[at]:g}, F={F[at]:g}")
-    for name in scene.quantities:
-        arrays[name] = {"F": F, "dF_dt": dF_dt}[name] if name in ("F", "dF_dt") else values[name]
-    largest = float(np.max(np.abs(F), initial=0.0))
-    residual = float(np.max(np.abs(values["F_ela"] - F), initial=0.0)) / largest if largest else 0.0
-    if residual > LARGEST_RESIDUAL:
-        raise IntegrationError(
-            f"the force balance holds to {residual:.1e} only: the law is too stiff in delta to be solved"
-        )
+    given, given_rate = drive_at(kernel, drive, t)
+    inputs = {"F": given, "dF_dt": given_rate, "dX_dt": given if drive.control == "velocity" else given_rate}
+    if drive.control == "force":
+        delta = deflection(kernel, h, given, p)
+    else:
+        delta = states_at(kernel, steps, t)[1]
+        delta[t == drive.start] = delta0
+    values = evaluate(kernel, h, delta, inputs, p)
+    if drive.control == "force":
+        values |= {"F": given, "dF_dt": given_rate}
+        stats["force_residual"] = _force_residual(values["F_ela"], given, t, h)
+    elif drive.control != "velocity":
+        stats["drift"] = _drift(drive, values["F_ela"], 2 * R + h - 2 * delta - given, R)
+    arrays = {"t": t, "h": h, "delta": delta, **{name: values[name] for name in scene.quantities}}
+    largest = float(np.max(np.abs(values["F_ela"]), initial=0.0))
     return PairResult(
         law=kernel.law,
         target=kernel.target,
@@ -102,103 +112,141 @@ def simulate_pair(scene: Scene, progress: Progress | None = None) -> PairResult:
         stopped_by=stopped_by,
         stats={
             **stats,
-            "force_residual": residual,
             "wall_s": time.perf_counter() - start,
             "compile_s": kernel.compile_s,
             "kernel": kernel.key,
         },
+        events=_events(kernel, drive, p, steps, stopped_by, t, h, delta),
         warnings=(*_warnings(kernel, p, delta, largest, R), *_unreached(scene, t)),
     )
+
+
+def kernel_parameters(scene: Scene, kernel: Kernel, drive: Drive) -> Array:
+    """What a kernel takes for p: the law's parameters, and of a spring its compliance."""
+    if drive.control != "spring":
+        return parameter_values(scene, kernel.parameters, kernel.positive, kernel.ranges)
+    *names, _ = kernel.parameters
+    return np.append(parameter_values(scene, names, kernel.positive, kernel.ranges), 1 / drive.stiffness)
 
 
 def kernel_needs(scene: Scene, drive: Drive) -> dict[str, Any]:
     """What a scene needs of its kernel: the outputs asked for, and F_ela, to report how the force balance holds."""
     wanted = {*scene.quantities, "F_ela"} | ({"dh_dt"} if scene.method == "quadrature" else set())
+    if drive.control == "force":
+        wanted -= {"F", "dF_dt"}  # these are given
+    elif drive.control == "spring":
+        wanted |= {"C"}  # for the balance at the start
     return {
         "drive": drive.shape,
+        "control": drive.control,
         "deflection": drive.deflection,
-        "outputs": tuple(sorted(wanted - {"F", "dF_dt"})),
+        "outputs": tuple(sorted(wanted)),
     }
 
 
-def _force(kernel: Kernel, drive: Drive, t: Array) -> tuple[Array, Array]:
-    """External force and its rate of change at the times t."""
-    F, dF_dt = np.empty(len(t)), np.empty(len(t))
-    kernel.functions.drive(len(t), t, *drive.arguments, F, dF_dt)
-    return F, dF_dt
+def _force_residual(F_ela: Array, F: Array, t: Array, h: Array) -> float:
+    """Largest abs(F_ela - F), relative to the largest force."""
+    balanced = np.isfinite(F_ela)
+    if not balanced.all():
+        at = int(np.argmin(balanced))
+        raise IntegrationError(f"the force balance has no solution at t={t[at]:g}, h={h[at]:g}, F={F[at]:g}")
+    largest = float(np.max(np.abs(F), initial=0.0))
+    residual = float(np.max(np.abs(F_ela - F), initial=0.0)) / largest if largest else 0.0
+    if residual > LARGEST_RESIDUAL:
+        raise IntegrationError(
+            f"the force balance holds to {residual:.1e} only: the law is too stiff in delta to be solved"
+        )
+    return residual
 
 
-def deflection(kernel: Kernel, h: Array, F: Array, p: Array) -> Array:
-    """Deflection at each gap under each force (eq. 1); nan where there is none."""
-    delta = np.full(len(h), math.nan)
-    kernel.functions.solve_delta(len(h), h, F, p, delta)
-    return delta
+def _drift(drive: Drive, F_ela: Array, stretch: Array, R: float) -> float:
+    """Largest distance, over R, between where the centres are and where the drive has them; both are outcomes."""
+    return float(np.max(np.abs(stretch - F_ela / drive.stiffness), initial=0.0)) / R
 
 
-def evaluate(kernel: Kernel, h: Array, delta: Array, F: Array, dF_dt: Array, p: Array) -> dict[str, Array]:
-    """Return the kernel's outputs at each state."""
-    out = np.empty(len(kernel.outputs) * len(h))
-    inputs = {"F": F, "dF_dt": dF_dt}
-    kernel.functions.evaluate(len(h), h, delta, *(inputs[name] for name in kernel.inputs), p, out)
-    return dict(zip(kernel.outputs, out.reshape(len(kernel.outputs), len(h)), strict=True))
-
-
-def _initial_deflection(scene: Scene, kernel: Kernel, p: Array, R: float, F0: float) -> float:
-    """Deflection that balances the initial force, and agrees with X if that is given."""
-    if not math.isfinite(F0):
-        raise SceneError(f"[drive] force has no finite value at the start: {F0}")
-    h = 0.0 if kernel.dry else float(scene.h)
-    delta = float(deflection(kernel, np.array([h]), np.array([F0]), p)[0])
-    if not math.isfinite(delta):
-        raise SceneError(f"no deflection balances the initial force F={F0:g} at h={h:g}")
-    if scene.X is not None:
-        given = (2 * R + h - float(scene.X)) / 2
-        # X determines delta up to the rounding of the difference that it is (eq. 2)
-        if abs(given - delta) > 1e-6 * abs(delta) + 8 * np.finfo(float).eps * (2 * R + h):
-            raise SceneError(
-                f"[pair] X = {scene.X:.15g} contradicts h = {h:g} and the initial force F = {F0:g}: they make "
-                f"delta = {delta:.6g} and X = {2 * R + h - 2 * delta:.15g}, while X and h make delta = {given:.6g}; "
-                "leave X out, or change the force"
-            )
-    return delta
+def _events(
+    kernel: Kernel, drive: Drive, p: Array, steps: Array, stopped_by: str, t: Array, h: Array, delta: Array
+) -> tuple[Event, ...]:
+    """What happened on the way, in order: where steps had to end, and what ended the run."""
+    ends = steps[:, 0] + steps[:, 1]
+    at = np.flatnonzero((steps[:, 2] > 0) & (ends <= t[-1])) if len(steps) else np.zeros(0, dtype=int)
+    found = []
+    if len(at):
+        states = states_at(kernel, steps, ends[at])
+        forces = drive_at(kernel, drive, ends[at])[0]
+        deltas = states[1] if len(states) > 1 else deflection(kernel, np.exp(states[0]), forces, p)
+        found = [
+            Event(WHAT[int(steps[i, 2])], float(ends[i]), math.exp(u), float(d))
+            for i, u, d in zip(at, states[0], deltas, strict=True)
+        ]
+    if stopped_by == "h":
+        found.append(Event("the gap at which the run ends", float(t[-1]), float(h[-1]), float(delta[-1])))
+    return tuple(found)
 
 
 def _integrate(
     scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, progress: Progress | None
 ) -> tuple[Array, str, dict[str, Any]]:
-    """Run the kernel's integrator to the end; returns the dense output of its steps, shape (steps, WIDTH)."""
+    """Run the kernel's integrator to the end; returns its steps, what stopped it, and statistics."""
     t_end = math.inf if scene.until_t is None else float(scene.until_t)
     u_stop = math.nan if scene.until_h is None else math.log(scene.until_h)
-    state = np.zeros(15)
-    state[:3] = drive.start, math.log(scene.h), delta0
-    state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
-    state[13] = float(scene.method == "auto")
-    width = WIDTH + (drive.shape == "constant")
-    recorded: list[Array] = []
-    status = 2
-    while status == 2:
-        chunk = np.empty(CHUNK * width)
-        status = kernel.functions.integrate(t_end, u_stop, float(scene.rtol), p, *drive.arguments, CHUNK, state, chunk)
-        recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
-        if progress is not None:
-            progress(float(state[0]), math.exp(min(state[1], 700.0)))
-        if status == 2:
-            status = _stuck(scene, state)
+    start, ends = (float(scene.h), delta0), (t_end, u_stop)
+    steps, state = integrate_steps(kernel, drive, p, start, ends, float(scene.rtol), scene.method, progress)
+    status = int(state[-1])
     if status not in (0, 1):
         raise IntegrationError(_what_happened(status, scene, drive, state))
     stats = {
-        "method": _method(int(state[4]), int(state[14])),
+        "method": _method(drive, int(state[4]), int(state[14])),
         "steps": int(state[4]),
         "rejected": int(state[5]),
         "evaluations": int(8 * state[6] + state[7]),
         "stiffness": float(state[10]),
     }
-    return np.concatenate(recorded), "h" if status == 1 else "t", stats
+    return steps, "h" if status == 1 else "t", stats
 
 
-def _method(steps: int, by_gap: int) -> str:
+def integrate_steps(
+    kernel: Kernel,
+    drive: Drive,
+    p: Array,
+    start: tuple[float, float],
+    ends: tuple[float, float],
+    rtol: float,
+    method: str,
+    progress: Progress | None = None,
+) -> tuple[Array, Array]:
+    """Integrate from h and delta to a time or to a value of ln h (nan: none).
+
+    Returns
+    -------
+    steps : array, shape (steps, numbers of a step)
+    state : array
+        As the kernel left it, and last its status: 0 at the time, 1 past ln h, else why it ended.
+    """
+    t_end, u_stop = ends
+    state = np.zeros(15)
+    state[:3] = drive.start, math.log(start[0]), start[1]
+    state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
+    state[13] = float(method == "auto")
+    # a second component where the force is not given; one number more under a constant force
+    width = WIDTH + 9 if drive.control != "force" else WIDTH + (drive.shape == "constant")
+    recorded: list[Array] = []
+    status = 2
+    while status == 2:
+        capacity = CHUNK if recorded else FIRST_CHUNK
+        chunk = np.empty(capacity * width)
+        status = kernel.functions.integrate(t_end, u_stop, rtol, p, *drive.arguments, capacity, state, chunk)
+        recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
+        if progress is not None:
+            progress(float(state[0]), math.exp(min(state[1], 700.0)))
+        if status == 2:
+            status = _stuck(state)
+    return recorded[0] if len(recorded) == 1 else np.concatenate(recorded), np.append(state, status)
+
+
+def _method(drive: Drive, steps: int, by_gap: int) -> str:
     """What was done, in words, for the result."""
-    in_time = "Radau IIA of 8 stages in ln h"
+    in_time = f"Radau IIA of 8 stages in ln h{'' if drive.control == 'force' else ' and delta'}"
     if not by_gap:
         return in_time
     in_gap = "quadrature in steps of ln h (constant force)"
@@ -208,7 +256,7 @@ def _method(steps: int, by_gap: int) -> str:
 TOO_MANY, RUNAWAY = -10, -11
 
 
-def _stuck(scene: Scene, state: Array) -> int:
+def _stuck(state: Array) -> int:
     """Status of a run that has not ended: 2 to go on."""
     if state[4] + state[5] > MOST_STEPS:
         return TOO_MANY
@@ -260,7 +308,7 @@ def _sample(scene: Scene, kernel: Kernel, drive: Drive, steps: Array, stopped_by
     else:
         end = float(scene.until_t or 0)
     if scene.gaps is not None:
-        return _at_gaps(scene, kernel, steps, end)
+        return _at_gaps(scene, kernel, steps, end, stopped_by)
     if scene.times is None:
         t = np.append(steps[:, 0], end)
     elif isinstance(scene.times, (int, np.integer)):
@@ -301,7 +349,7 @@ def _ends(steps: Array) -> Array:
     return np.append(steps[:, 3], last[3] + (last[12] if by_gap else last[11]))
 
 
-def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float) -> tuple[Array, Array]:
+def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float, stopped_by: str) -> tuple[Array, Array]:
     """Times at which the gaps are passed, each after the one before; gaps that are not passed are an error."""
     if isinstance(scene.gaps, (int, np.integer)):
         gaps = np.geomspace(scene.h, float(scene.until_h or 0), int(scene.gaps))
@@ -314,6 +362,9 @@ def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float) -> tuple[Ar
     passed = np.ones(len(gaps), dtype=bool)
     for i, (gap, target) in enumerate(zip(gaps, targets, strict=True)):
         if gap == scene.h and at == 0:
+            continue
+        if gap == scene.until_h and stopped_by == "h":
+            at = index[i] = len(steps) - 1
             continue
         found = np.flatnonzero((u[at:-1] - target) * (u[at + 1 :] - target) <= 0)
         passed[i] = len(found) > 0

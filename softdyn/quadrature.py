@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel
 from softdyn.scene import Scene
+from softdyn.states import deflection, evaluate
 
 Array = NDArray[np.float64]
 
@@ -80,8 +81,6 @@ def _between(kernel: Kernel, p: Array, F: float, start: float, end: float) -> tu
 
 
 def _panels(kernel: Kernel, p: Array, F: float, start: float, end: float, panels: int) -> float:
-    from softdyn.pair import deflection, evaluate
-
     nodes, weights = _gauss()
     edges = np.linspace(start, end, panels + 1)
     half = np.diff(edges) / 2
@@ -89,7 +88,7 @@ def _panels(kernel: Kernel, p: Array, F: float, start: float, end: float, panels
     h = np.exp(u)
     force = np.full(len(h), F)
     delta = deflection(kernel, h, force, p)
-    rate = evaluate(kernel, h, delta, force, np.zeros(len(h)), p)["dh_dt"] / h
+    rate = evaluate(kernel, h, delta, {"F": force, "dF_dt": np.zeros(len(h))}, p)["dh_dt"] / h
     if not (np.isfinite(rate).all() and (rate * (end - start) > 0).all()):
         at = int(np.argmin(np.isfinite(rate) & (rate * (end - start) > 0)))
         raise IntegrationError(

@@ -24,6 +24,16 @@ SUFFIXES = (".json", ".npz", ".csv")
 
 
 @dataclass(frozen=True)
+class Event:
+    """What happened on the way: what it was, when, and the gap and the deflection there."""
+
+    what: str
+    t: float
+    h: float
+    delta: float
+
+
+@dataclass(frozen=True)
 class PairResult:
     """What a run of two particles gave; all numbers in the units of the scene's parameters.
 
@@ -41,9 +51,13 @@ class PairResult:
     stopped_by : str
         "h" or "t": which end was reached.
     stats : mapping
-        ``steps``, ``rejected``, ``evaluations`` (of dh/dt), ``force_residual`` (largest abs(F_ela - F_ext) relative to
-        the largest force), ``wall_s``, ``compile_s`` (deriving, compiling and loading), ``kernel`` (its key).
+        ``method`` (what was done), ``steps``, ``rejected``, ``evaluations`` (of dh/dt), ``stiffness`` (largest step
+        times rate of decay), ``force_residual`` (largest abs(F_ela - F_ext) relative to the largest force) or ``drift``
+        (largest distance of X from where a position or a spring has it, over R), ``wall_s``, ``compile_s`` (deriving,
+        compiling and loading), ``kernel`` (its key).
     warnings : tuple of str
+    events : tuple of Event
+        Where steps had to end, in order: rows of a table, the force crossing zero, a film reached, the gap of the end.
     """
 
     law: str
@@ -53,6 +67,7 @@ class PairResult:
     stopped_by: str
     stats: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
 
     def __getattr__(self, name: str) -> NDArray[np.float64]:
         if name != "arrays" and name in self.arrays:
@@ -74,6 +89,7 @@ class PairResult:
             **{name: [_json_number(value) for value in values] for name, values in self.arrays.items()},
             "stats": dict(self.stats),
             "warnings": list(self.warnings),
+            "events": [vars(event) for event in self.events],
         }
 
     def save(self, path: str | Path) -> Path:
@@ -167,7 +183,7 @@ def load_result(path: str | Path) -> PairResult:
             arrays = {
                 name: np.array([math.nan if v is None else v for v in values], dtype=float)
                 for name, values in data.items()
-                if isinstance(values, list) and name != "warnings"
+                if isinstance(values, list) and name not in ("warnings", "events")
             }
             about = data
         return PairResult(
@@ -178,6 +194,7 @@ def load_result(path: str | Path) -> PairResult:
             stopped_by=about["stopped_by"],
             stats=about["stats"],
             warnings=tuple(about["warnings"]),
+            events=tuple(Event(**event) for event in about.get("events", ())),
         )
     except OSError as error:
         raise SceneError(f"cannot read {path}: {error.strerror or error}") from None

@@ -8,7 +8,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -30,18 +30,23 @@ SMALLEST_RTOL = 1e-14
 LARGEST_COUNT = 10_000_000
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "pair": ("h", "X"),
-    "drive": ("force", "constants"),
+    "pair": ("h", "X", "delta"),
+    "drive": ("force", "position", "velocity", "spring", "constants"),
     "until": ("h", "t"),
     "output": ("times", "gaps", "quantities"),
     "accuracy": ("rtol", "method"),
 }
+#: What can drive a pair; exactly one of them does.
+DRIVES = ("force", "position", "velocity", "spring")
 TOP_LEVEL = ("law", "target", "parameters", *KEYS)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A force given at increasing times, linear in between: arrays of one length, times and forces."""
+    """What is given at rising times, linear in between: arrays of one length, times and values.
+
+    A time that comes twice is a jump, from the first value to the second.
+    """
 
     t: NDArray[np.float64]
     F: NDArray[np.float64]
@@ -49,7 +54,10 @@ class Table:
 
 @dataclass(frozen=True)
 class Scene:
-    """Two particles under a given force; all numbers in one consistent set of units.
+    """Two particles, pushed or moved; all numbers in one consistent set of units.
+
+    One of ``force``, ``position``, ``velocity`` and ``spring`` says by what: each a number, an expression of t, a
+    table, or a pair of arrays (t, values).
 
     Parameters
     ----------
@@ -59,12 +67,22 @@ class Scene:
         A value for each parameter of the law.
     h : float
         Initial gap, > 0.
-    force : float, str, Table, or a pair of arrays (t, F)
-        External force, > 0 pushes the particles together: a number, an expression of t, or a table.
+    force : optional
+        External force, > 0 pushes the particles together.
+    position : optional
+        Distance of the centres, X. A jump of it would take an infinite velocity, and is refused.
+    velocity : optional
+        dX/dt, < 0 brings the particles together.
+    spring : mapping, optional
+        ``stiffness`` (a number, force/length) and ``base``, a distance: the force is stiffness (X - base), as from a
+        cantilever whose base moves; no jumps.
     constants : mapping from str to float
         Named constants of the expression.
     X : float, optional
-        Initial distance of the centres, which must agree with h and the force.
+        Initial distance of the centres, which must agree with h and with what else is given.
+    delta : float, optional
+        Initial deflection where the force is not given, better conditioned than X; with ``velocity`` alone, 0 if
+        neither is given.
     until_h, until_t : float, optional
         The run ends when the gap passes until_h, or at the time until_t, whichever comes first.
     times : int or sequence of float, optional
@@ -86,9 +104,13 @@ class Scene:
     law: Any
     parameters: Mapping[str, float]
     h: float
-    force: Any
+    force: Any = None
+    position: Any = None
+    velocity: Any = None
+    spring: Mapping[str, Any] | None = None
     constants: Mapping[str, float] = field(default_factory=dict)
     X: float | None = None
+    delta: float | None = None
     until_h: float | None = None
     until_t: float | None = None
     times: int | Sequence[float] | None = None
@@ -135,19 +157,16 @@ def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
             faults += _unknown(content, keys, f"[{section}] ")
     missing = [key for key in ("law", "parameters", "pair", "drive", "until") if key not in data]
     faults += [f"[{key}] is missing" if key != "law" else 'law is missing: law = "NAME"' for key in missing]
-    for section, key in (("pair", "h"), ("drive", "force")):
-        if section not in missing and isinstance(data[section], Mapping) and key not in data[section]:
-            faults.append(f"[{section}] {key} is missing")
+    if "pair" not in missing and isinstance(data["pair"], Mapping) and "h" not in data["pair"]:
+        faults.append("[pair] h is missing")
+    if "drive" not in missing and isinstance(data["drive"], Mapping) and not set(DRIVES) & set(data["drive"]):
+        faults.append("[drive] force is missing (or position, velocity, spring)")
     if faults:
         raise SceneError(_listed(faults))
     law = data["law"]
     if isinstance(law, str) and ".py" in law:
         law = str(folder / law)
-    force = data["drive"]["force"]
-    if isinstance(force, Mapping):
-        if set(force) != {"file"} or not isinstance(force["file"], str):
-            raise SceneError('[drive] force: a table is {file = "force.csv"}, with no other key')
-        force = read_table(folder / force["file"])
+    drive = {name: _file_or_value(name, data["drive"][name], folder) for name in DRIVES if name in data["drive"]}
     output, accuracy = data.get("output", {}), data.get("accuracy", {})
     return Scene(
         law=law,
@@ -155,13 +174,25 @@ def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
         parameters=data["parameters"],
         h=data["pair"]["h"],
         X=data["pair"].get("X"),
-        force=force,
+        delta=data["pair"].get("delta"),
+        **drive,
         constants=data["drive"].get("constants", {}),
         until_h=data["until"].get("h"),
         until_t=data["until"].get("t"),
         **{key: output[key] for key in output},
         **{key: accuracy[key] for key in accuracy},
     )
+
+
+def _file_or_value(name: str, value: Any, folder: Path) -> Any:
+    """What a scene file says of a drive, with the table that it names in its place."""
+    if name == "spring" and isinstance(value, Mapping) and "base" in value:
+        return {**value, "base": _file_or_value("base", value["base"], folder)}
+    if name == "spring" or not isinstance(value, Mapping):
+        return value
+    if set(value) != {"file"} or not isinstance(value["file"], str):
+        raise SceneError(f'[drive] {name}: a table is {{file = "{name}.csv"}}, with no other key')
+    return read_table(folder / value["file"])
 
 
 def _unknown(given: Iterable[str], allowed: Sequence[str], where: str) -> list[str]:
@@ -179,7 +210,7 @@ def _listed(faults: Sequence[str]) -> str:
 
 
 def read_table(path: str | Path) -> Table:
-    """Read a force from a CSV file: two columns, time and force, with or without a line of headings.
+    """Read a table from a CSV file: two columns, time and value, with or without a line of headings.
 
     Raises
     ------
@@ -204,7 +235,7 @@ def read_table(path: str | Path) -> Table:
                     ) from None
                 if not (math.isfinite(t) and math.isfinite(F)):
                     raise SceneError(f"force table {path}, line {number}: {row} is not finite")
-                if times and t <= times[-1]:
+                if times and (t < times[-1] or times[-2:] == [t, t]):
                     raise SceneError(f"force table {path}, line {number}: time {t} does not come after {times[-1]}")
                 times.append(t)
                 forces.append(F)
@@ -227,22 +258,28 @@ def _is_number(cell: str) -> bool:
 
 @dataclass(frozen=True)
 class Drive:
-    """The external force in the form that a kernel takes.
+    """What drives the pair, in the form that a kernel takes.
 
     Attributes
     ----------
     shape : "constant", "table" or the shape of an expression
     constants : array
-        The force itself, or the constants of the expression.
+        The value itself, or the constants of the expression.
     table : Table or None
     start : float
         The time at which the run starts: 0, or the first of the table.
+    control : "force", "position", "velocity" or "spring"
+        What is given.
+    stiffness : float
+        Of the spring.
     """
 
     shape: str | tuple
     constants: NDArray[np.float64]
     table: Table | None = None
     start: float = 0.0
+    control: str = "force"
+    stiffness: float = math.inf
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -254,6 +291,8 @@ class Drive:
     @property
     def deflection(self) -> str:
         """The signs that the deflection can take, as far as the drive tells."""
+        if self.control != "force":
+            return "either"
         forces = self.table.F if self.table is not None else self.constants if self.shape == "constant" else np.zeros(1)
         return "compression" if np.all(forces > 0) else "tension" if np.all(forces < 0) else "either"
 
@@ -264,45 +303,75 @@ def drive_of(scene: Scene) -> Drive:
     Raises
     ------
     SceneError
-        If the force is neither a finite number, nor an expression, nor a table.
+        If not exactly one drive is given, or it is neither a finite number, nor an expression, nor a table.
     """
-    force = scene.force
-    if isinstance(force, str):
-        constants = _numbers("[drive] constants", scene.constants)
-        taken = [name for name in constants if name in ("t", "pi", *FUNCTIONS)]
+    given = [name for name in DRIVES if getattr(scene, name) is not None]
+    if len(given) != 1:
+        raise SceneError(f"[drive] takes one of {', '.join(DRIVES)}, and has {' and '.join(given) or 'none'}")
+    (control,) = given
+    if control != "spring":
+        return _checked(replace(_drive_from(control, getattr(scene, control), scene.constants), control=control))
+    spring = scene.spring
+    if not isinstance(spring, Mapping) or set(spring) != {"stiffness", "base"}:
+        raise SceneError("[drive] spring is {stiffness = NUMBER, base = NUMBER, EXPRESSION or TABLE}")
+    stiffness = _positive("[drive] spring: stiffness", spring["stiffness"])
+    drive = _drive_from("spring: base", spring["base"], scene.constants)
+    return _checked(replace(drive, control=control, stiffness=stiffness))
+
+
+def _checked(drive: Drive) -> Drive:
+    """Refuse jumps of a position, and a table that ends, or begins, with one."""
+    if drive.table is None:
+        return drive
+    at = np.flatnonzero(np.diff(drive.table.t) == 0)
+    if len(at) and drive.control in ("position", "spring"):
+        raise SceneError(
+            f"[drive] {drive.control}: a jump, at t = {drive.table.t[at[0]]:g}, takes an infinite velocity"
+        )
+    if len(at) and (at[0] == 0 or at[-1] == len(drive.table.t) - 2):
+        raise SceneError(f"[drive] {drive.control}: a table neither starts nor ends with a jump")
+    return drive
+
+
+def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
+    if isinstance(value, str):
+        constants = _numbers("[drive] constants", named)
+        taken = [constant for constant in constants if constant in ("t", "pi", *FUNCTIONS)]
         if taken:
             raise SceneError(f"[drive] constants: {', '.join(taken)} has a meaning of its own in an expression")
-        expression: Expression = parse(force, constants)
-        unused = [name for name in constants if not re.search(rf"\b{re.escape(name)}\b", force)]
+        expression: Expression = parse(value, constants)
+        unused = [constant for constant in constants if not re.search(rf"\b{re.escape(constant)}\b", value)]
         if unused:
-            raise SceneError(f"[drive] constants: {', '.join(unused)} does not appear in the force {force!r}")
+            raise SceneError(f"[drive] constants: {', '.join(unused)} does not appear in the {name} {value!r}")
         if expression.of_time:
             return Drive(expression.shape, np.array(expression.constants or (0.0,)))
-        value = evaluate_expression(expression, 0.0)
-        if not math.isfinite(value):
-            raise SceneError(f"[drive] force = {force!r} has no finite value")
-        return Drive("constant", np.array([value]))
-    if scene.constants:
-        raise SceneError("[drive] constants belong to a force that is an expression, and this one is not")
-    if isinstance(force, Table):
-        force = (force.t, force.F)
-    if isinstance(force, (tuple, list)) and len(force) == 2:
-        force = _table_from(*force)
-        return Drive("table", np.zeros(1), force, float(force.t[0]))
-    return Drive("constant", np.array([_finite("force", force)]))
+        number = evaluate_expression(expression, 0.0)
+        if not math.isfinite(number):
+            raise SceneError(f"[drive] {name} = {value!r} has no finite value")
+        return Drive("constant", np.array([number]))
+    if named:
+        raise SceneError(f"[drive] constants belong to a {name} that is an expression, and this one is not")
+    if isinstance(value, Table):
+        value = (value.t, value.F)
+    if isinstance(value, (tuple, list)) and len(value) == 2:
+        table = _table_from(name, *value)
+        return Drive("table", np.zeros(1), table, float(table.t[0]))
+    return Drive("constant", np.array([_finite(name, value)]))
 
 
-def _table_from(t: Any, F: Any) -> Table:
+def _table_from(name: str, t: Any, F: Any) -> Table:
     try:
         table = Table(np.array(t, dtype=float), np.array(F, dtype=float))
     except (TypeError, ValueError):
-        raise SceneError("force: a table is a pair of arrays of numbers, (t, F)") from None
+        raise SceneError(f"{name}: a table is a pair of arrays of numbers, (t, values)") from None
     if table.t.ndim != 1 or table.t.shape != table.F.shape or len(table.t) < 2:
         raise SceneError(
-            f"force: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}"
+            f"{name}: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}"
         )
-    if not (np.isfinite(table.t).all() and np.isfinite(table.F).all() and (np.diff(table.t) > 0).all()):
-        raise SceneError("force: a table's times must increase, and all its numbers be finite")
+    steps = np.diff(table.t)
+    rising = (steps >= 0).all() and not (np.diff(np.flatnonzero(steps == 0)) == 1).any()
+    if not (np.isfinite(table.t).all() and np.isfinite(table.F).all() and rising):
+        raise SceneError(f"{name}: a table's times must increase, or come twice at a jump, and its numbers be finite")
     return table
 
 
@@ -352,6 +421,10 @@ def check_scene(scene: Scene) -> None:
     h = attempt(_positive, "[pair] h", scene.h)
     if scene.X is not None:
         attempt(_finite, "[pair] X", scene.X)
+    if scene.delta is not None:
+        attempt(_finite, "[pair] delta", scene.delta)
+        if scene.force is not None:
+            faults.append("[pair] delta follows from the force; leave it out")
     until_h = attempt(_positive, "[until] h", scene.until_h) if scene.until_h is not None else None
     if scene.until_t is not None:
         attempt(_finite, "[until] t", scene.until_t)

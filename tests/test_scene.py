@@ -120,7 +120,7 @@ def test_paths_in_a_scene_are_relative_to_it(tmp_path: Path) -> None:
     ("content", "message"),
     [
         ("0,1\n2,1\n1,1\n", "line 3: time 1.0 does not come after 2.0"),
-        ("0,1\n0,2\n", "line 2: time 0.0 does not come after 0.0"),
+        ("0,1\n0,2\n0,3\n", "line 3: time 0.0 does not come after 0.0"),
         ("0,1\n1,x\n", "line 2: two numbers are expected"),
         ("0,1\n1\n", "line 2: two numbers are expected"),
         ("0,1\n1,2,3\n", "line 2: two numbers are expected"),

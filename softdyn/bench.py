@@ -1,0 +1,413 @@
+"""Work against precision: the pair engine and its peers, by true error and CPU time per trajectory.
+
+Every integrator is run over a ladder of tolerances; each run is a pair (largest true error, in h and in delta, over all
+outputs; CPU time of a trajectory, compiling apart). The time to an error is the least over the runs that reach it.
+Peers integrate (ln h, delta) in t; where softdyn takes the gap as the independent variable, a row gives a peer the
+same.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import softdyn
+from softdyn.bench_reference import Case, cases
+from softdyn.kernels import Kernel, get_kernel
+from softdyn.pair import integrate_steps, kernel_needs, kernel_parameters, states_at
+from softdyn.results import written_whole
+from softdyn.scene import Scene, drive_of
+from softdyn.states import deflection, drive_at, initial_deflection
+
+Array = NDArray[np.float64]
+Solve = Callable[[float], tuple[Array, Array]]
+
+TARGET_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
+#: What the project sets out to reach: our time over the fastest peer's, at each of the errors above.
+GOALS = {"constant": (0.25, 0.25, 0.25, 0.25), "sine": (0.6, 0.8, 0.9, 1.0), "film": (0.4, 0.5, 0.5, 0.7)}
+PEERS = ("heyoka", "numbalsoda", "scipy", "numba")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One integrator at one tolerance on one case."""
+
+    case: str
+    integrator: str
+    tolerance: float
+    error: float
+    cpu_s: float
+
+
+def bench(
+    folder: Path, *, repeats: int = 5, seconds: float = 0.05, say: Callable[[str], None] = print
+) -> dict[str, Any]:
+    """Measure everything, and write ``bench.json``, ``bench.txt`` and ``bench.png`` into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    repeats : int
+        Times are medians over so many measurements.
+    seconds : float
+        CPU time that one measurement lasts at least.
+    say : function of a line of text
+    """
+    runs: list[Run] = []
+    missing: dict[str, str] = {}
+    for case in cases():
+        for integrator, make, tolerances in _integrators(case, missing):
+            try:
+                solve = make()
+            except Exception as failed:  # a peer's own way to fail: reported, with its words
+                missing[f"{integrator}, {case.name}"] = f"{type(failed).__name__}: {failed}"
+                continue
+            for tolerance in tolerances:
+                try:
+                    error = _true_error(case, *solve(tolerance))
+                except Exception as failed:
+                    say(f"{case.name:16} {integrator:28} {tolerance:.0e}  failed: {failed}")
+                    continue
+                cpu = _cpu_time(partial(solve, tolerance), repeats, seconds)
+                runs.append(Run(case.name, integrator, tolerance, error, cpu))
+                say(f"{case.name:16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
+    report = {
+        "made": time.strftime("%Y-%m-%d"),
+        "command": "softdyn bench",
+        "machine": f"{platform.machine()}, {_processor()}",
+        "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **_versions()},
+        "missing": missing,
+        "cases": {case.name: case.about for case in cases()},
+        "runs": [vars(run) for run in runs],
+    }
+    text = report_text(report)
+    say("\n" + text)
+    for name, content in (("bench.json", json.dumps(report, indent=1) + "\n"), ("bench.txt", text)):
+        with written_whole(folder / name) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+    figure = draw(report)
+    with written_whole(folder / "bench.png") as temporary:
+        figure.savefig(temporary, format="png", dpi=110)
+    return report
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or "unknown processor"
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in PEERS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _cpu_time(call: Callable[[], Any], repeats: int, seconds: float) -> float:
+    """Median CPU time of a call, over measurements of many calls each."""
+    start = time.process_time()
+    call()
+    once = max(time.process_time() - start, 1e-7)
+    number = max(1, math.ceil(seconds / once))
+    measured = []
+    for _ in range(repeats):
+        start = time.process_time()
+        for _ in range(number):
+            call()
+        measured.append((time.process_time() - start) / number)
+    return float(np.median(measured))
+
+
+def _true_error(case: Case, h: Array, delta: Array) -> float:
+    """Largest relative error, of h and of delta, over all outputs; infinite where one is no number."""
+    error = max(np.max(np.abs(h / case.h - 1)), np.max(np.abs(delta / case.delta - 1)))
+    return float(error) if math.isfinite(error) else math.inf
+
+
+def _integrators(case: Case, missing: dict[str, str]) -> list[tuple[str, Callable[[], Solve], Sequence[float]]]:
+    """Name, maker and tolerances of all that is installed; what is not, is noted."""
+    ours = [10.0**-k for k in range(4, 15)]
+    found: list[tuple[str, Callable[[], Solve], Sequence[float]]] = [
+        (f"softdyn, {target}", partial(_ours, case, target, "auto"), ours) for target in ("c", "numba")
+    ]
+    if case.drive == "constant":
+        found.append(("softdyn, c, in time", lambda: _ours(case, "c", "integrate"), ours))
+    for name in ("heyoka", "numbalsoda"):
+        try:
+            version(name)
+        except PackageNotFoundError:
+            missing[name] = "not installed"
+            continue
+        if name == "heyoka":
+            found.append(("heyoka", lambda: _heyoka(case), [10.0**-k for k in range(5, 16)]))
+            if case.drive == "constant" and not case.film:
+                found.append(
+                    ("heyoka, gap as variable", lambda: _heyoka_by_gap(case), [10.0**-k for k in range(5, 16)])
+                )
+        else:
+            found.append(("numbalsoda, LSODA", lambda: _numbalsoda(case), [10.0**-k for k in range(5, 14)]))
+    for method in ("LSODA", "Radau") if case.film else ("LSODA", "DOP853", "Radau"):
+        for compiled in (False, True):
+            name = f"scipy, {method}, {'numba' if compiled else 'python'}"
+            found.append((name, partial(_scipy, case, method, compiled), [10.0**-k for k in (5, 7, 9, 11, 13)]))
+    return found
+
+
+def _ours(case: Case, target: str, method: str) -> Solve:
+    """The engine itself: integration, outputs at times, deflections; scene files and results apart."""
+    scene = Scene(
+        law=case.law, parameters=case.parameters, h=case.h0, force=case.force, constants=case.constants,
+        until_t=float(case.t[-1]), target=target, method=method,
+    )  # fmt: skip
+    drive = drive_of(scene)
+    kernel: Kernel = get_kernel(scene.law, target, **kernel_needs(scene, drive))
+    p = kernel_parameters(scene, kernel, drive)
+    delta0 = initial_deflection(scene, kernel, drive, p, float(case.parameters["R"]))
+    forces = drive_at(kernel, drive, case.t)[0]
+
+    def solve(tolerance: float) -> tuple[Array, Array]:
+        steps, _ = integrate_steps(
+            kernel, drive, p, (scene.h, delta0), (float(case.t[-1]), math.nan), tolerance, method
+        )
+        h = np.exp(states_at(kernel, steps, case.t)[0])
+        return h, deflection(kernel, h, forces, p)
+
+    return solve
+
+
+def _heyoka_rates(case: Case) -> tuple[Any, Any, Any, Any]:
+    """Return d(ln h)/dt and d(delta)/dt as heyoka's expressions, and the two variables."""
+    import heyoka as hy
+
+    u, delta = hy.make_vars("u", "delta")
+    h = hy.exp(u)
+    bar = h / (1.0 + h)
+    a2 = 2.0 * (bar + delta)
+    a = hy.sqrt(a2)
+    F: Any = case.kappa
+    F_dot: Any = 0.0
+    if case.drive == "sine":
+        w = case.constants["w"]
+        F = case.kappa * (1.0 + 0.5 * hy.sin(w * hy.time))
+        F_dot = 0.5 * case.kappa * w * hy.cos(w * hy.time)
+    zeta = 1.5 * math.pi * a2 * a2 / (bar * bar * bar)
+    net = F - (case.parameters["A"] * hy.exp(-h / case.parameters["lam"])) if case.film else F
+    h_dot = -net / zeta
+    F_h = 4 / 9 * delta / a / ((1.0 + h) * (1.0 + h))
+    F_delta = 4 / 9 * (a + delta / a)
+    return h_dot / h, (F_dot - F_h * h_dot) / F_delta, u, delta
+
+
+def _heyoka(case: Case) -> Solve:
+    import heyoka as hy
+
+    u_dot, delta_dot, u, delta = _heyoka_rates(case)
+    made: dict[float, Any] = {}
+    grid = [0.0, *case.t.tolist()]
+
+    def solve(tolerance: float) -> tuple[Array, Array]:
+        if tolerance not in made:
+            made[tolerance] = hy.taylor_adaptive([(u, u_dot), (delta, delta_dot)], [0.0, 0.0], tol=tolerance)
+        engine = made[tolerance]
+        engine.time = 0.0
+        engine.state[:] = math.log(case.h0), case.delta0
+        found = engine.propagate_grid(grid)[-1]
+        return np.exp(found[1:, 0]), found[1:, 1]
+
+    return solve
+
+
+def _heyoka_by_gap(case: Case) -> Solve:
+    """Time and delta against -ln h, then inverted for the outputs by Newton's iteration on its dense output."""
+    import heyoka as hy
+
+    u_dot, delta_dot, _, delta = _heyoka_rates(case)
+    # the independent variable is s = -ln h, heyoka's time
+    t = hy.make_vars("t")
+    here = {"u": -hy.time}
+    t_rate = hy.subs(-1.0 / u_dot, here)
+    delta_rate = hy.subs(-delta_dot / u_dot, here)
+    made: dict[float, Any] = {}
+    end = -math.log(case.h[-1] * 0.999)
+
+    def solve(tolerance: float) -> tuple[Array, Array]:
+        if tolerance not in made:
+            made[tolerance] = hy.taylor_adaptive([(t, t_rate), (delta, delta_rate)], [0.0, 0.0], tol=tolerance)
+        engine = made[tolerance]
+        engine.time = -math.log(case.h0)
+        engine.state[:] = 0.0, case.delta0
+        output = engine.propagate_until(end, c_output=True)[-2]
+        s = np.interp(case.t, [0.0, *np.sort(output(np.linspace(engine_start, end, 400))[:, 0])[1:]],
+                      np.linspace(engine_start, end, 400))  # fmt: skip
+        for _ in range(4):
+            states = np.array(output(s))
+            step = 1e-7
+            slope = (np.array(output(s + step))[:, 0] - states[:, 0]) / step
+            s = np.clip(s - (states[:, 0] - case.t) / slope, engine_start, end - step)
+        return np.exp(-s), np.array(output(s))[:, 1]
+
+    engine_start = -math.log(case.h0)
+    return solve
+
+
+def _rates(case: Case, decorate: Callable[[Any], Any]) -> Callable[..., Any]:
+    """Rates of (ln h, delta) in plain Python, for scipy; ``decorate`` may compile them."""
+    kappa, w, film = case.kappa, case.constants.get("w", 0.0), case.film
+    A, lam = case.parameters.get("A", 0.0), case.parameters.get("lam", 1.0)
+
+    def rates(t: float, y: Array) -> Array:
+        h = math.exp(y[0])
+        bar = h / (1.0 + h)
+        a2 = 2.0 * (bar + abs(y[1]))
+        a = math.sqrt(a2)
+        F = kappa * (1.0 + 0.5 * math.sin(w * t))
+        F_dot = 0.5 * kappa * w * math.cos(w * t)
+        net = F - A * math.exp(-h / lam) if film else F
+        h_dot = -net / (1.5 * math.pi * a2 * a2 / bar**3)
+        F_h = 4 / 9 * y[1] / a / (1.0 + h) ** 2
+        F_delta = 4 / 9 * (a + abs(y[1]) / a)
+        return np.array([h_dot / h, (F_dot - F_h * h_dot) / F_delta])
+
+    return decorate(rates)
+
+
+def _scipy(case: Case, method: str, compiled: bool) -> Solve:
+    from scipy.integrate import solve_ivp
+
+    if compiled:
+        import numba
+
+        rates = _rates(case, numba.njit)
+        rates(0.0, np.array([0.0, 0.1]))
+    else:
+        rates = _rates(case, lambda function: function)
+    start = [math.log(case.h0), case.delta0]
+
+    def solve(tolerance: float) -> tuple[Array, Array]:
+        found = solve_ivp(
+            rates, (0.0, case.t[-1]), start, method=method, t_eval=case.t, rtol=max(tolerance, 3e-14),
+            atol=[tolerance, tolerance * case.delta0],
+        )  # fmt: skip
+        if not found.success:
+            raise RuntimeError(found.message)
+        return np.exp(found.y[0]), found.y[1]
+
+    return solve
+
+
+def _numbalsoda(case: Case) -> Solve:
+    """LSODA without Python in the loop."""
+    import numba
+    from numbalsoda import lsoda, lsoda_sig
+
+    rates = _rates(case, numba.njit)
+
+    @numba.cfunc(lsoda_sig)
+    def right_hand_side(t, u, du, p):  # type: ignore[no-untyped-def]
+        found = rates(t, numba.carray(u, (2,)))
+        du[0] = found[0]
+        du[1] = found[1]
+
+    address = right_hand_side.address
+    start, grid = np.array([math.log(case.h0), case.delta0]), np.concatenate([[0.0], case.t])
+
+    def solve(tolerance: float) -> tuple[Array, Array]:
+        found, success = lsoda(address, start, grid, rtol=tolerance, atol=tolerance * case.delta0)
+        if not success:
+            raise RuntimeError("LSODA failed")
+        return np.exp(found[1:, 0]), found[1:, 1]
+
+    return solve
+
+
+def least_times(report: dict[str, Any], case: str) -> dict[str, list[float]]:
+    """Per integrator, the least CPU time in seconds to each of the target errors; infinite where none is reached."""
+    runs = [run for run in report["runs"] if run["case"] == case]
+    names = dict.fromkeys(run["integrator"] for run in runs)
+    return {
+        name: [
+            min((r["cpu_s"] for r in runs if r["integrator"] == name and r["error"] <= target), default=math.inf)
+            for target in TARGET_ERRORS
+        ]
+        for name in names
+    }
+
+
+def is_peer(integrator: str) -> bool:
+    """Whether an integrator is a peer's, in its own formulation, and not ours or one that was given ours."""
+    return not integrator.startswith("softdyn") and "gap as variable" not in integrator
+
+
+def report_text(report: dict[str, Any]) -> str:
+    """Tables of times, and of our time over the fastest peer's with the goal."""
+    lines = [
+        f"softdyn bench, {report['made']}, {report['machine']}",
+        ", ".join(f"{name} {number}" for name, number in report["versions"].items()),
+        *(f"missing: {name}: {why}" for name, why in report["missing"].items()),
+        "CPU time per trajectory in microseconds to a true error, in h and in delta at every output, of at most",
+    ]
+    for case, about in report["cases"].items():
+        head = "".join(f"{target:>10.0e}" for target in TARGET_ERRORS)
+        lines += ["", f"{case}: {about}", f"    {'':28}{head}"]
+        times = least_times(report, case)
+        for name, values in times.items():
+            lines.append(
+                f"    {name:28}" + "".join(f"{v * 1e6:10.1f}" if math.isfinite(v) else f"{'-':>10}" for v in values)
+            )
+        ours = times.get("softdyn, c", [math.inf] * 4)
+        peers = [min(values) for values in zip(*(v for n, v in times.items() if is_peer(n)), strict=True)]
+        ratios = [
+            a / b if math.isfinite(a) and math.isfinite(b) else math.nan for a, b in zip(ours, peers, strict=True)
+        ]
+        lines.append(
+            f"    {'ours over the fastest peer':28}" + "".join(f"{r:10.2f}" if r == r else f"{'-':>10}" for r in ratios)
+        )
+        goal = GOALS.get(case.split(",")[0])
+        if goal:
+            lines.append(f"    {'goal':28}" + "".join(f"{g:10.2f}" for g in goal))
+    return "\n".join(lines) + "\n"
+
+
+def draw(report: dict[str, Any]) -> Any:
+    """Work-precision diagrams, one for each case."""
+    from matplotlib.figure import Figure
+
+    names = list(report["cases"])
+    figure = Figure(figsize=(4.2 * len(names), 4.4), layout="constrained")
+    for axes, case in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+        runs = [run for run in report["runs"] if run["case"] == case and 0 < run["error"] < 1]
+        for integrator in dict.fromkeys(run["integrator"] for run in runs):
+            points = sorted((r["error"], r["cpu_s"] * 1e6) for r in runs if r["integrator"] == integrator)
+            ours = integrator.startswith("softdyn")
+            axes.loglog(
+                *zip(*points, strict=True), "o-" if ours else ".--", lw=2 if ours else 1, ms=4, label=integrator
+            )
+        axes.set(title=case, xlabel="largest relative error of h and delta", ylabel="CPU time, microseconds")
+        axes.invert_xaxis()
+        axes.legend(fontsize=6)
+    return figure
+
+
+def main(folder: Path) -> int:
+    """Run and report; progress goes to stderr."""
+    bench(folder, say=lambda line: print(line, file=sys.stderr))
+    print((folder / "bench.txt").read_text(encoding="utf-8"), end="")
+    return 0
