@@ -19,9 +19,9 @@ CG_ITERATIONS = 2000
 
 
 class Indefinite(Exception):
-    """The matrix has a direction along which nothing resists; ``direction`` is one, shape (N, d)."""
+    """The matrix has a direction along which nothing resists; ``direction()`` finds one, shape (N, d)."""
 
-    def __init__(self, direction: Array) -> None:
+    def __init__(self, direction: Callable[[], Array]) -> None:
         super().__init__("the matrix is not positive definite")
         self.direction = direction
 
@@ -130,11 +130,11 @@ def _direct(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
         # pivots from the diagonal, as the matrix is symmetric: then the signs of U's are those of the eigenvalues
         factor = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:  # a pivot is exactly zero
-        raise Indefinite(_softest(matrix).reshape(-1, d)) from None
+        raise Indefinite(lambda: _softest(matrix).reshape(-1, d)) from None
     pivots = factor.U.diagonal()
     small = 1e-13 * float(np.abs(full.diagonal()).max(initial=0.0))
     if not np.array_equal(factor.perm_r, factor.perm_c) or not float(pivots.min()) > small:
-        raise Indefinite(_softest(matrix).reshape(-1, d))
+        raise Indefinite(lambda: _softest(matrix).reshape(-1, d))
 
     def solve(b: Array) -> Array:
         return factor.solve(b.reshape(size)).reshape(b.shape)
@@ -164,7 +164,7 @@ def _conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
         worst = int(np.argmin(np.linalg.eigvalsh(own)[:, 0]))
         direction = np.zeros((count, d))
         direction[worst] = np.linalg.eigh(own[worst])[1][:, 0]
-        raise Indefinite(direction)
+        raise Indefinite(lambda: direction)
     inverse = np.linalg.inv(own)
     size = matrix.shape[0]
 
@@ -176,7 +176,7 @@ def _conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
     def multiply(v: Array) -> Array:
         image = matrix @ v
         if float(v @ image) < 0:
-            raise Indefinite(v.reshape(count, d))
+            raise Indefinite(lambda: v.reshape(count, d).copy())
         return image
 
     checked = LinearOperator((size, size), matvec=multiply, dtype=float)

@@ -25,7 +25,8 @@ SKIN = 0.4
 
 def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Contacts:
     """Contacts of which only the geometry is known."""
-    with_walls = np.append(radii, np.zeros(int(j.max(initial=0)) + 1 - len(radii))) if j.size else radii
+    walls = max(0, int(j.max(initial=0)) + 1 - len(radii))
+    with_walls = np.append(radii, np.zeros(walls))
     n = len(i)
     none = np.empty(0)
     return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), np.zeros(n, bool))

@@ -393,7 +393,7 @@ def _why(system: System, state: State, error: Exception) -> str:
         return str(error)
     if not np.any(system.drag > 0):
         _require_held(system, state, np.asarray((~system.fixed).any(axis=1)))
-    size = np.linalg.norm(error.direction, axis=1)
+    size = np.linalg.norm(error.direction(), axis=1)
     worst = np.flatnonzero(size > 0.3 * size.max())
     worst = worst[np.argsort(-size[worst], kind="stable")]
     remedy = (

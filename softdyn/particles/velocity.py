@@ -125,4 +125,5 @@ def _velocities(
         right[a] -= strength * normal
         right[b] += strength * normal
     # the least-squares solution of smallest norm has no part along motions that cost nothing
-    return np.linalg.lstsq(matrix.reshape(count * d, -1), right.reshape(-1), rcond=1e-12)[0].reshape(count, d)
+    found = np.linalg.lstsq(matrix.reshape(count * d, -1), right.reshape(-1), rcond=1e-12)[0]
+    return np.asarray(found, dtype=float).reshape(count, d)
