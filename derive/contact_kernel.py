@@ -190,7 +190,9 @@ def stage_equation() -> dict[Symbol, Expr]:
 
 def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
-    values = partials(law)
+    # the names of a law's own parameters may be those of the kernel's variables
+    own = {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in parameters_of(law)}
+    values = {symbol: expr.xreplace(own) for symbol, expr in partials(law).items()}
 
     def relative(variable: Symbol) -> Expr:
         return sound((total(zeta, variable) / values[zeta]).subs(values))
@@ -201,7 +203,7 @@ def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     generic = d.generic_dynamics()
     return {
         delta: (overlap + h) / 2,
-        a: sound(law.a),
+        a: sound(law.a).xreplace(own),
         F_ela: values[F_ela],
         zeta: values[zeta],
         F_adh: values[F_adh],
@@ -235,8 +237,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         If the law is rigid or dry: then a contact has no gap state, or no deflection; or if a varying parameter is not
         the law's.
     """
-    parameters = parameters_of(law)
-    names = tuple(symbol.name for symbol in parameters)
+    names = tuple(symbol.name for symbol in parameters_of(law))
     faults = [f"{name!r} is no parameter; there are {', '.join(names)}" for name in needs.varying if name not in names]
     if is_rigid(law) or is_dry(law):
         faults.append(
@@ -244,9 +245,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         )
     if faults:
         raise LawError(law.name, tuple(faults))
-    # the names of a law's own parameters may be those of the kernel's variables
-    own = {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in parameters}
-    definitions = {symbol: expr.xreplace(own) for symbol, expr in contact_definitions(law).items()}
+    definitions = contact_definitions(law)
     savings: list[Saving] = []
 
     def count() -> int:
