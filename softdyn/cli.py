@@ -136,6 +136,9 @@ def _parser() -> argparse.ArgumentParser:
         help="save the result: .json, .npz (both can be plotted) or .csv",
     )
     run.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    run.add_argument(
+        "--resume", action="store_true", help="many particles: go on from where an earlier run with the same -o ended"
+    )
 
     plot = add("plot", _plot, "draw a saved result")
     plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
@@ -329,10 +332,16 @@ def _generate_stock(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair import simulate_pair
     from softdyn.results import SUFFIXES
-    from softdyn.scene import read_scene
+    from softdyn.scene import is_particle_scene, read_scene, read_toml
 
     if options.output is not None and options.output.suffix not in SUFFIXES:
         raise SceneError(f"cannot save to {options.output}: the ending must be one of {', '.join(SUFFIXES)}")
+    if is_particle_scene(read_toml(options.scene)):
+        from softdyn.particles.command import run_particles
+
+        return run_particles(options.scene, options.output, options.resume, options.json)
+    if options.resume:
+        raise SceneError("--resume is for scenes of many particles")
     scene = read_scene(options.scene)
     with _progress_bar(scene) as progress:
         result = simulate_pair(scene, progress)
@@ -390,13 +399,14 @@ class _progress_bar:
 
 
 def _plot(options: argparse.Namespace) -> int:
+    from softdyn.particles.results import holds_particles, load_particles
     from softdyn.results import load_result, written_whole
 
-    result = load_result(options.result)
+    many = holds_particles(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
     if picture.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
-    figure = result.plot()
+    figure = load_particles(options.result).plot() if many else load_result(options.result).plot()
     with written_whole(picture) as temporary:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")

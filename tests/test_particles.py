@@ -206,7 +206,7 @@ def test_nothing_depends_on_place_direction_or_numbering(drag: float) -> None:
     """Same gaps after a translation, a rotation, another numbering: to the tolerance of Newton's iteration."""
     changes = {"drag": drag, "until": 2e4, "rtol": 1e-6}
     plain = simulate_particles(rhombus(**changes))
-    moved = simulate_particles(rhombus(positions=[*np.array(rhombus().positions), 5.0, -3.0], **changes))
+    moved = simulate_particles(rhombus(positions=np.array(rhombus().positions) + np.array([5.0, -3.0]), **changes))
     turned = simulate_particles(rhombus(turn=0.7, **changes))
     for other in (moved, turned):
         np.testing.assert_allclose(gaps(other), gaps(plain), rtol=1e-5)
@@ -232,7 +232,7 @@ def test_a_flow_seen_from_another_height_is_the_same_flow() -> None:
     }
     positions = np.array([[0.0, 0.0], [2.05, 0.8], [4.0, -0.3]])
     plain = simulate_particles(scene(positions=positions, **changes))
-    moved = simulate_particles(scene(positions=[*positions, 0.0, 7.0], **changes))
+    moved = simulate_particles(scene(positions=positions + np.array([0.0, 7.0]), **changes))
     np.testing.assert_allclose(gaps(moved), gaps(plain), rtol=1e-6)
     carried = plain.x + np.array([0.0, 7.0]) + np.array([7e-3, 0.0]) * plain.t[:, None, None]
     np.testing.assert_allclose(moved.x, carried, atol=1e-6)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -18,6 +17,9 @@ from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.step import System, contact_state
 from softdyn.results import written_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -128,6 +130,12 @@ class ParticleResult:
         start, end = self.arrays["contact_start"][frame : frame + 2]
         return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
 
+    def plot(self) -> Figure:
+        """Draw the contact network at the end, the stress, the coordination, and the gaps and forces."""
+        from softdyn.particles.plots import plot_particles
+
+        return plot_particles(self)
+
     def save(self, path: str | Path) -> Path:
         """Write to an .npz file; see :func:`load_particles`.
 
@@ -214,6 +222,10 @@ def load_particles(path: str | Path) -> ParticleResult:
         raise SceneError(f"{path} is not a result of many particles saved by softdyn: {error}") from None
 
 
-def finite(value: float) -> float | None:
-    """Return a number as JSON takes it."""
-    return float(value) if math.isfinite(value) else None
+def holds_particles(path: str | Path) -> bool:
+    """Whether a file holds a run of many particles; False for any other file, or none."""
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            return json.loads(str(stored["about"])).get("kind") == "particles"
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile):
+        return False

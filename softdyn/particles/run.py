@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles import linear
 from softdyn.particles.geometry import Contacts, directions, lattice
 from softdyn.particles.kernel import energies, get_contact_kernel
 from softdyn.particles.method import ORDER
-from softdyn.particles.neighbours import Listed, find_contacts, travelled
-from softdyn.particles.results import Frame, ParticleResult, frame_of, gather
+from softdyn.particles.neighbours import find_contacts, travelled
+from softdyn.particles.results import ParticleResult, frame_of, gather
 from softdyn.particles.scene import (
     AXES,
     Checked,
@@ -29,6 +30,7 @@ from softdyn.particles.scene import (
     uniform_values,
     varying_parameters,
 )
+from softdyn.particles.state import State
 from softdyn.particles.step import (
     WORKS,
     Newton,
@@ -45,6 +47,8 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, int, int], None]
 
 MOST_STEPS = 1_000_000
+#: Seconds between two checkpoints.
+CHECKPOINT_EVERY = 30.0
 SMALLEST_STEP = 1e-12
 #: External forces on what may move freely must balance to this fraction.
 UNBALANCED = 1e-9
@@ -52,44 +56,9 @@ UNBALANCED = 1e-9
 UNTURNED = 1e-4
 
 
-@dataclass
-class State:
-    """Everything that changes during a run; it is all that a checkpoint holds.
-
-    Attributes
-    ----------
-    t, dt : float
-        Time, and the step to try next.
-    x, v : array, shape (N, d)
-    y_rate : array, shape (contacts,)
-        Guess of dy/dt for the next step.
-    contacts : Contacts
-    listed : Listed
-    work : dict
-        Energies exchanged since the start.
-    stored0 : float
-        Elastic energy at the start.
-    counts : dict
-    history : list of tuple
-        For each step: time, length, residual, error, contacts within their range.
-    frames : list of Frame
-    """
-
-    t: float
-    dt: float
-    x: Array
-    v: Array
-    y_rate: Array
-    contacts: Contacts
-    listed: Listed
-    work: dict[str, float]
-    stored0: float = 0.0
-    counts: dict[str, int] = field(default_factory=dict)
-    history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
-    frames: list[Frame] = field(default_factory=list)
-
-
-def simulate_particles(scene: ParticleScene, progress: Progress | None = None) -> ParticleResult:
+def simulate_particles(
+    scene: ParticleScene, progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False
+) -> ParticleResult:
     """Integrate a scene.
 
     Parameters
@@ -97,6 +66,11 @@ def simulate_particles(scene: ParticleScene, progress: Progress | None = None) -
     scene : ParticleScene
     progress : function of (t, steps, Newton iterations), optional
         Called after every step.
+    checkpoint : Path, optional
+        File to which the state is written now and then, and when the run is interrupted or cannot go on; it is removed
+        at the end.
+    resume : bool
+        Whether to go on from that file, if it is there.
 
     Returns
     -------
@@ -113,12 +87,35 @@ def simulate_particles(scene: ParticleScene, progress: Progress | None = None) -
     began = time.perf_counter()
     checked, system = prepare(scene)
     newton = Newton()
-    state = start(scene, checked, system, newton)
+    key = checkpoints.fingerprint(scene, checked, system)
+    if resume and checkpoint is not None and checkpoint.exists():
+        state = checkpoints.load(checkpoint, key)
+    else:
+        state = start(scene, checked, system, newton)
+    last = time.monotonic()
+
+    def now_and_then(state: State) -> None:
+        nonlocal last
+        if checkpoint is not None and time.monotonic() - last > CHECKPOINT_EVERY:
+            checkpoints.save(checkpoint, state, key)
+            last = time.monotonic()
+
     try:
-        integrate(scene, checked, system, newton, state, progress)
+        integrate(scene, checked, system, newton, state, progress, now_and_then)
     except IntegrationError as error:
         error.partial = _result(scene, checked, system, newton, state, began)
+        if checkpoint is None:
+            raise
+        checkpoints.save(checkpoint, state, key)
+        stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
+        stopped.partial = error.partial
+        raise stopped from None
+    except KeyboardInterrupt:
+        if checkpoint is not None:
+            checkpoints.save(checkpoint, state, key)
         raise
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
     return _result(scene, checked, system, newton, state, began)
 
 
