@@ -127,7 +127,9 @@ def _parser() -> argparse.ArgumentParser:
     )
 
     run = add("run", _run, "simulate a scene")
-    run.add_argument("scene", metavar="SCENE.toml", type=Path)
+    run.add_argument(
+        "scene", metavar="SCENE", type=Path, help="a .toml file, or two, line, t1, emulsion: many particles"
+    )
     run.add_argument(
         "-o",
         dest="output",
@@ -336,10 +338,15 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.output is not None and options.output.suffix not in SUFFIXES:
         raise SceneError(f"cannot save to {options.output}: the ending must be one of {', '.join(SUFFIXES)}")
-    if is_particle_scene(read_toml(options.scene)):
+    file: Path = options.scene
+    if not file.suffix and not file.exists():
+        from softdyn.particles.files import stock_scenes
+
+        file = stock_scenes().get(file.name, file)
+    if is_particle_scene(read_toml(file)):
         from softdyn.particles.command import run_particles
 
-        return run_particles(options.scene, options.output, options.resume, options.json)
+        return run_particles(file, options.output, options.resume, options.json)
     if options.resume:
         raise SceneError("--resume is for scenes of many particles")
     scene = read_scene(options.scene)

@@ -34,6 +34,11 @@ OPEN = ("parameters", "mixing", "constants")
 TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
 
 
+def stock_scenes() -> dict[str, Path]:
+    """Scene files that come with softdyn, by name."""
+    return {path.stem: path for path in sorted((Path(__file__).parent / "scenes").glob("*.toml"))}
+
+
 def read_particle_scene(path: Path) -> ParticleScene:
     """Read a scene file.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from softdyn.particles.observables import coordination
@@ -118,4 +119,5 @@ def _draw_distribution(axes: Axes, result: ParticleResult, name: str, label: str
         bins = np.geomspace(values.min(), values.max() * (1 + 1e-9), max(5, math.isqrt(len(values)) // 2) + 1)
         axes.hist(values, bins=list(bins), color=colour)
         axes.set_xscale("log")
+        axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel=label, ylabel="contacts")
