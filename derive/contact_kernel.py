@@ -59,6 +59,8 @@ s, y_star = Symbol("s", positive=True), Symbol("y_star", real=True)
 Y, Y_h, Y_hh = Symbol("Y", real=True), Symbol("Y_h", positive=True), Symbol("Y_hh", real=True)
 # the weight of film and remote force, with the fraction of the fading zone that is still ahead
 w, w_h, ahead = Symbol("w", nonnegative=True), Symbol("w_h", real=True), Symbol("ahead", nonnegative=True)
+# the same fraction before it is cut at 1 and at 0, one cut at a time
+fading, started = Symbol("fading", real=True), Symbol("started", real=True)
 # the approach rate -w dh/dt, its relative friction's slopes, and the derivatives along the contact's equation
 rho, rho_h, rho_r = (Symbol(name, real=True) for name in ("rho", "rho_h", "rho_r"))
 log_zeta_h, log_zeta_delta = Symbol("log_zeta_h", real=True), Symbol("log_zeta_delta", real=True)
@@ -214,7 +216,9 @@ def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
         log_zeta_delta: relative(delta),
         remote_h: of_law(F_adh, h),
         remote_delta: of_law(F_adh, delta),
-        ahead: Max(0, Min(1, FADING)),
+        fading: FADING,
+        started: Min(1, fading),
+        ahead: Max(0, started),
         w: WEIGHT,
         w_h: diff(WEIGHT, ahead) * diff(FADING, h),
         Y: STATE,

@@ -148,6 +148,9 @@ def _parser() -> argparse.ArgumentParser:
         "-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)"
     )
 
+    bench = add("bench", _bench, "measure what many particles cost on this machine")
+    bench.add_argument("what", choices=("particles",))
+
     reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
@@ -418,6 +421,12 @@ def _plot(options: argparse.Namespace) -> int:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
     return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from softdyn.particles.bench import bench_particles
+
+    return bench_particles()
 
 
 def _reproduce(options: argparse.Namespace) -> int:
