@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 
 import softdyn
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import linear
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.results import ParticleResult, load_particles
@@ -407,6 +408,27 @@ def test_numbers_are_the_same_on_both_targets() -> None:
     """To the roundings of a few hundred steps, each of which Newton's iteration ends at 1e-9 of the forces."""
     c, numba = (simulate_particles(rhombus(until=1e4, rtol=1e-6, target=target)) for target in ("c", "numba"))
     np.testing.assert_allclose(gaps(c), gaps(numba), rtol=1e-7)
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_conjugate_gradients_take_the_same_way(drag: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What they leave, Newton's iteration corrects: the same positions to its tolerance, over some ten steps."""
+    problem = hexagons(shear_rate=1e-4, until=300.0, drag=drag)
+    direct = simulate_particles(problem)
+    monkeypatch.setattr(linear, "LARGEST_DIRECT", {2: 0})
+    iterated = simulate_particles(problem)
+    assert "LDL" in direct.stats["linear_solver"]
+    assert "conjugate" in iterated.stats["linear_solver"]
+    np.testing.assert_allclose(iterated.x, direct.x, atol=1e-4)
+    np.testing.assert_allclose(iterated.stress, direct.stress, atol=1e-4 * np.abs(direct.stress).max())
+
+
+def test_conjugate_gradients_name_what_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(linear, "LARGEST_DIRECT", {2: 0})
+    positions = [[0, 0], [2.1, 0], [4.2, 1e-9]]
+    pushes = [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])]
+    with pytest.raises(IntegrationError, match="can give way"):
+        simulate_particles(scene(positions=positions, reach=1.0, pushes=pushes))
 
 
 def test_pairs_are_counted_once() -> None:

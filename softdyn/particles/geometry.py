@@ -128,12 +128,12 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     """
     count = len(x)
     if not walls:
-        along = x[contacts.j] - x[contacts.i] + contacts.shift @ cell.T
+        along = _along(x, contacts.i, contacts.j, contacts.shift, cell)
         r = np.sqrt(np.einsum("ij,ij->i", along, along))
         return along / r[:, None], r, 1 / r
     pair = contacts.j < count
     along = np.ones((len(contacts), x.shape[1]))
-    along[pair] = x[contacts.j[pair]] - x[contacts.i[pair]] + contacts.shift[pair] @ cell.T
+    along[pair] = _along(x, contacts.i[pair], contacts.j[pair], contacts.shift[pair], cell)
     r = np.sqrt(np.einsum("ij,ij->i", along, along))
     for w, wall in enumerate(walls):
         mine = contacts.j == count + w
@@ -142,6 +142,14 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     for w, wall in enumerate(walls):
         n[contacts.j == count + w] = wall.normal
     return n, r, np.where(pair, 1 / np.where(pair, r, 1.0), 0.0)
+
+
+def _along(x: Array, i: Integers, j: Integers, shift: Integers, cell: Array) -> Array:
+    """Vectors from particle i to the image of particle j; few contacts reach across the faces of the box."""
+    along = x.take(j, axis=0) - x.take(i, axis=0)
+    across = np.flatnonzero(shift.any(axis=1))
+    along[across] += np.einsum("cb,ab->ca", shift[across], cell)
+    return along
 
 
 def find_pairs(
