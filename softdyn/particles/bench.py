@@ -5,6 +5,7 @@ Times are CPU times of this process, medians of several runs; nothing here is a 
 
 from __future__ import annotations
 
+import math
 import resource
 import sys
 import time
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 
 from softdyn.particles.geometry import directions, flow, lattice
 from softdyn.particles.kernel import get_contact_kernel
-from softdyn.particles.packing import random_packing
-from softdyn.particles.run import integrate, prepare, simulate_particles, start
+from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.run import integrate, prepare, start
 from softdyn.particles.scene import ParticleScene
 from softdyn.particles.step import Newton, contact_forces, contact_state, take_step
 
@@ -26,9 +27,16 @@ Array = NDArray[np.float64]
 UNIT = {"E": 1.0, "eta": 1.0}
 
 
-def sheared(count: int, dimension: int, fraction: float, **changes: Any) -> ParticleScene:
-    """A sheared periodic packing of two sizes."""
-    x, radii, lengths = random_packing(count, dimension, fraction, [1.0, 1.4 if dimension == 2 else 1.2], 1)
+def crystal(cells: int) -> tuple[Array, Array, Array]:
+    """Positions, radii and box of a disturbed crystal in three dimensions: six contacts for each particle."""
+    x, lengths = lattice_packing("fcc", [cells] * 3, 2.02)
+    moved = x + 0.05 * np.random.default_rng(1).uniform(-1, 1, x.shape)
+    return np.mod(moved, lengths), np.ones(len(x)), lengths
+
+
+def sheared(packing: tuple[Array, Array, Array], **changes: Any) -> ParticleScene:
+    """A sheared periodic packing."""
+    x, radii, lengths = packing
     settings: dict[str, Any] = {
         "law": "rognon_gay",
         "parameters": UNIT,
@@ -36,7 +44,7 @@ def sheared(count: int, dimension: int, fraction: float, **changes: Any) -> Part
         "radii": radii,
         "box": list(lengths),
         "gap": 0.02,
-        "reach": 0.5 if dimension == 2 else 0.4,
+        "reach": 0.4,
         "shear_rate": 1e-4,
         "drag": 1.0,
         "until": 1000.0,
@@ -78,9 +86,9 @@ def time_kernel(target: str, contacts: int = 200_000) -> float:
     return 1e9 * median_cpu(work) / contacts
 
 
-def time_step(count: int) -> dict[str, float]:
+def time_step(cells: int) -> dict[str, float]:
     """Seconds of CPU for one implicit step in three dimensions, its length that of the run, and the memory it takes."""
-    scene = sheared(count, 3, 0.6, rtol=1e-2)
+    scene = sheared(crystal(cells), rtol=1e-2)
     checked, system = prepare(scene)
     newton = Newton()
     state = start(scene, checked, system, newton)
@@ -97,7 +105,7 @@ def time_step(count: int) -> dict[str, float]:
     seconds = median_cpu(work, 3)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     return {
-        "particles": count,
+        "particles": len(checked.x),
         "contacts": len(state.contacts),
         "seconds": seconds,
         "iterations": iterations,
@@ -105,32 +113,43 @@ def time_step(count: int) -> dict[str, float]:
     }
 
 
-def time_explicit(strain: float = 1e-3) -> dict[str, float]:
-    """CPU time per strain of the implicit steps, and of explicit ones at the largest step that is stable.
+def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
+    """CPU time of implicit steps, and of explicit ones at the largest step that is stable, for the same strain.
 
-    The explicit method is the classical Runge-Kutta method of order 4 on the same equations, kernel and contacts; its
-    largest stable step is found by halving until positions and forces after some strain are those of the implicit run.
+    The contacts are those at the start, without a range, so that both integrate the same equations. The explicit method
+    is the classical Runge-Kutta method of order 4; its step is halved until positions are as close to those of a run at
+    a tolerance of 1e-6 as the implicit run's at 1e-3.
     """
-    scene = sheared(1000, 2, 0.9)
-    until = strain / scene.shear_rate
+    until = strain / shear_rate
+    packing = random_packing(1000, 2, 0.9, [1.0, 1.4], 1)
+    scene = sheared(packing, reach=0.5, shear_rate=shear_rate, until=until)
     checked, system = prepare(scene)
-    state = start(scene, checked, system, Newton())
-    contacts = state.contacts
-    x0, h0 = state.x.copy(), contacts.h.copy()
+    system = replace(system, reach=math.inf, kernel=get_contact_kernel("rognon_gay", varying=("R",)))
+    first = start(scene, checked, system, Newton())
+    within = first.contacts.h < 0.4
+    contacts = replace(
+        first.contacts,
+        **{name: getattr(first.contacts, name)[within] for name in ("i", "j", "shift", "S", "h", "touched")},
+        q=np.ascontiguousarray(first.contacts.q[:, within]),
+    )
+    x0, h0 = first.x.copy(), contacts.h.copy()
 
-    began = time.process_time()
-    integrate(scene, checked, system, Newton(), state)
-    implicit = (time.process_time() - began) / (scene.until * scene.shear_rate)
-    expected = simulate_particles(replace(scene, until=until, rtol=1e-6)).x[-1]
+    def integrated(rtol: float) -> tuple[Array, float]:
+        state = replace(first, x=x0.copy(), contacts=replace(contacts), y_rate=np.zeros(len(h0)), frames=[], history=[])
+        state.counts, state.work = dict(first.counts), dict(first.work)
+        began = time.process_time()
+        integrate(scene, checked, replace(system, rtol=rtol), Newton(), state)
+        return state.x, time.process_time() - began
+
+    expected, _ = integrated(1e-6)
+    found, implicit = integrated(1e-3)
+    allowed = float(np.abs(found - expected).max())
 
     def rates(t: float, x: Array, h: Array) -> tuple[Array, Array]:
         n, r, _ = directions(contacts, x, lattice(system.box, t), ())
         values = contact_state(system, contacts, contacts.S - r, h)
         forces = contact_forces(contacts, values["F_ela"], n, len(x))
-        near = values["friction"] > 0
-        gap_rate = np.zeros(len(h))
-        gap_rate[near] = values["dh_dt"][near]
-        return flow(system.box, x) - forces / system.drag[:, None], gap_rate
+        return flow(system.box, x) - forces / system.drag[:, None], values["dh_dt"]
 
     def run(steps: int) -> tuple[Array, float]:
         x, h, dt = x0.copy(), h0.copy(), until / steps
@@ -146,25 +165,21 @@ def time_explicit(strain: float = 1e-3) -> dict[str, float]:
                 h = h + dt / 6 * (g1 + 2 * g2 + 2 * g3 + g4)
                 if not np.isfinite(x).all():
                     break
-        return x, (time.process_time() - began) / strain
+        return x, time.process_time() - began
 
-    # contacts beyond their range relax infinitely fast: without them the explicit method could take no step at all
-    within = contacts.h < 0.45
-    contacts = replace(
-        contacts,
-        **{name: getattr(contacts, name)[within] for name in ("i", "j", "shift", "S", "h", "touched")},
-        q=np.ascontiguousarray(contacts.q[:, within]),
-    )
-    h0 = h0[within]
-    steps, largest = 1, 1 << 16
-    error, explicit = np.inf, np.inf
-    while steps <= largest:
-        x, explicit = run(steps)
-        error = float(np.abs(x - expected).max()) if np.isfinite(x).all() else np.inf
-        if error < 1e-3:
-            break
+    steps, error, explicit = max(1, int(until / 256)), math.inf, math.inf
+    while not error <= allowed and steps < 1 << 20:
         steps *= 2
-    return {"implicit": implicit, "explicit": explicit, "steps": steps, "dt": until / steps, "error": error}
+        x, explicit = run(steps)
+        error = float(np.abs(x - expected).max()) if np.isfinite(x).all() else math.inf
+    return {
+        "implicit": implicit,
+        "explicit": explicit,
+        "allowed": allowed,
+        "error": error,
+        "dt": until / steps,
+        "strain": strain,
+    }
 
 
 def bench_particles() -> int:
@@ -172,21 +187,23 @@ def bench_particles() -> int:
     for target in ("c", "numba"):
         print(f"contact kernel, target {target}: {time_kernel(target):.1f} ns per contact", flush=True)
     rows = []
-    for count in (1_000, 10_000, 100_000):
-        row = time_step(count)
+    for cells in (6, 14, 29):
+        row = time_step(cells)
         rows.append(row)
         print(
-            f"implicit step, {count} spheres in 3D, {row['contacts']:.0f} contacts listed: {row['seconds']:.3g} s, "
-            f"{row['iterations']:.0f} Newton iterations; peak memory {row['peak'] / 1e6:.0f} MB",
+            f"implicit step, {row['particles']:.0f} spheres in 3D, {row['contacts']:.0f} contacts: "
+            f"{row['seconds']:.3g} s, {row['iterations']:.0f} Newton iterations; at most {row['peak'] / 1e6:.0f} MB",
             flush=True,
         )
     growth = np.log(rows[-1]["seconds"] / rows[0]["seconds"]) / np.log(rows[-1]["particles"] / rows[0]["particles"])
     memory = (rows[-1]["peak"] - rows[0]["peak"]) / (rows[-1]["contacts"] - rows[0]["contacts"])
     print(f"cost of a step grows as N^{growth:.2f}; {memory:.0f} bytes per contact at the peak")
-    row = time_explicit()
-    print(
-        f"1000 droplets under shear, per unit of strain: implicit {row['implicit']:.3g} s, explicit "
-        f"{row['explicit']:.3g} s, at {row['dt']:.3g}, the largest stable step: "
-        f"{row['explicit'] / row['implicit']:.3g} times as much"
-    )
+    for rate in (1e-4, 1e-6, 1e-8):
+        row = time_explicit(rate)
+        print(
+            f"1000 droplets sheared at {rate:g} E/eta by {row['strain']:g}: implicit {row['implicit']:.3g} s, error "
+            f"{row['allowed']:.1e}; explicit {row['explicit']:.3g} s, error {row['error']:.1e}, at steps of "
+            f"{row['dt']:.3g}: {row['explicit'] / row['implicit']:.3g} times as much",
+            flush=True,
+        )
     return 0
