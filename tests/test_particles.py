@@ -15,6 +15,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
+from softdyn.particles.observables import swap_time
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles, start
 from softdyn.particles.scene import Hold, ParticleScene, Push
@@ -429,6 +430,23 @@ def test_conjugate_gradients_name_what_gives_way(monkeypatch: pytest.MonkeyPatch
     pushes = [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])]
     with pytest.raises(IntegrationError, match="can give way"):
         simulate_particles(scene(positions=positions, reach=1.0, pushes=pushes))
+
+
+def test_the_duration_of_a_swap_depends_on_the_first_gaps() -> None:
+    """Minute changes of the separations change the duration substantially, as arXiv 0901.0171 says.
+
+    The pair in touch starts at 1/50, 1/100, 1/200 of a radius; what is left to go is the same to a hundredth.
+    """
+    durations = []
+    for gap in (0.02, 0.01, 0.005):
+        result = simulate_particles(rhombus(gap=gap, until=3e5, times=301, rtol=1e-4))
+        durations.append(swap_time(result, (2, 3), (0, 1)))
+    # resolved: half of the frames make no difference beyond the interpolation's own error
+    coarse = simulate_particles(rhombus(until=3e5, times=151))
+    assert swap_time(coarse, (2, 3), (0, 1)) == pytest.approx(durations[0], rel=1e-2)
+    assert durations[1] > 1.5 * durations[0]
+    assert durations[2] > 1.5 * durations[1]
+    assert np.isnan(swap_time(simulate_particles(rhombus(until=10.0)), (2, 3), (0, 1)))
 
 
 def test_pairs_are_counted_once() -> None:

@@ -43,3 +43,37 @@ def coordination(result: ParticleResult) -> Array:
         pressed = contacts["F"] > 0
         numbers[frame] = (np.sum(pressed) + np.sum(pressed & (contacts["j"] < count))) / count
     return numbers
+
+
+def swap_time(result: ParticleResult, parting: tuple[int, int], meeting: tuple[int, int]) -> float:
+    """Time at which the gap of one pair grows beyond that of another: the middle of a T1 process.
+
+    Between frames, the logarithm of the ratio of both gaps is taken as linear; pairs that are not in contact are
+    infinitely far apart.
+
+    Parameters
+    ----------
+    result : ParticleResult
+    parting, meeting : pair of int
+        Numbers of the particles, the smaller first.
+
+    Returns
+    -------
+    float
+        nan if it does not happen within the run.
+    """
+    ratios = np.empty(len(result))
+    for frame in range(len(result)):
+        contacts = result.contacts(frame)
+        gaps = [
+            float(np.min(contacts["h"][(contacts["i"] == i) & (contacts["j"] == j)], initial=np.inf))
+            for i, j in (parting, meeting)
+        ]
+        ratios[frame] = np.log(gaps[0]) - np.log(gaps[1]) if np.isfinite(gaps).any() else np.nan
+    over = np.flatnonzero((ratios[1:] >= 0) & (ratios[:-1] < 0))
+    if not len(over):
+        return float("nan")
+    k = int(over[0])
+    before, after = ratios[k], ratios[k + 1]
+    fraction = before / (before - after) if np.isfinite([before, after]).all() else 0.5
+    return float(result.t[k] + fraction * (result.t[k + 1] - result.t[k]))

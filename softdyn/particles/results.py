@@ -38,8 +38,8 @@ class Frame:
     h, delta, F : array, shape (contacts,)
     n : array, shape (contacts, d)
     stress : array, shape (d, d)
-        Force/length^(d-1) in a box, > 0 in tension: of the contacts and of the drag. Without a box, the virial: force
-        times length.
+        > 0 in tension. In a periodic box that of the contacts, force/length^(d-1); otherwise the virial of contacts and
+        drag, force times length.
     """
 
     t: float
@@ -60,11 +60,9 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -
     values = contact_state(system, contacts, contacts.S - r, contacts.h)
     F = values["F_ela"]
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
-    if np.any(system.drag > 0):
+    if np.any(system.drag > 0) and not system.box.periodic.any():
         resisting = system.drag[:, None] * (v - flow(system.box, x))
-        # the drag acts at the centres; measured from the flow's own motion it is the same from any origin on average
-        peculiar = x - x.mean(axis=0)
-        stress = stress + np.einsum("ia,ib->ab", -resisting, peculiar) * (0.0 if system.box.periodic.any() else 1.0)
+        stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
     if system.box.periodic.all():
         stress = stress / float(np.prod(system.box.lengths))
     near = contacts.h < system.reach
