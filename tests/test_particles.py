@@ -432,6 +432,7 @@ def test_conjugate_gradients_name_what_gives_way(monkeypatch: pytest.MonkeyPatch
         simulate_particles(scene(positions=positions, reach=1.0, pushes=pushes))
 
 
+@pytest.mark.slow
 def test_the_duration_of_a_swap_depends_on_the_first_gaps() -> None:
     """Minute changes of the separations change the duration substantially, as arXiv 0901.0171 says.
 
