@@ -6,8 +6,10 @@ Input: a :class:`KernelIR`. Output: source text, which imports and includes noth
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 from jinja2 import DictLoader, Environment, StrictUndefined
 
@@ -16,6 +18,9 @@ from softdyn.derive.kernel import KernelIR, total_operations
 from softdyn.derive.printing import KINDS
 from softdyn.derive.radau import radau_iia
 
+if TYPE_CHECKING:
+    from softdyn.derive.contact_kernel import ContactIR
+
 TARGETS = ("c", "numba")
 TEMPLATES = (
     "common/kernel.py.j2",
@@ -23,6 +28,7 @@ TEMPLATES = (
     "common/collocation.py.j2",
     "c/kernel.c.j2",
     "numba/kernel.py.j2",
+    *("common/contacts.py.j2", "c/contacts.c.j2", "numba/contacts.py.j2"),
 )
 
 
@@ -45,18 +51,23 @@ def _environment() -> Environment:
 
 def kernel_body(ir: KernelIR) -> str:
     """The algorithms of a kernel in the subset of Python that all targets share."""
-    text = _environment().get_template("common/kernel.py.j2").render(ir=ir, radau=radau_iia())
+    return render_body("common/kernel.py.j2", ir, {"radau": radau_iia()})
+
+
+def render_body(name: str, ir: KernelIR | ContactIR, more: Mapping[str, object]) -> str:
+    """Text of a template of algorithms, which sees the representation and a few values more."""
+    text = _environment().get_template(name).render(ir=ir, **more)
     return "\n".join(line.rstrip() for line in text.strip().splitlines()) + "\n"
 
 
-def render_template(name: str, ir: KernelIR, body: str) -> str:
+def render_template(name: str, ir: KernelIR | ContactIR, body: str) -> str:
     """Wrap a kernel's body into a target's template."""
     # what the law's author wrote must end neither a comment nor a docstring
     safe = header(ir).replace("*/", "* /").replace("\\", "\\\\").replace('"""', "'''")
     return _environment().get_template(name).render(ir=ir, header=safe, body=body).rstrip() + "\n"
 
 
-def header(ir: KernelIR) -> str:
+def header(ir: KernelIR | ContactIR) -> str:
     """Provenance, as every generated file carries it."""
     lines = [
         f"Contact law {ir.name}: written by softdyn {softdyn.__version__} with sympy {ir.sympy_version}; do not edit.",

@@ -35,6 +35,7 @@ from softdyn.derive.symbols import F
 from softdyn.errors import LawError, SceneError
 
 if TYPE_CHECKING:
+    from softdyn.derive.contact_kernel import ContactIR
     from softdyn.derive.law import ContactLaw
 
 t = Symbol("t", real=True)
@@ -287,6 +288,6 @@ def _drive_expression(node: tuple, constants: list[Symbol]) -> Expr:
     return {"+": left + right, "-": left - right, "*": left * right}[kind] if kind != "/" else left / right
 
 
-def total_operations(ir: KernelIR) -> int:
+def total_operations(ir: KernelIR | ContactIR) -> int:
     """Count all operations of a kernel's law: balance, rate, outputs and force."""
     return sum(ir.operations[part][kind] for part in ir.operations for kind in KINDS)

@@ -130,7 +130,9 @@ def _parser() -> argparse.ArgumentParser:
     )
 
     run = add("run", _run, "simulate a scene")
-    run.add_argument("scene", metavar="SCENE.toml", type=Path)
+    run.add_argument(
+        "scene", metavar="SCENE", type=Path, help="a .toml file, or two, line, t1, emulsion: many particles"
+    )
     run.add_argument(
         "-o",
         dest="output",
@@ -139,6 +141,9 @@ def _parser() -> argparse.ArgumentParser:
         help="save the result: .json, .npz (both can be plotted) or .csv",
     )
     run.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    run.add_argument(
+        "--resume", action="store_true", help="many particles: go on from where an earlier run with the same -o ended"
+    )
 
     many = add("sweep", _sweep, "simulate a scene for many values of some of its numbers")
     many.add_argument("scene", metavar="SCENE.toml", type=Path)
@@ -166,12 +171,15 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
     bench.add_argument(
+        "what", nargs="?", choices=("pair", "particles"), default="pair", help="what to measure (default: %(default)s)"
+    )
+    bench.add_argument(
         "-o",
         dest="folder",
         metavar="DIR",
         type=Path,
         default=Path("softdyn-results/bench"),
-        help="default: %(default)s",
+        help="of the report on pairs; default: %(default)s",
     )
 
     reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
@@ -379,10 +387,21 @@ def _generate_stock(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair import simulate_pair
     from softdyn.results import SUFFIXES
-    from softdyn.scene import read_scene
+    from softdyn.scene import is_particle_scene, read_scene, read_toml
 
     if options.output is not None and options.output.suffix not in SUFFIXES:
         raise SceneError(f"cannot save to {options.output}: the ending must be one of {', '.join(SUFFIXES)}")
+    file: Path = options.scene
+    if not file.suffix and not file.exists():
+        from softdyn.particles.files import stock_scenes
+
+        file = stock_scenes().get(file.name, file)
+    if is_particle_scene(read_toml(file)):
+        from softdyn.particles.command import run_particles
+
+        return run_particles(file, options.output, options.resume, options.json)
+    if options.resume:
+        raise SceneError("--resume is for scenes of many particles")
     scene = read_scene(options.scene)
     with _progress_bar(scene) as progress:
         result = simulate_pair(scene, progress)
@@ -481,13 +500,14 @@ class _progress_bar:
 
 
 def _plot(options: argparse.Namespace) -> int:
+    from softdyn.particles.results import holds_particles, load_particles
     from softdyn.results import load_result, written_whole
 
-    result = load_result(options.result)
+    many = holds_particles(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
     if picture.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
-    figure = result.plot()
+    figure = load_particles(options.result).plot() if many else load_result(options.result).plot()
     with written_whole(picture) as temporary:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
@@ -495,6 +515,10 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
+    if options.what == "particles":
+        from softdyn.particles.bench import bench_particles
+
+        return bench_particles()
     from softdyn.bench import main
 
     return main(options.folder)

@@ -183,7 +183,7 @@ def _table(
         F = np.full(len(h), float(kappa))
         delta = deflection(kernel, h, F, p)
         rows["delta"].append(delta)
-        rows["zeta"].append(evaluate(kernel, h, delta, F, np.zeros(len(h)), p)["zeta"])
+        rows["zeta"].append(evaluate(kernel, h, delta, {"F": F, "dF_dt": np.zeros(len(h))}, p)["zeta"])
         times, reason = _times(kernel, p, float(kappa), h)
         rows["time"].append(times)
         if reason:

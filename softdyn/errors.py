@@ -32,4 +32,12 @@ class CompileError(SoftdynError):
 
 
 class IntegrationError(SoftdynError):
-    """A run could not be carried on to the asked accuracy; the message names t, h, delta and the cause."""
+    """A run could not be carried on to the asked accuracy; the message names t, h, delta and the cause.
+
+    Attributes
+    ----------
+    partial : result, or None
+        What a run of many particles gave up to its last good state.
+    """
+
+    partial: object = None

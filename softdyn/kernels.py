@@ -11,7 +11,7 @@ import importlib
 import json
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache as memoize
@@ -120,7 +120,7 @@ def get_kernel(
         "fixed": dict(fixed or {}),
         "outputs": outputs,
     }
-    manifest = _manifest(find(law), target, needs)
+    manifest = manifest_of(find(law), target, needs, "manifest", make_manifest)
     back_end = importlib.import_module(f"softdyn.targets.{target}")
     made_by = back_end.identity()
     key = cache.key_of(manifest["source"], made_by)
@@ -157,8 +157,10 @@ def tool_digest() -> str:
     return total.hexdigest()
 
 
-def _manifest(reference: LawReference, target: str, needs: dict[str, Any]) -> dict[str, Any]:
-    """Return the source of a kernel and what must be known to call it."""
+def manifest_of(
+    reference: LawReference, target: str, needs: dict[str, Any], kind: str, make: Callable[..., dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the source of a kernel of a kind, and what must be known to call it: from the cache, or from ``make``."""
     if reference.law is not None:
         from softdyn.derive.law import law_hash
 
@@ -167,14 +169,14 @@ def _manifest(reference: LawReference, target: str, needs: dict[str, Any]) -> di
         identity = ["file", str(reference.path), reference.name]
     else:
         identity = ["stock", reference.name]
-    key = cache.key_of("manifest", identity, target, needs, tool_digest())
+    key = cache.key_of(kind, identity, target, needs, tool_digest())
     entry = cache.read("manifests", key)
     if entry is not None:
         with suppress(OSError):  # another process may replace it in this very moment
             manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
             if all(digest(file) == expected for file, expected in manifest["depends"].items()):
                 return manifest
-    manifest = make_manifest(reference, target, needs)
+    manifest = make(reference, target, needs)
     out_of_date = entry is not None
     cache.publish("manifests", key, {"manifest.json": json.dumps(manifest).encode()}, replace=out_of_date)
     return manifest

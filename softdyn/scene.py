@@ -130,6 +130,21 @@ def read_scene(path: str | Path) -> Scene:
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
     path = Path(path)
+    data = read_toml(path)
+    try:
+        return scene_from(data, path.parent)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Content of a scene file.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, or is not TOML (with the line).
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -137,13 +152,14 @@ def read_scene(path: str | Path) -> Scene:
     except OSError as error:
         raise SceneError(f"cannot read the scene {path}: {error.strerror}") from None
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SceneError(f"{path} is not valid TOML: {error}") from None
-    try:
-        return scene_from(data, path.parent)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+
+
+def is_particle_scene(data: Mapping[str, Any]) -> bool:
+    """Whether the content of a scene file is a scene of many particles (:mod:`softdyn.particles.files`)."""
+    return "particles" in data or "packing" in data
 
 
 def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:

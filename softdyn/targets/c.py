@@ -113,13 +113,18 @@ def _passed(array: np.ndarray) -> Any:
         return array.ctypes.data
 
 
+def library_of(folder: Path, name: str) -> ctypes.CDLL:
+    """Load a kernel's shared library."""
+    try:
+        return ctypes.CDLL(str(folder / f"{name}.so"))
+    except OSError as error:
+        raise SceneError(f"cannot load the kernel {folder / name}.so: {error}") from None
+
+
 def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     """Load a compiled kernel."""
     name = manifest["name"]
-    try:
-        library = ctypes.CDLL(str(folder / f"{name}.so"))
-    except OSError as error:
-        raise SceneError(f"cannot load the kernel {folder / name}.so: {error}") from None
+    library = library_of(folder, name)
     number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
     drive = [array, array, integer] if manifest["drive"] == "table" else [array]
 

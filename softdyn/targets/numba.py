@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -33,9 +34,8 @@ def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes
     return {f"{name}.py": source.encode()}
 
 
-def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
-    """Import a kernel and compile it, or load what numba compiled before."""
-    name = manifest["name"]
+def module_of(folder: Path, name: str) -> ModuleType:
+    """Import a kernel's file."""
     path = folder / f"{name}.py"
     spec = importlib.util.spec_from_file_location(f"softdyn_kernel_{name}_{folder.name}", path)
     assert spec is not None
@@ -43,6 +43,13 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # numba's cache refers to the functions of a kernel by the name of its module
     spec.loader.exec_module(module)
+    return module
+
+
+def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
+    """Import a kernel and compile it, or load what numba compiled before."""
+    name = manifest["name"]
+    module = module_of(folder, name)
     functions = Functions(
         evaluate=getattr(module, f"{name}_evaluate"),
         solve_delta=getattr(module, f"{name}_solve_delta"),

@@ -1,0 +1,308 @@
+"""The kernel of many contacts: one implicit stage of every gap, at given distances of the centres.
+
+Input: a law and what a scene needs of it. Output: a :class:`ContactIR`, what the templates ``contacts`` see.
+
+Each contact has one state, its gap h. Its deflection follows from the distance r of the centres and the sum S of the
+radii (eq. 2 of Rognon & Gay with delta on both sides)::
+
+    delta = (overlap + h)/2 ,     overlap = S - r
+
+Unequal spheres: to second order the surfaces are h + rho^2 (1/R1 + 1/R2)/2 apart at the distance rho from the axis,
+which is h + rho^2/R with R = 2 R1 R2/(R1 + R2), the profile of two equal spheres of radius R. The film has the same
+pressure then, each surface is a half-space under that pressure, and gives in as 1/E_i whatever its own radius. The sum
+of both deflections, which is all that the geometry needs, is 2 delta with 1/E = (1/E1 + 1/E2)/2. A wall is R2 -> oo:
+R = 2 R1, S = R1, r the distance of the centre from the wall; a rigid one, E2 -> oo, makes E = 2 E1.
+
+One stage of a diagonally implicit Runge-Kutta method asks for y = y* + s dy/dt, s = gamma dt, with a state y(h) of our
+choice. It must keep h > 0 at any step, as ln h does, and cost no exponential. With g the gap at the start of the step,
+
+    y = (h/g - g/h)/2 = sinh(ln(h/g)) ,     h/g = y + sqrt(1 + y^2)
+
+maps h > 0 onto all real y, agrees with ln(h/g) to second order, and is algebraic: compilers vectorise it. The scalar
+equation of a contact, with eq. 7, is H = 0,
+
+    H = w (y - y*) + s y_h (F_ela - w F_adh)/zeta ,
+
+where the weight w(h) takes film and remote force away between half the range of a contact and its range. At the range
+w = 0, so F = 0 and delta = 0: a contact is made and dropped there without a jump in force. Newton's iteration solves H,
+and the implicit function theorem gives the consistent tangent dF/dr along it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import sympy
+from sympy import Expr, Integer, Max, Min, Symbol, diff, simplify
+
+from softdyn.derive import dynamics as d
+from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
+from softdyn.derive.kernel import Saving
+from softdyn.derive.law import is_dry, is_rigid, law_hash, parameters_of
+from softdyn.derive.printing import Assignment, operations, straight_line
+from softdyn.derive.soundness import sound
+from softdyn.derive.specialise import C, dF_ddelta, dF_dh
+from softdyn.derive.symbols import a, delta, h
+from softdyn.errors import LawError
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
+# the contact's data: sum of the radii less the distance of the centres, gap at the start of the step, its range
+overlap = Symbol("overlap", real=True)
+g, reach = Symbol("g", positive=True), Symbol("reach", positive=True)
+# the stage's data, and the state y(h)
+s, y_star = Symbol("s", positive=True), Symbol("y_star", real=True)
+Y, Y_h, Y_hh = Symbol("Y", real=True), Symbol("Y_h", positive=True), Symbol("Y_hh", real=True)
+# the weight of film and remote force, with the fraction of the fading zone that is still ahead
+w, w_h, ahead = Symbol("w", nonnegative=True), Symbol("w_h", real=True), Symbol("ahead", nonnegative=True)
+# the same fraction before it is cut at 1 and at 0, one cut at a time
+fading, started = Symbol("fading", real=True), Symbol("started", real=True)
+# the approach rate -w dh/dt, its relative friction's slopes, and the derivatives along the contact's equation
+rho, rho_h, rho_r = (Symbol(name, real=True) for name in ("rho", "rho_h", "rho_r"))
+log_zeta_h, log_zeta_delta = Symbol("log_zeta_h", real=True), Symbol("log_zeta_delta", real=True)
+remote_h, remote_delta = Symbol("remote_h", real=True), Symbol("remote_delta", real=True)
+H, H_h, H_r, h_r, F_r = (Symbol(name, real=True) for name in ("H", "H_h", "H_r", "h_r", "F_r"))
+friction, remote, dh_dt = Symbol("friction", real=True), Symbol("remote", real=True), Symbol("dh_dt", real=True)
+
+#: y, and the weight: 1 up to half the range, 0 beyond it, with a continuous slope.
+STATE = (h / g - g / h) / 2
+FADING = 2 * (reach - h) / reach
+WEIGHT = ahead**2 * (3 - 2 * ahead)
+
+#: What ``state`` reports of a contact.
+OUTPUTS = (delta, a, F_ela, friction, remote, C, dF_dh, dh_dt)
+
+
+@dataclass(frozen=True)
+class ContactNeeds:
+    """What a scene needs of the kernel of its contacts.
+
+    Parameters
+    ----------
+    varying : tuple of str
+        Parameters that differ from contact to contact; the others are uniform.
+    fading : bool
+        Whether contacts have a range.
+    """
+
+    varying: tuple[str, ...] = ()
+    fading: bool = False
+
+
+@dataclass(frozen=True)
+class ContactCode:
+    """Straight-line code, and the rows of ``p`` (uniform) and ``q`` (varying) that it takes: (name, index)."""
+
+    uniform: tuple[tuple[str, int], ...]
+    varying: tuple[tuple[str, int], ...]
+    lines: tuple[Assignment, ...]
+
+
+@dataclass(frozen=True)
+class ContactIR:
+    """Everything a template of the contact kernel sees.
+
+    Attributes
+    ----------
+    name, source, law_hash, declaration, fixed, savings, operations, sympy_version
+        As in :class:`softdyn.derive.kernel.KernelIR`.
+    uniform, varying : tuple of str
+        What the arrays ``p`` (one number each) and ``q`` (one number for each contact) hold, in order.
+    fading : bool
+        Whether contacts have a range.
+    outputs : tuple of str
+        Rows of what ``state`` gives.
+    iteration, tangent, state, elastic : ContactCode
+        H and dH/dy; the force and its consistent tangent; the outputs; the elastic force and its slope in h.
+    """
+
+    name: str
+    source: str
+    law_hash: str
+    declaration: tuple[tuple[str, str], ...]
+    fixed: tuple[tuple[str, str], ...]
+    uniform: tuple[str, ...]
+    varying: tuple[str, ...]
+    fading: bool
+    outputs: tuple[str, ...]
+    iteration: ContactCode
+    tangent: ContactCode
+    state: ContactCode
+    elastic: ContactCode
+    savings: tuple[Saving, ...]
+    operations: dict[str, dict[str, int]]
+    sympy_version: str
+
+
+@cache
+def stage_equation() -> dict[Symbol, Expr]:
+    """Derive the equation of one contact and its consistent tangent, for any law.
+
+    Returns
+    -------
+    dict
+        ``rho`` = (F_ela - w F_adh)/zeta, ``H``, its derivatives ``H_h`` at fixed r and ``H_r`` at fixed h, ``h_r`` =
+        dh/dr along H = 0, and ``F_r`` = dF_ela/dr along it.
+
+    Raises
+    ------
+    AssertionError
+        If the forms that the kernel computes are not the derivatives.
+    """
+    rate = (F_ela - w * F_adh) / zeta
+    residual = w * (Y - y_star) + s * Y_h * rho
+
+    def along_h(expr: Expr) -> Expr:
+        """Derivative by h at fixed r: delta = (overlap + h)/2 takes half of it."""
+        moving = diff(expr, Y) * Y_h + diff(expr, Y_h) * Y_hh + diff(expr, w) * w_h
+        return total(expr, h) + total(expr, delta) / 2 + moving
+
+    def along_r(expr: Expr) -> Expr:
+        """Derivative by r at fixed h."""
+        return -total(expr, delta) / 2
+
+    slopes = {
+        dF_dh: total(F_ela, h),
+        dF_ddelta: total(F_ela, delta),
+        log_zeta_h: total(zeta, h) / zeta,
+        log_zeta_delta: total(zeta, delta) / zeta,
+        remote_h: total(F_adh, h),
+        remote_delta: total(F_adh, delta),
+    }
+    # written with relative slopes of zeta, which neither overflow nor cancel where zeta does
+    rate_h = (dF_dh + dF_ddelta / 2 - w_h * F_adh - w * (remote_h + remote_delta / 2)) / zeta - rho * (
+        log_zeta_h + log_zeta_delta / 2
+    )
+    rate_r = -((dF_ddelta - w * remote_delta) / zeta - rho * log_zeta_delta) / 2
+    assert simplify(rate_h.subs(rho, rate).subs(slopes) - along_h(rate)) == 0, "the slope of the rate in h is wrong"
+    assert simplify(rate_r.subs(rho, rate).subs(slopes) - along_r(rate)) == 0, "the slope of the rate in r is wrong"
+    by_h = along_h(residual) + diff(residual, rho) * rho_h
+    by_r = along_r(residual) + diff(residual, rho) * rho_r
+    # implicit function theorem: H(h(r), r) = 0
+    gap = -H_r / H_h
+    force = (dF_dh + dF_ddelta / 2) * h_r - dF_ddelta / 2
+    expected = along_h(F_ela) * h_r + along_r(F_ela)
+    assert simplify(force.subs(slopes) - expected) == 0, "the consistent tangent is wrong"
+    return {rho: rate, rho_h: rate_h, rho_r: rate_r, H: residual, H_h: by_h, H_r: by_r, h_r: gap, F_r: force}
+
+
+def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
+    """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
+    # the names of a law's own parameters may be those of the kernel's variables
+    own = {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in parameters_of(law)}
+    values = {symbol: expr.xreplace(own) for symbol, expr in partials(law).items()}
+
+    def relative(variable: Symbol) -> Expr:
+        return sound((total(zeta, variable) / values[zeta]).subs(values))
+
+    def of_law(symbol: Symbol, variable: Symbol) -> Expr:
+        return sound(total(symbol, variable).subs(values))
+
+    generic = d.generic_dynamics()
+    return {
+        delta: (overlap + h) / 2,
+        a: sound(law.a).xreplace(own),
+        F_ela: values[F_ela],
+        zeta: values[zeta],
+        F_adh: values[F_adh],
+        dF_ddelta: sound(2 * generic.stiffness.subs(values)),
+        dF_dh: sound(values[d.F_a] * values[d.a_h]),
+        C: dF_ddelta / 2,
+        log_zeta_h: relative(h),
+        log_zeta_delta: relative(delta),
+        remote_h: of_law(F_adh, h),
+        remote_delta: of_law(F_adh, delta),
+        fading: FADING,
+        started: Min(1, fading),
+        ahead: Max(0, started),
+        w: WEIGHT,
+        w_h: diff(WEIGHT, ahead) * diff(FADING, h),
+        Y: STATE,
+        Y_h: diff(STATE, h),
+        Y_hh: diff(STATE, h, 2),
+        **stage_equation(),
+        friction: w * zeta,
+        remote: w * F_adh,
+        # beyond the range the gap follows the centres, at a rate that the contact does not know
+        dh_dt: -(F_ela / w - F_adh) / zeta,
+    }
+
+
+def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
+    """Derive the contact kernel of a law, specialise it, and lower it to straight-line code.
+
+    Raises
+    ------
+    LawError
+        If the law is rigid or dry: then a contact has no gap state, or no deflection; or if a varying parameter is not
+        the law's.
+    """
+    names = tuple(symbol.name for symbol in parameters_of(law))
+    faults = [f"{name!r} is no parameter; there are {', '.join(names)}" for name in needs.varying if name not in names]
+    if is_rigid(law) or is_dry(law):
+        faults.append(
+            "many particles need both an elastic force and a friction; for nearly rigid particles choose a large E"
+        )
+    if faults:
+        raise LawError(law.name, tuple(faults))
+    definitions = contact_definitions(law)
+    savings: list[Saving] = []
+
+    def count() -> int:
+        return sum(operations(straight_line([H, H_h, Y_h, F_r], definitions)).values())
+
+    def specialise(rule: str, known: dict[Symbol, Expr]) -> None:
+        nonlocal definitions
+        before = count()
+        kept = {symbol: expr for symbol, expr in definitions.items() if symbol not in known}
+        definitions = {symbol: expr.subs(known) for symbol, expr in kept.items()}
+        savings.append(Saving(rule, before, count()))
+
+    if not needs.fading:
+        specialise("no range", {w: Integer(1), w_h: Integer(0)})
+    if law.F_adh == 0:
+        nothing = dict.fromkeys((F_adh, remote_h, remote_delta), Integer(0))
+        specialise("no remote force", nothing)
+
+    lines = {
+        "iteration": straight_line([H, H_h, Y_h], definitions),
+        "tangent": straight_line([F_ela, F_r], definitions),
+        "state": straight_line(OUTPUTS, definitions),
+        "elastic": straight_line([F_ela, dF_dh], {k: e for k, e in definitions.items() if k != delta}),
+    }
+    uniform = tuple(name for name in names if name not in needs.varying)
+    varying = tuple(name for name in names if name in needs.varying)
+
+    def code(part: str) -> ContactCode:
+        used = {name for _, text in lines[part] for name in re.findall(r"[A-Za-z_]\w*", text)}
+        named = [[(code_name(name), i) for i, name in enumerate(group)] for group in (uniform, varying)]
+        taken = [tuple(pair for pair in group if pair[0] in used) for group in named]
+        return ContactCode(taken[0], taken[1], tuple(lines[part]))
+
+    return ContactIR(
+        name=law.name,
+        source=law.source or "no source given",
+        law_hash=law_hash(law),
+        declaration=tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh")),
+        fixed=(),
+        uniform=uniform,
+        varying=varying,
+        fading=needs.fading,
+        outputs=tuple(symbol.name for symbol in OUTPUTS),
+        iteration=code("iteration"),
+        tangent=code("tangent"),
+        state=code("state"),
+        elastic=code("elastic"),
+        savings=tuple(savings),
+        operations={part: operations(text) for part, text in lines.items()},
+        sympy_version=sympy.__version__,
+    )
+
+
+def code_name(parameter: str) -> str:
+    """Return the name of a parameter in the code."""
+    return parameter if parameter in ("R", "E", "eta") else f"own_{parameter}"

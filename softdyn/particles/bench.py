@@ -1,0 +1,209 @@
+"""``softdyn bench particles``: what many particles cost, measured here and now.
+
+Times are CPU times of this process, medians of several runs; nothing here is a promise about another machine.
+"""
+
+from __future__ import annotations
+
+import math
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles.geometry import directions, flow, lattice
+from softdyn.particles.kernel import get_contact_kernel
+from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.run import integrate, prepare, start
+from softdyn.particles.scene import ParticleScene
+from softdyn.particles.step import Newton, contact_forces, contact_state, take_step
+
+Array = NDArray[np.float64]
+UNIT = {"E": 1.0, "eta": 1.0}
+
+
+def crystal(cells: int) -> tuple[Array, Array, Array]:
+    """Positions, radii and box of a disturbed crystal in three dimensions: six contacts for each particle."""
+    x, lengths = lattice_packing("fcc", [cells] * 3, 2.02)
+    moved = x + 0.05 * np.random.default_rng(1).uniform(-1, 1, x.shape)
+    return np.mod(moved, lengths), np.ones(len(x)), lengths
+
+
+def sheared(packing: tuple[Array, Array, Array], **changes: Any) -> ParticleScene:
+    """A sheared periodic packing."""
+    x, radii, lengths = packing
+    settings: dict[str, Any] = {
+        "law": "rognon_gay",
+        "parameters": UNIT,
+        "positions": x,
+        "radii": radii,
+        "box": list(lengths),
+        "gap": 0.02,
+        "reach": 0.4,
+        "shear_rate": 1e-4,
+        "drag": 1.0,
+        "until": 1000.0,
+        "times": 2,
+        "rtol": 1e-3,
+        **changes,
+    }
+    return ParticleScene(**settings)
+
+
+def median_cpu(work: Callable[[], Any], runs: int = 5) -> float:
+    """Median CPU time of some work, in seconds."""
+    times = []
+    for _ in range(runs):
+        began = time.process_time()
+        work()
+        times.append(time.process_time() - began)
+    return float(np.median(times))
+
+
+def time_kernel(target: str, contacts: int = 200_000) -> float:
+    """Nanoseconds for force, implicit gap and consistent tangent of one contact of unequal spheres with a range.
+
+    Gaps over two decades, pressed and pulled, moved by a few tenths of their gap in the step, with a cold guess.
+    """
+    kernel = get_contact_kernel("rognon_gay", target, varying=("R",), fading=True)
+    draw = np.random.default_rng(0)
+    start = 10 ** draw.uniform(-3, -1, contacts)
+    deflection = 10 ** draw.uniform(-4, -1, contacts) * draw.choice([1, 1, 1, -0.3], contacts)
+    overlap = 2 * deflection - start + 0.3 * draw.uniform(-1, 1, contacts) * start
+    nothing, p, q = np.zeros(contacts), np.ones(2), np.ones(contacts)
+    y, gap, F, F_r = (np.empty(contacts) for _ in range(4))
+
+    def work() -> None:
+        y[:] = 0.0
+        kernel.contacts(contacts, 1.0, 0.5, overlap, start, nothing, p, q, y, gap, F, F_r)
+
+    work()
+    return 1e9 * median_cpu(work) / contacts
+
+
+def time_step(cells: int) -> dict[str, float]:
+    """Seconds of CPU for one implicit step in three dimensions, its length that of the run, and the memory it takes."""
+    scene = sheared(crystal(cells), rtol=1e-2)
+    checked, system = prepare(scene)
+    newton = Newton()
+    state = start(scene, checked, system, newton)
+    before = newton.counts["iterations"]
+    # the first steps find the length that the tolerance allows
+    integrate(replace(scene, until=200.0), checked, system, newton, state)
+    dt = state.history[-2][1] if len(state.history) > 1 else state.dt
+    steps = len(state.history)
+    iterations = (newton.counts["iterations"] - before) / steps
+
+    def work() -> None:
+        take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
+
+    seconds = median_cpu(work, 3)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return {
+        "particles": len(checked.x),
+        "contacts": len(state.contacts),
+        "seconds": seconds,
+        "iterations": iterations,
+        "peak": float(peak),
+    }
+
+
+def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
+    """CPU time of implicit steps, and of explicit ones at the largest step that is stable, for the same strain.
+
+    The contacts are those at the start, without a range, so that both integrate the same equations. The explicit method
+    is the classical Runge-Kutta method of order 4; its step is halved until positions are as close to those of a run at
+    a tolerance of 1e-6 as the implicit run's at 1e-3.
+    """
+    until = strain / shear_rate
+    packing = random_packing(1000, 2, 0.9, [1.0, 1.4], 1)
+    scene = sheared(packing, reach=0.5, shear_rate=shear_rate, until=until)
+    checked, system = prepare(scene)
+    system = replace(system, reach=math.inf, kernel=get_contact_kernel("rognon_gay", varying=("R",)))
+    first = start(scene, checked, system, Newton())
+    within = first.contacts.h < 0.4
+    contacts = replace(
+        first.contacts,
+        **{name: getattr(first.contacts, name)[within] for name in ("i", "j", "shift", "S", "h", "touched")},
+        q=np.ascontiguousarray(first.contacts.q[:, within]),
+    )
+    x0, h0 = first.x.copy(), contacts.h.copy()
+
+    def integrated(rtol: float) -> tuple[Array, float]:
+        state = replace(first, x=x0.copy(), contacts=replace(contacts), y_rate=np.zeros(len(h0)), frames=[], history=[])
+        state.counts, state.work = dict(first.counts), dict(first.work)
+        began = time.process_time()
+        integrate(scene, checked, replace(system, rtol=rtol), Newton(), state)
+        return state.x, time.process_time() - began
+
+    expected, _ = integrated(1e-6)
+    found, implicit = integrated(1e-3)
+    allowed = float(np.abs(found - expected).max())
+
+    def rates(t: float, x: Array, h: Array) -> tuple[Array, Array]:
+        n, r, _ = directions(contacts, x, lattice(system.box, t), ())
+        values = contact_state(system, contacts, contacts.S - r, h)
+        forces = contact_forces(contacts, values["F_ela"], n, len(x))
+        return flow(system.box, x) - forces / system.drag[:, None], values["dh_dt"]
+
+    def run(steps: int) -> tuple[Array, float]:
+        x, h, dt = x0.copy(), h0.copy(), until / steps
+        began = time.process_time()
+        with np.errstate(all="ignore"):
+            for k in range(steps):
+                t = k * dt
+                v1, g1 = rates(t, x, h)
+                v2, g2 = rates(t + dt / 2, x + dt / 2 * v1, h + dt / 2 * g1)
+                v3, g3 = rates(t + dt / 2, x + dt / 2 * v2, h + dt / 2 * g2)
+                v4, g4 = rates(t + dt, x + dt * v3, h + dt * g3)
+                x = x + dt / 6 * (v1 + 2 * v2 + 2 * v3 + v4)
+                h = h + dt / 6 * (g1 + 2 * g2 + 2 * g3 + g4)
+                if not np.isfinite(x).all():
+                    break
+        return x, time.process_time() - began
+
+    steps, error, explicit = max(1, int(until / 256)), math.inf, math.inf
+    while not error <= allowed and steps < 1 << 20:
+        steps *= 2
+        x, explicit = run(steps)
+        error = float(np.abs(x - expected).max()) if np.isfinite(x).all() else math.inf
+    return {
+        "implicit": implicit,
+        "explicit": explicit,
+        "allowed": allowed,
+        "error": error,
+        "dt": until / steps,
+        "strain": strain,
+    }
+
+
+def bench_particles() -> int:
+    """Measure, and print one line for each figure."""
+    for target in ("c", "numba"):
+        print(f"contact kernel, target {target}: {time_kernel(target):.1f} ns per contact", flush=True)
+    rows = []
+    for cells in (6, 14, 29):
+        row = time_step(cells)
+        rows.append(row)
+        print(
+            f"implicit step, {row['particles']:.0f} spheres in 3D, {row['contacts']:.0f} contacts: "
+            f"{row['seconds']:.3g} s, {row['iterations']:.0f} Newton iterations; at most {row['peak'] / 1e6:.0f} MB",
+            flush=True,
+        )
+    growth = np.log(rows[-1]["seconds"] / rows[0]["seconds"]) / np.log(rows[-1]["particles"] / rows[0]["particles"])
+    memory = (rows[-1]["peak"] - rows[0]["peak"]) / (rows[-1]["contacts"] - rows[0]["contacts"])
+    print(f"cost of a step grows as N^{growth:.2f}; {memory:.0f} bytes per contact at the peak")
+    for rate in (1e-4, 1e-6, 1e-8):
+        row = time_explicit(rate)
+        print(
+            f"1000 droplets sheared at {rate:g} E/eta by {row['strain']:g}: implicit {row['implicit']:.3g} s, error "
+            f"{row['allowed']:.1e}; explicit {row['explicit']:.3g} s, error {row['error']:.1e}, at steps of "
+            f"{row['dt']:.3g}: {row['explicit'] / row['implicit']:.3g} times as much",
+            flush=True,
+        )
+    return 0

@@ -1,0 +1,123 @@
+"""Checkpoints: everything that a run needs to go on, in one file that is there whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.particles.geometry import Contacts
+from softdyn.particles.neighbours import Listed
+from softdyn.particles.results import Frame
+from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.state import State
+from softdyn.particles.step import System
+from softdyn.results import written_whole
+
+FRAME = tuple(field.name for field in fields(Frame))
+CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched")
+
+
+def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
+    """Digest of what a run depends on, but for when it ends and how much it tells."""
+    total = sha256(system.kernel.key.encode())
+    for array in (checked.x, checked.radii, checked.species, checked.fixed, system.p, system.drag, checked.box.lengths):
+        total.update(np.ascontiguousarray(array).tobytes())
+    about = (scene.parameters, scene.mixing, scene.gap, scene.reach, scene.shear_rate, scene.constants, scene.rtol)
+    walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid) for wall in checked.walls]
+    pushes = [(np.array(push.particles).tolist(), list(push.force)) for push in scene.pushes]
+    holds = [(np.array(hold.particles).tolist(), hold.axes, hold.velocity) for hold in scene.holds]
+    total.update(json.dumps([*about, walls, pushes, holds], default=str, sort_keys=True).encode())
+    return total.hexdigest()
+
+
+def save(path: Path, state: State, key: str) -> None:
+    """Write a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be written; then the one before it is still there.
+    """
+    content: dict[str, Any] = {
+        "about": np.array(
+            json.dumps(
+                {
+                    "kind": "checkpoint",
+                    "key": key,
+                    "t": state.t,
+                    "dt": state.dt,
+                    "stored0": state.stored0,
+                    "work": state.work,
+                    "counts": state.counts,
+                    "skin": state.listed.skin,
+                    "frames": len(state.frames),
+                }
+            )
+        ),
+        "x": state.x,
+        "v": state.v,
+        "y_rate": state.y_rate,
+        "history": np.array(state.history, dtype=float).reshape(-1, 5),
+        "listed_x": state.listed.x,
+        "listed_cell": state.listed.cell,
+        **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
+    }
+    for number, frame in enumerate(state.frames):
+        content |= {f"frame{number}_{name}": np.asarray(getattr(frame, name)) for name in FRAME}
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **content)
+
+
+def load(path: Path, key: str) -> State:
+    """Read a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        If the file is none, or belongs to another scene.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            about = json.loads(str(stored["about"]))
+            arrays: dict[str, NDArray[Any]] = {name: stored[name] for name in stored.files if name != "about"}
+        if about["kind"] != "checkpoint":
+            raise ValueError("it is another kind of file")
+        if about["key"] != key:
+            raise SceneError(
+                f"the checkpoint {path} belongs to another scene, or to another version of it: remove it, or run "
+                "without --resume"
+            )
+        frames = [
+            Frame(
+                **{name: arrays[f"frame{number}_{name}"] for name in FRAME if name != "t"},
+                t=float(arrays[f"frame{number}_t"]),
+            )
+            for number in range(about["frames"])
+        ]
+        history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
+        return State(
+            t=float(about["t"]),
+            dt=float(about["dt"]),
+            x=arrays["x"],
+            v=arrays["v"],
+            y_rate=arrays["y_rate"],
+            contacts=Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS}),
+            listed=Listed(arrays["listed_x"], arrays["listed_cell"], float(about["skin"])),
+            work={name: float(value) for name, value in about["work"].items()},
+            stored0=float(about["stored0"]),
+            counts={name: int(value) for name, value in about["counts"].items()},
+            history=history,
+            frames=frames,
+        )
+    except OSError as error:
+        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None

@@ -1,0 +1,89 @@
+"""``softdyn run`` for a scene of many particles."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from softdyn.errors import SceneError
+from softdyn.particles.files import read_particle_scene
+from softdyn.particles.run import Progress, simulate_particles
+from softdyn.particles.scene import ParticleScene
+
+
+def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) -> int:
+    """Run a scene file, and tell what came out.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError, IntegrationError
+    """
+    if output is not None and output.suffix != ".npz":
+        raise SceneError(f"cannot save to {output}: results of many particles are saved as .npz")
+    if resume and output is None:
+        raise SceneError("--resume goes on from the checkpoint of a run with -o FILE.npz: name that file")
+    scene = read_particle_scene(path)
+    checkpoint = output.with_suffix(".checkpoint.npz") if output is not None else None
+    if resume and checkpoint is not None and not checkpoint.exists():
+        print(f"softdyn: there is no {checkpoint}; starting anew", file=sys.stderr)
+    with _progress_bar(scene) as progress:
+        result = simulate_particles(scene, progress, checkpoint, resume)
+    if output is not None:
+        result.save(output)
+    summary = {
+        "status": "success",
+        "law": result.law,
+        "target": result.target,
+        "particles": len(result.radii),
+        "t": float(result.t[-1]),
+        "contacts": int(result.step_contacts[-1]),
+        "stress": result.stress[-1].tolist(),
+        "energy": dict(result.energy),
+        "stats": dict(result.stats),
+    }
+    if as_json:
+        print(json.dumps(summary))
+        return 0
+    stats, energy = result.stats, result.energy
+    print(f"{result.law}, target {result.target}, {len(result.radii)} particles: {stats['method']}")
+    print(
+        f"  t = {result.t[-1]:.6g} in {stats['steps']} steps, {stats['rejected']} rejected; "
+        f"{stats['newton_iterations']} Newton iterations, {stats['newton_factorisations']} factorisations "
+        f"({stats['linear_solver'] or 'none'})"
+    )
+    print(
+        f"  {summary['contacts']} contacts within range; {stats['made']} made and {stats['dropped']} dropped, "
+        f"looked for {stats['listings']} times"
+    )
+    shown = ", ".join(f"{name} {value:.4g}" for name, value in energy.items() if value and name != "imbalance")
+    print(f"  energy: {shown or 'none'}; unaccounted for {energy['imbalance']:.1e} of it")
+    print(
+        f"  forces balance to {stats['force_residual']:.1e}; run {stats['wall_s']:.3g} s, "
+        f"kernel {stats['compile_s']:.3g} s"
+    )
+    if output is not None:
+        print(f"wrote {output}")
+    return 0
+
+
+@contextmanager
+def _progress_bar(scene: ParticleScene) -> Iterator[Progress | None]:
+    """Progress callback that draws a bar on a terminal, and None elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    shape = "{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
+    with tqdm(total=1.0, delay=0.5, leave=False, bar_format=shape) as bar:
+        draw: Callable[[str], None] = lambda text: bar.set_postfix_str(text, refresh=True)  # noqa: E731
+
+        def update(t: float, steps: int, iterations: int) -> None:
+            bar.n = min(1.0, t / scene.until)
+            where = f"strain={t * abs(scene.shear_rate):.4g}" if scene.shear_rate else f"t={t:.4g}"
+            draw(f"{where} step {steps}, {iterations / max(steps, 1):.1f} iterations each")
+
+        yield update

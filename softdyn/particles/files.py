@@ -1,0 +1,239 @@
+"""Scene files of many particles."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softdyn.errors import SceneError
+from softdyn.particles.geometry import Wall
+from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.scene import Hold, ParticleScene, Push
+from softdyn.scene import read_toml, suggestion
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "particles": ("positions", "file", "radii", "species"),
+    "packing": ("kind", "count", "dimension", "fraction", "seed", "radii", "cells", "spacing"),
+    "contacts": ("gap", "range"),
+    "box": ("lengths",),
+    "flow": ("shear_rate", "drag"),
+    "until": ("t", "strain"),
+    "output": ("times",),
+    "accuracy": ("rtol",),
+}
+LISTS: dict[str, tuple[str, ...]] = {
+    "push": ("particles", "force"),
+    "hold": ("particles", "axes", "velocity"),
+    "wall": ("point", "normal", "rigid"),
+}
+OPEN = ("parameters", "mixing", "constants")
+TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
+
+
+def stock_scenes() -> dict[str, Path]:
+    """Scene files that come with softdyn, by name."""
+    return {path.stem: path for path in sorted((Path(__file__).parent / "scenes").glob("*.toml"))}
+
+
+def read_particle_scene(path: Path) -> ParticleScene:
+    """Read a scene file.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+    """
+    data = read_toml(path)
+    try:
+        return particle_scene_from(data, path.parent)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
+    """Scene from the content of a scene file; paths in it are relative to ``folder``.
+
+    Raises
+    ------
+    SceneError
+        Listing unknown and missing keys.
+    """
+    faults = [f"unknown key {key!r}{suggestion(key, TOP_LEVEL)}" for key in data if key not in TOP_LEVEL]
+    for name in (*KEYS, *OPEN):
+        content = data.get(name, {})
+        if not isinstance(content, Mapping):
+            faults.append(f"{name} must be a section, [{name}]")
+        elif name in KEYS:
+            faults += _unknown(content, KEYS[name], f"[{name}]")
+    for name, keys in LISTS.items():
+        entries = data.get(name, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
+            faults.append(f"{name} must be a list of sections, [[{name}]]")
+            continue
+        required = keys[:2]
+        for number, entry in enumerate(entries):
+            faults += _unknown(entry, keys, f"[[{name}]] {number}")
+            faults += [f"[[{name}]] {number}: {key} is missing" for key in required if key not in entry]
+    faults += [f"{key} is missing" for key in ("law", "parameters", "until") if key not in data]
+    if "particles" in data and "packing" in data:
+        faults.append("[particles] and [packing] are two ways to say where the particles are: give one of them")
+    if faults:
+        raise SceneError(faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults))
+    law = data["law"]
+    if isinstance(law, str) and ".py" in law:
+        law = str(folder / law)
+    placed = _placed(data, folder)
+    flow = data.get("flow", {})
+    settings: dict[str, Any] = {
+        "law": law,
+        "target": data.get("target", "auto"),
+        "parameters": data["parameters"],
+        "mixing": data.get("mixing", {}),
+        "constants": data.get("constants", {}),
+        "gap": data.get("contacts", {}).get("gap"),
+        "reach": data.get("contacts", {}).get("range"),
+        "shear_rate": flow.get("shear_rate", 0.0),
+        "drag": flow.get("drag", 0.0),
+        "pushes": [Push(_those(entry["particles"], placed), _list(entry["force"])) for entry in data.get("push", [])],
+        "holds": [
+            Hold(_those(entry["particles"], placed), str(entry["axes"]), entry.get("velocity"))
+            for entry in data.get("hold", [])
+        ],
+        "walls": [Wall(entry["point"], entry["normal"], entry.get("rigid", True)) for entry in data.get("wall", [])],
+        "until": _end(data["until"], flow),
+        **placed,
+    }
+    settings |= {"times": data["output"]["times"]} if "times" in data.get("output", {}) else {}
+    settings |= {"rtol": data["accuracy"]["rtol"]} if "rtol" in data.get("accuracy", {}) else {}
+    if "box" in data:
+        if "packing" in data:
+            raise SceneError("[box] follows from [packing]: leave it out")
+        # TOML has no null: 0 stands for an axis that is not periodic
+        lengths = _list(data["box"].get("lengths", []))
+        settings["box"] = [None if length == 0 else length for length in lengths]
+    return ParticleScene(**settings)
+
+
+def _unknown(given: Mapping[str, Any], allowed: Sequence[str], where: str) -> list[str]:
+    return [f"{where} unknown key {key!r}{suggestion(key, allowed)}" for key in given if key not in allowed]
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise SceneError(f"a list is expected, not {value!r}")
+    return value
+
+
+def _end(until: Mapping[str, Any], flow: Mapping[str, Any]) -> float:
+    if len(until) != 1:
+        raise SceneError("[until] takes t or strain, one of them")
+    if "t" in until:
+        return until["t"]
+    rate, strain = flow.get("shear_rate", 0), until["strain"]
+    if not isinstance(rate, (int, float)) or not rate:
+        raise SceneError("[until] strain needs [flow] shear_rate")
+    if isinstance(strain, bool) or not isinstance(strain, (int, float)):
+        raise SceneError(f"[until] strain must be a number, not {strain!r}")
+    return strain / abs(rate)
+
+
+def _placed(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Positions, radii, species and box."""
+    if "packing" in data:
+        return _packed(data["packing"])
+    particles = data["particles"]
+    if ("file" in particles) == ("positions" in particles):
+        raise SceneError("[particles] takes positions or file, one of them")
+    if "file" in particles:
+        if "radii" in particles or "species" in particles:
+            raise SceneError("[particles] radii and species belong in the file")
+        if not isinstance(particles["file"], str):
+            raise SceneError(f"[particles] file must be a path, not {particles['file']!r}")
+        return read_particles(folder / particles["file"])
+    if "radii" not in particles:
+        raise SceneError("[particles] radii is missing")
+    placed = {"positions": particles["positions"], "radii": particles["radii"]}
+    return {**placed, "species": particles["species"]} if "species" in particles else placed
+
+
+def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
+    kind = packing.get("kind", "random")
+    wanted = ("count", "dimension", "fraction", "seed", "radii") if kind == "random" else ("cells", "spacing", "radii")
+    missing = [key for key in wanted if key not in packing]
+    other = [key for key in packing if key not in (*wanted, "kind")]
+    if missing or other:
+        raise SceneError(
+            f"[packing] of kind {kind!r} takes {', '.join(wanted)}"
+            + (f"; {', '.join(missing)} missing" if missing else "")
+            + (f"; {', '.join(other)} unknown" if other else "")
+        )
+    radii = packing["radii"] if isinstance(packing["radii"], list) else [packing["radii"]]
+    if not all(isinstance(radius, (int, float)) and not isinstance(radius, bool) for radius in radii):
+        raise SceneError(f"[packing] radii must be numbers, not {radii!r}")
+    if kind != "random":
+        spacing = packing["spacing"]
+        if isinstance(spacing, bool) or not isinstance(spacing, (int, float)):
+            raise SceneError(f"[packing] spacing must be a number, not {spacing!r}")
+        x, lengths = lattice_packing(str(kind), _list(packing["cells"]), float(spacing))
+        size = np.array(radii, dtype=float)[np.arange(len(x)) % len(radii)]
+        return {"positions": x, "radii": size, "box": list(lengths)}
+    for key in ("count", "dimension", "seed"):
+        if isinstance(packing[key], bool) or not isinstance(packing[key], int) or packing[key] < 0:
+            raise SceneError(f"[packing] {key} must be a whole number, not {packing[key]!r}")
+    if isinstance(packing["fraction"], bool) or not isinstance(packing["fraction"], (int, float)):
+        raise SceneError(f"[packing] fraction must be a number, not {packing['fraction']!r}")
+    x, size, lengths = random_packing(
+        packing["count"], packing["dimension"], float(packing["fraction"]), radii, packing["seed"]
+    )
+    return {"positions": x, "radii": size, "box": list(lengths)}
+
+
+def _those(particles: Any, placed: Mapping[str, Any]) -> Any:
+    """Numbers of particles; "all", or the name of a species."""
+    if not isinstance(particles, str):
+        return particles
+    if particles == "all":
+        return list(range(len(placed["positions"])))
+    species = placed.get("species") or []
+    return [number for number, name in enumerate(species) if name == particles] or particles
+
+
+def read_particles(path: Path) -> dict[str, Any]:
+    """Positions, radii and species from a CSV file with the headings x, y, z, radius, species (z and species optional).
+
+    Raises
+    ------
+    SceneError
+        Naming the line at fault.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file))
+    except OSError as error:
+        raise SceneError(f"cannot read the particles {path}: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SceneError(f"the particles {path} are not CSV in UTF-8: {error}") from None
+    headings = [cell.strip() for cell in rows[0]] if rows else []
+    axes = [name for name in "xyz" if name in headings]
+    unknown = [name for name in headings if name not in ("x", "y", "z", "radius", "species")]
+    if "".join(axes) not in ("x", "xy", "xyz") or "radius" not in headings or unknown:
+        raise SceneError(f"particles {path}: the first line must name the columns x, y, z, radius, species")
+    positions, radii, species = [], [], []
+    for number, row in enumerate(rows[1:], start=2):
+        if not "".join(row).strip():
+            continue
+        if len(row) != len(headings):
+            raise SceneError(f"particles {path}, line {number}: {len(headings)} columns are expected, not {len(row)}")
+        cells = dict(zip(headings, row, strict=True))
+        try:
+            positions.append([float(cells[axis]) for axis in axes])
+            radii.append(float(cells["radius"]))
+        except ValueError:
+            raise SceneError(f"particles {path}, line {number}: numbers are expected, not {row}") from None
+        species.append(cells.get("species", "").strip())
+    placed: dict[str, Any] = {"positions": positions, "radii": radii}
+    return {**placed, "species": species} if "species" in headings else placed

@@ -1,0 +1,253 @@
+"""Where contacts are: the box, the list of neighbours, distances and directions.
+
+Positions are never wrapped: a particle keeps its coordinates when it leaves the box, and a contact knows by which
+lattice vector of the box its second particle is displaced. In a sheared box the lattice moves with the flow
+(Lees-Edwards), and so do the images, without a jump.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from softdyn.errors import SceneError
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A periodic box, or none.
+
+    Attributes
+    ----------
+    lengths : array, shape (d,)
+        Edges along the axes; ``inf`` along those that are not periodic.
+    shear_rate : float
+        The flow is u = shear_rate y along x; 0 without flow.
+    """
+
+    lengths: Array
+    shear_rate: float = 0.0
+
+    @property
+    def periodic(self) -> NDArray[np.bool_]:
+        """Axes along which the box repeats itself."""
+        return np.isfinite(self.lengths)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A flat wall: particles are on the side that ``normal`` points away from.
+
+    Attributes
+    ----------
+    point, normal : array, shape (d,)
+        A point of it, and its unit normal, from the particles into the wall.
+    rigid : bool
+        Whether it gives in as the particles do, or not at all.
+    """
+
+    point: Array
+    normal: Array
+    rigid: bool = True
+
+
+@dataclass
+class Contacts:
+    """Pairs in touch or near it; arrays of one length n, in an order that follows from the particles' numbers.
+
+    Attributes
+    ----------
+    i, j : array of int
+        The particles; a wall w has j = N + w.
+    shift : array of int, shape (n, d)
+        The lattice vector by which particle j is displaced.
+    S : array
+        Sum of the radii.
+    q : array, shape (parameters, n)
+        The varying parameters of the law.
+    h : array
+        Gaps.
+    touched : array of bool
+        Whether the contact has been within its range.
+    """
+
+    i: Integers
+    j: Integers
+    shift: Integers
+    S: Array
+    q: Array
+    h: Array
+    touched: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.i)
+
+
+def lattice(box: Box, t: float) -> Array:
+    """Lattice vectors of the box at time t, as columns; 0 along axes that are not periodic."""
+    cell = np.diag(np.where(box.periodic, box.lengths, 0.0))
+    if box.shear_rate and len(cell) > 1 and box.periodic[1]:
+        cell[0, 1] = box.shear_rate * t * cell[1, 1]
+    return cell
+
+
+def flow(box: Box, x: Array) -> Array:
+    """Velocity of the background flow at the positions x, shape (N, d)."""
+    u = np.zeros_like(x)
+    if box.shear_rate:
+        u[:, 0] = box.shear_rate * x[:, 1]
+    return u
+
+
+def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...]) -> tuple[Array, Array, Array]:
+    """Directions and distances of the contacts.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    x : array, shape (N, d)
+    cell : array, shape (d, d)
+    walls : tuple of Wall
+
+    Returns
+    -------
+    n : array, shape (contacts, d)
+        Unit vectors from particle i to particle j, or into the wall.
+    r : array
+        Distances of the centres, or of the centre from the wall.
+    curvature : array
+        1/r for pairs; 0 for walls, whose direction does not turn as the particle moves.
+    """
+    count = len(x)
+    if not walls:
+        along = _along(x, contacts.i, contacts.j, contacts.shift, cell)
+        r = np.sqrt(np.einsum("ij,ij->i", along, along))
+        return along / r[:, None], r, 1 / r
+    pair = contacts.j < count
+    along = np.ones((len(contacts), x.shape[1]))
+    along[pair] = _along(x, contacts.i[pair], contacts.j[pair], contacts.shift[pair], cell)
+    r = np.sqrt(np.einsum("ij,ij->i", along, along))
+    for w, wall in enumerate(walls):
+        mine = contacts.j == count + w
+        r[mine] = (wall.point - x[contacts.i[mine]]) @ wall.normal
+    n = along / np.where(pair, r, 1.0)[:, None]
+    for w, wall in enumerate(walls):
+        n[contacts.j == count + w] = wall.normal
+    return n, r, np.where(pair, 1 / np.where(pair, r, 1.0), 0.0)
+
+
+def _along(x: Array, i: Integers, j: Integers, shift: Integers, cell: Array) -> Array:
+    """Vectors from particle i to the image of particle j; few contacts reach across the faces of the box."""
+    along = x.take(j, axis=0) - x.take(i, axis=0)
+    across = np.flatnonzero(shift.any(axis=1))
+    along[across] += np.einsum("cb,ab->ca", shift[across], cell)
+    return along
+
+
+def find_pairs(
+    x: Array, radii: Array, box: Box, t: float, walls: tuple[Wall, ...], within: float
+) -> tuple[Integers, Integers, Integers]:
+    """All pairs, and particles and walls, whose surfaces are closer than ``within``, ordered by their numbers.
+
+    Returns
+    -------
+    i, j : array of int
+        i < j; a wall w has j = N + w.
+    shift : array of int, shape (n, d)
+
+    Raises
+    ------
+    SceneError
+        If a particle could touch one of its own images, or another one twice, around the box.
+    """
+    count, d = x.shape
+    cell = lattice(box, t)
+    if math.isinf(within):
+        i, j = np.triu_indices(count, 1)
+        shift = np.zeros((len(i), d), dtype=np.int64)
+    else:
+        i, j, shift = _near(x, radii, box, cell, within)
+    found_i, found_j, found_shift = [i], [j], [shift]
+    for w, wall in enumerate(walls):
+        near = np.flatnonzero((wall.point - x) @ wall.normal - radii < within)
+        found_i.append(near)
+        found_j.append(np.full(len(near), count + w))
+        found_shift.append(np.zeros((len(near), d), dtype=np.int64))
+    i, j, shift = (np.concatenate(parts) for parts in (found_i, found_j, found_shift))
+    order = np.lexsort((*shift.T, j, i))
+    return i[order].astype(np.int64), j[order].astype(np.int64), shift[order].astype(np.int64)
+
+
+def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple[Integers, Integers, Integers]:
+    count, d = x.shape
+    cut = 2 * float(radii.max()) + within
+    periodic = np.flatnonzero(box.periodic)
+    home = np.zeros((count, d), dtype=np.int64)
+    reduced = cell.copy()
+    if len(periodic):
+        if box.periodic[1] and d > 1 and cell[0, 1] and not box.periodic[0]:
+            raise SceneError("a sheared periodic box must be periodic along x")
+        if d > 1 and cell[0, 1]:
+            reduced[0, 1] -= cell[0, 0] * round(cell[0, 1] / cell[0, 0])  # the least tilted cell of the same lattice
+        small = [axis for axis in periodic if box.lengths[axis] < 2 * cut]
+        if small:
+            raise SceneError(
+                f"[box] is too small along {', '.join('xyz'[axis] for axis in small)}: a particle would meet another "
+                f"one twice; at least {2 * cut:.6g} is needed, twice the largest diameter and range"
+            )
+        full = reduced + np.diag(np.where(box.periodic, 0.0, 1.0))
+        fractions = np.linalg.solve(full, x.T).T
+        home[:, periodic] = np.floor(fractions[:, periodic]).astype(np.int64)
+        wrapped = x - home @ reduced.T
+        places, owners, images = [wrapped], [np.arange(count)], [np.zeros((count, d), dtype=np.int64)]
+        fractions = fractions - home
+        # heights of the cell: how deep a layer next to each face has to be repeated
+        depth = cut * np.linalg.norm(np.linalg.inv(full), axis=1)
+        for image in itertools.product(*((-1, 0, 1) if repeats else (0,) for repeats in box.periodic)):
+            if not any(image):
+                continue
+            vector = np.array(image, dtype=np.int64)
+            close = np.ones(count, dtype=bool)
+            for axis in periodic:
+                if image[axis] == 1:
+                    close &= fractions[:, axis] < depth[axis]
+                elif image[axis] == -1:
+                    close &= fractions[:, axis] > 1 - depth[axis]
+            chosen = np.flatnonzero(close)
+            places.append(wrapped[chosen] + reduced @ vector)
+            owners.append(chosen)
+            images.append(np.tile(vector, (len(chosen), 1)))
+        place, owner, image_of = np.concatenate(places), np.concatenate(owners), np.concatenate(images)
+    else:
+        place, owner, image_of = x, np.arange(count), np.zeros((count, d), dtype=np.int64)
+    pairs = cKDTree(place).query_pairs(cut, output_type="ndarray")
+    first, second = pairs[:, 0], pairs[:, 1]
+    mine = first < count
+    first, second = first[mine], second[mine]
+    i, j = owner[first], owner[second]
+    # an image and its mirror are one contact: kept where i < j
+    keep = i < j
+    swapped = i > j
+    i, j = np.where(swapped, j, i), np.where(swapped, i, j)
+    distance = np.linalg.norm(place[second] - place[first], axis=1)
+    near = (keep | swapped) & (distance - radii[i] - radii[j] < within)
+    image = np.where(swapped[:, None], -image_of[second], image_of[second])
+    i, j, image = i[near], j[near], image[near]
+    # from wrapped positions and the least tilted cell to positions and cell as they are
+    shift = image - home[j] + home[i]
+    if len(periodic) and d > 1 and cell[0, 1]:
+        turns = round(cell[0, 1] / cell[0, 0])
+        shift[:, 0] -= turns * shift[:, 1]
+    if len(i):
+        key = np.column_stack([i, j, shift])
+        _, unique = np.unique(key, axis=0, return_index=True)
+        i, j, shift = i[unique], j[unique], shift[unique]
+    return i, j, shift

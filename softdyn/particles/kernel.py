@@ -1,0 +1,186 @@
+"""The contact kernel of a law: made, compiled and loaded."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache as memoize
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn import cache
+from softdyn.kernels import choose_target, manifest_of
+from softdyn.laws import LawReference, find
+
+Array = NDArray[np.float64]
+
+#: Gauss points of the elastic energy, over sqrt(d/delta): F_ela is smooth in it, whether it starts as d or as d^(3/2).
+POINTS = 12
+
+
+@dataclass(frozen=True)
+class ContactKernel:
+    """A loaded contact kernel.
+
+    Attributes
+    ----------
+    law, target, key : str
+    parameters : tuple of str
+        All parameters of the law.
+    uniform, varying : tuple of str
+        What the arrays ``p`` and ``q`` hold.
+    outputs : tuple of str
+        What :func:`state` gives.
+    fading : bool
+        Whether contacts have a range.
+    compile_s : float
+        Time spent on deriving, building and loading it.
+    contacts, state, energy : functions
+        See the template ``contacts``.
+    positive : tuple of str
+        Parameters that must be positive.
+    ranges : mapping
+        Open intervals within which some of the parameters must lie.
+    """
+
+    law: str
+    target: str
+    key: str
+    uniform: tuple[str, ...]
+    varying: tuple[str, ...]
+    outputs: tuple[str, ...]
+    fading: bool
+    compile_s: float
+    contacts: Callable[..., int]
+    state: Callable[..., None]
+    energy: Callable[..., None]
+    positive: tuple[str, ...]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
+    """Derive a contact kernel; imports the derivation stage."""
+    from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+    from softdyn.derive.emit import suffix
+    from softdyn.derive.emit_contacts import emit_contacts
+    from softdyn.derive.law import parameters_of
+    from softdyn.laws import load
+
+    law, depends = load(reference)
+    ir = contact_ir(law, ContactNeeds(**needs))
+    return {
+        "name": ir.name,
+        "uniform": ir.uniform,
+        "varying": ir.varying,
+        "outputs": ir.outputs,
+        "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
+        "ranges": {symbol.name: [float(low), float(high)] for symbol, (low, high) in law.ranges.items()},
+        "source": emit_contacts(ir, target),
+        "suffix": suffix(target),
+        "depends": depends,
+    }
+
+
+def get_contact_kernel(
+    law: Any, target: str = "auto", *, varying: tuple[str, ...] = (), fading: bool = False
+) -> ContactKernel:
+    """Contact kernel of a law, from the cache or made now.
+
+    Parameters
+    ----------
+    law : str, Path or ContactLaw
+    target : "auto", "c" or "numba"
+    varying : tuple of str
+        Parameters that differ from contact to contact.
+    fading : bool
+        Whether contacts have a range.
+
+    Raises
+    ------
+    LawError, SceneError, CompileError
+    """
+    began = time.perf_counter()
+    target = choose_target(target)
+    needs = {"varying": tuple(sorted(varying)), "fading": fading}
+    manifest = manifest_of(find(law), target, needs, "contacts", contact_manifest)
+    back_end = importlib.import_module(f"softdyn.targets.{target}")
+    made_by = back_end.identity()
+    key = cache.key_of(manifest["source"], made_by)
+    entry = cache.read(target, key)
+    if entry is None:
+        files = back_end.build(manifest["name"], manifest["source"], made_by)
+        entry = cache.publish(target, key, files, {"made_by": made_by})
+    load = _load_c if target == "c" else _load_numba
+    contacts, state, energy = load(entry, manifest, fading)
+    return ContactKernel(
+        law=manifest["name"],
+        target=target,
+        key=key,
+        uniform=tuple(manifest["uniform"]),
+        varying=tuple(manifest["varying"]),
+        outputs=tuple(manifest["outputs"]),
+        fading=fading,
+        compile_s=time.perf_counter() - began,
+        contacts=contacts,
+        state=state,
+        energy=energy,
+        positive=tuple(manifest["positive"]),
+        ranges={name: (low, high) for name, (low, high) in manifest["ranges"].items()},
+    )
+
+
+def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Callable[..., Any], ...]:
+    from softdyn.targets.c import library_of
+
+    name = manifest["name"]
+    library = library_of(folder, name)
+    number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
+    reach = [number] if fading else []
+
+    def function(suffix: str, result: Any, *types: Any) -> Callable[..., Any]:
+        raw = getattr(library, f"{name}_{suffix}")
+        raw.argtypes, raw.restype = types, result
+        return lambda *values: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in values))
+
+    return (
+        function("contacts", integer, integer, number, *reach, *[array] * 9),
+        function("state", None, integer, *reach, *[array] * 5),
+        function("energy", None, integer, *[array] * 4, integer, array, array, array),
+    )
+
+
+def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Callable[..., Any], ...]:
+    from softdyn.targets.numba import module_of
+
+    name = manifest["name"]
+    module = module_of(folder, name)
+    contacts, state, energy = (getattr(module, f"{name}_{suffix}") for suffix in ("contacts", "state", "energy"))
+    # compile now, on no data, so that compiling is not taken for running
+    none, p, reach = np.empty(0), np.ones(max(1, len(manifest["uniform"]))), (1.0,) if fading else ()
+    contacts(0, 0.0, *reach, none, none, none, p, none, none, none, none, none)
+    state(0, *reach, none, none, p, none, none)
+    energy(0, none, none, p, none, 0, none, none, none)
+    return contacts, state, energy
+
+
+@memoize
+def _fractions() -> tuple[Array, Array]:
+    """Nodes and weights of the integral over d/delta from 0 to 1, d/delta = x^2."""
+    x, weight = np.polynomial.legendre.leggauss(POINTS)
+    x = (1 + x) / 2
+    return np.ascontiguousarray(x**2), np.ascontiguousarray(weight * x)
+
+
+def energies(kernel: ContactKernel, overlap: Array, h: Array, p: Array, q: Array) -> tuple[Array, Array]:
+    """Elastic energy U(h, delta) of each contact, and its slope U_h at fixed delta."""
+    n = len(h)
+    out = np.empty((2, n))
+    nodes, weights = _fractions()
+    kernel.energy(n, overlap, h, p, q, len(nodes), nodes, weights, out.reshape(-1))
+    return out[0], out[1]

@@ -1,0 +1,160 @@
+"""The list of contacts: made before a pair comes within range, dropped beyond it, without a jump in any force.
+
+A contact at its range or beyond has the weight 0 in the kernel: its force is 0, its surfaces are undeformed, its gap
+follows the centres. So the list may hold pairs beyond the range, and does, a skin wide: within the skin nothing depends
+on whether a pair is listed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles.geometry import Box, Contacts, Integers, Wall, directions, find_pairs, lattice
+from softdyn.particles.kernel import ContactKernel
+from softdyn.particles.scene import MIXING, Checked, ParticleScene
+
+Array = NDArray[np.float64]
+
+#: Width of the skin, in radii.
+SKIN = 0.4
+
+
+def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Contacts:
+    """Contacts of which only the geometry is known."""
+    walls = max(0, int(j.max(initial=0)) + 1 - len(radii))
+    with_walls = np.append(radii, np.zeros(walls))
+    n = len(i)
+    none = np.empty(0)
+    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), np.zeros(n, bool))
+
+
+def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
+    """Varying parameters of the law for each contact, shape (parameters, n).
+
+    R is 2 R1 R2/(R1 + R2) and E the harmonic mean: see :mod:`softdyn.derive.contact_kernel`, where walls are derived.
+    """
+    count = len(checked.radii)
+    wall = j >= count
+    partner = np.where(wall, i, j)
+    rigid = np.array([w.rigid for w in checked.walls] or [False])
+    hard = np.zeros(len(i), dtype=bool)
+    hard[wall] = rigid[j[wall] - count]
+    rows = np.empty((len(kernel.varying), len(i)))
+    for row, name in zip(rows, kernel.varying, strict=True):
+        if name == "R":
+            row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
+            row[wall] = 2 * checked.radii[i[wall]]
+            continue
+        given = scene.parameters[name]
+        values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
+        of = values[checked.species] if isinstance(given, Mapping) else np.full(count, values[0])
+        row[:] = MIXING["harmonic" if name == "E" else scene.mixing.get(name, "arithmetic")](of[i], of[partner])
+        if name == "E":
+            row[hard] *= 2  # a rigid wall gives in by nothing
+    return rows
+
+
+@dataclass(frozen=True)
+class Listed:
+    """Where everything was when the contacts were last looked for.
+
+    Attributes
+    ----------
+    x : array, shape (N, d)
+    cell : array, shape (d, d)
+    skin : float
+    """
+
+    x: Array
+    cell: Array
+    skin: float
+
+
+def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float) -> float:
+    """By how much, at most, two surfaces have come closer since, in units of the skin.
+
+    Parameters
+    ----------
+    farthest : float
+        Distance of the centres at which two particles are looked for.
+    """
+    cell = lattice(box, t)
+    affine = np.zeros((x.shape[1],) * 2)
+    if box.shear_rate and box.periodic.any() and x.shape[1] > 1:
+        affine[0, 1] = (cell[0, 1] - listed.cell[0, 1]) / cell[1, 1] if cell[1, 1] else 0.0
+    # motion apart from that of the box
+    moved = x - listed.x - listed.x @ affine.T
+    moved = moved - moved.mean(axis=0)
+    return float(2 * np.linalg.norm(moved, axis=1).max() + np.linalg.norm(affine) * farthest) / listed.skin
+
+
+def find_contacts(
+    scene: ParticleScene,
+    checked: Checked,
+    kernel: ContactKernel,
+    x: Array,
+    t: float,
+    old: Contacts | None,
+    walls: tuple[Wall, ...],
+) -> tuple[Contacts, Listed, int, int]:
+    """List the contacts at the given positions; those already listed keep their gaps.
+
+    Returns
+    -------
+    contacts : Contacts
+    listed : Listed
+    made, dropped : int
+        New ones that are within range, and those left behind that had been.
+    """
+    reach = np.inf if scene.reach is None else float(scene.reach)
+    skin = SKIN * float(checked.radii.min())
+    i, j, shift = find_pairs(x, checked.radii, checked.box, t, walls, reach + skin)
+    contacts = bare_contacts(i, j, shift, checked.radii)
+    contacts.q = mixed_parameters(scene, checked, kernel, i, j)
+    cell = lattice(checked.box, t)
+    _, r, _ = directions(contacts, x, cell, walls)
+    apart = r - contacts.S
+    contacts.h = apart.copy()
+    if old is None:
+        if scene.gap is not None:
+            contacts.h = np.maximum(apart, float(scene.gap))
+        contacts.touched = contacts.h < reach
+        return contacts, Listed(x.copy(), cell, skin), int(contacts.touched.sum()), 0
+    mine, source = _common(contacts, old)
+    contacts.h[mine] = old.h[source]
+    contacts.touched[mine] = old.touched[source]
+    left = np.ones(len(old), bool)
+    left[source] = False
+    # a pair still within the range keeps its contact, however far its centres are: it is listed anew
+    held = np.flatnonzero(left & (old.h < reach))
+    if len(held):
+        contacts = _joined(contacts, old, held)
+        left[held] = False
+    dropped = int(np.sum(old.touched & left))
+    return contacts, Listed(x.copy(), cell, skin), 0, dropped
+
+
+def _common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the contacts that are in both lists, in each of them."""
+    rows = [np.column_stack([c.i, c.j, c.shift]) for c in (contacts, old)]
+    both = np.concatenate(rows)
+    order = np.lexsort(both.T)  # stable: of two equal rows, that of the new list comes first
+    same = np.flatnonzero((both[order[1:]] == both[order[:-1]]).all(axis=1))
+    return order[same], order[same + 1] - len(contacts)
+
+
+def _joined(contacts: Contacts, old: Contacts, rows: NDArray[np.int64]) -> Contacts:
+    """Contacts with some of the old ones, in order."""
+    i, j = (np.concatenate([getattr(contacts, name), getattr(old, name)[rows]]) for name in ("i", "j"))
+    shift = np.concatenate([contacts.shift, old.shift[rows]])
+    order = np.lexsort((*shift.T, j, i))
+    both = {
+        name: np.concatenate([getattr(contacts, name), getattr(old, name)[rows]])[order]
+        for name in ("S", "h", "touched")
+    }
+    q = np.concatenate([contacts.q, old.q[:, rows]], axis=1)[:, order]
+    return Contacts(i[order], j[order], shift[order], q=np.ascontiguousarray(q), **both)

@@ -1,0 +1,124 @@
+"""Initial positions: lattices, and random packings in a periodic box."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.spatial import cKDTree
+
+from softdyn.errors import SceneError
+
+Array = NDArray[np.float64]
+
+#: Volume of a ball of radius 1: in two dimensions the area of a disc.
+BALL = {2: math.pi, 3: 4 * math.pi / 3}
+LARGEST_FRACTION = {2: 1.2, 3: 1.0}
+
+
+def random_packing(
+    count: int, dimension: int, fraction: float, radii: Sequence[float], seed: int
+) -> tuple[Array, Array, Array]:
+    """Particles at random places, moved apart until the sum of their squared overlaps is at a minimum.
+
+    Parameters
+    ----------
+    count : int
+    dimension : 2 or 3
+    fraction : float
+        Volume of all particles, overlaps counted twice, relative to that of the box; area in two dimensions.
+    radii : sequence of float
+        Taken in turn.
+    seed : int
+        The same seed gives the same packing.
+
+    Returns
+    -------
+    x : array, shape (count, dimension)
+    radii : array, shape (count,)
+    lengths : array, shape (dimension,)
+        Edges of the periodic box, a square or a cube.
+
+    Raises
+    ------
+    SceneError
+    """
+    if dimension not in BALL:
+        raise SceneError(f"[packing] dimension must be 2 or 3, not {dimension!r}")
+    if not 0 < fraction <= LARGEST_FRACTION[dimension]:
+        raise SceneError(
+            f"[packing] fraction must lie between 0 and {LARGEST_FRACTION[dimension]:g} in {dimension} dimensions, "
+            f"not {fraction!r}"
+        )
+    if not 2 <= count <= 1_000_000:
+        raise SceneError(f"[packing] count must be 2 to 1000000, not {count!r}")
+    choice = np.array(radii, dtype=float).reshape(-1)
+    if not len(choice) or not np.isfinite(choice).all() or not (choice > 0).all():
+        raise SceneError(f"[packing] radii must be positive numbers, not {radii!r}")
+    size = choice[np.arange(count) % len(choice)]
+    length = float((BALL[dimension] * np.sum(size**dimension) / fraction) ** (1 / dimension))
+    start = np.random.default_rng(seed).uniform(0, length, (count, dimension))
+    cut = 2 * float(choice.max())
+    if length < 2 * cut:
+        raise SceneError(f"[packing] {count} particles make a box of {length:.4g} only: too small for their diameters")
+
+    def energy(flat: Array) -> tuple[float, Array]:
+        x = flat.reshape(count, dimension) % length
+        x[x >= length] = 0.0  # a remainder may round up to the length
+        pairs = cKDTree(x, boxsize=length).query_pairs(cut, output_type="ndarray")
+        i, j = pairs[:, 0], pairs[:, 1]
+        along = x[j] - x[i]
+        along -= length * np.round(along / length)
+        r = np.sqrt(np.einsum("ij,ij->i", along, along))
+        overlap = np.maximum(size[i] + size[j] - r, 0.0)
+        pull = (-overlap / np.maximum(r, 1e-300))[:, None] * along
+        gradient = np.empty_like(x)
+        for axis in range(dimension):
+            gradient[:, axis] = np.bincount(j, pull[:, axis], minlength=count)
+            gradient[:, axis] -= np.bincount(i, pull[:, axis], minlength=count)
+        return 0.5 * float(overlap @ overlap), gradient.reshape(-1)
+
+    tolerance = 1e-6 * float(choice.min())
+    found = minimize(
+        energy, start.reshape(-1), jac=True, method="L-BFGS-B", options={"maxiter": 5000, "gtol": tolerance}
+    )
+    x = found.x.reshape(count, dimension) % length
+    x[x >= length] = 0.0
+    return x, size, np.full(dimension, length)
+
+
+def lattice_packing(kind: str, cells: Sequence[int], spacing: float) -> tuple[Array, Array]:
+    """Positions and box of a lattice of equal spacing between neighbours.
+
+    Parameters
+    ----------
+    kind : "square", "hexagonal", "cubic" or "fcc"
+    cells : sequence of int
+        Unit cells along each axis; a hexagonal or fcc cell holds 2 or 4 particles.
+    spacing : float
+        Distance of nearest neighbours.
+
+    Raises
+    ------
+    SceneError
+    """
+    half = 0.5
+    bases: dict[str, tuple[list[list[float]], list[float]]] = {
+        "square": ([[0, 0]], [1, 1]),
+        "hexagonal": ([[0, 0], [half, half]], [1, math.sqrt(3)]),
+        "cubic": ([[0, 0, 0]], [1, 1, 1]),
+        "fcc": ([[0, 0, 0], [half, half, 0], [half, 0, half], [0, half, half]], [math.sqrt(2)] * 3),
+    }
+    if kind not in bases:
+        raise SceneError(f"[packing] unknown lattice {kind!r}; there are {', '.join(bases)}")
+    basis, edges = (np.array(part, dtype=float) for part in bases[kind])
+    if len(cells) != len(edges) or not all(isinstance(n, int) and 1 <= n <= 1000 for n in cells):
+        raise SceneError(f"[packing] cells of a {kind} lattice must be {len(edges)} counts, 1 to 1000, not {cells!r}")
+    if not spacing > 0 or not math.isfinite(spacing):
+        raise SceneError(f"[packing] spacing must be positive, not {spacing!r}")
+    corners = np.stack(np.meshgrid(*(np.arange(n) for n in cells), indexing="ij"), axis=-1).reshape(-1, len(edges))
+    places = (corners[:, None, :] + basis[None, :, :] + 0.25).reshape(-1, len(edges))
+    return places * edges * spacing, np.array(cells) * edges * spacing

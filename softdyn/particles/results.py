@@ -1,0 +1,229 @@
+"""What a run of many particles gives."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.particles.geometry import Contacts, directions, flow, lattice
+from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.step import System, contact_state
+from softdyn.results import written_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+HISTORY = ("step_t", "step_dt", "step_residual", "step_error", "step_contacts")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A state at an output time; contacts are those within their range.
+
+    Attributes
+    ----------
+    t : float
+    x, v : array, shape (N, d)
+    i, j : array of int, shape (contacts,)
+    h, delta, F : array, shape (contacts,)
+    n : array, shape (contacts, d)
+    stress : array, shape (d, d)
+        > 0 in tension. In a periodic box that of the contacts, force/length^(d-1); otherwise the virial of contacts and
+        drag, force times length.
+    """
+
+    t: float
+    x: Array
+    v: Array
+    i: NDArray[np.int64]
+    j: NDArray[np.int64]
+    h: Array
+    delta: Array
+    F: Array
+    n: Array
+    stress: Array
+
+
+def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -> Frame:
+    """Frame of a state."""
+    n, r, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+    values = contact_state(system, contacts, contacts.S - r, contacts.h)
+    F = values["F_ela"]
+    stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
+    if np.any(system.drag > 0) and not system.box.periodic.any():
+        resisting = system.drag[:, None] * (v - flow(system.box, x))
+        stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
+    if system.box.periodic.all():
+        stress = stress / float(np.prod(system.box.lengths))
+    near = contacts.h < system.reach
+    return Frame(
+        t,
+        x.copy(),
+        v.copy(),
+        contacts.i[near],
+        contacts.j[near],
+        contacts.h[near],
+        values["delta"][near],
+        F[near],
+        n[near],
+        stress,
+    )
+
+
+@dataclass(frozen=True)
+class ParticleResult:
+    """A run of many particles; all numbers in the units of the scene's parameters.
+
+    Attributes
+    ----------
+    law, target : str
+    parameters : mapping
+    arrays : mapping from str to array
+        ``t`` (frames,), ``x`` and ``v`` (frames, N, d): positions, never wrapped, and velocities; ``stress`` (frames,
+        d, d); ``radii`` (N,), ``species`` (N,), ``box`` (d,);
+
+        contacts within their range, those of frame k at ``contact_start[k]:contact_start[k + 1]``: ``contact_i``,
+        ``contact_j`` (walls from N on), ``contact_h``, ``contact_delta`` (deflection of each surface),
+        ``contact_F``, ``contact_n`` (direction from i to j);
+
+        for each step, ``step_t``, ``step_dt``, ``step_residual`` (of the force balance, relative to the largest force),
+        ``step_error`` (in units of what is allowed), ``step_contacts`` (how many within their range).
+        Each is an attribute, too.
+    energy : mapping from str to float
+        Put in by ``external`` forces, the ``flow`` and the moving ``box``; ``stored`` elastically; taken by ``gaps``,
+        ``drag``, ``remote`` forces and the dependence of F_ela on h (``U_h``); ``imbalance``, what is left over
+        relative to the sum of all sizes.
+    stats : mapping
+    """
+
+    law: str
+    target: str
+    parameters: Mapping[str, Any]
+    arrays: Mapping[str, NDArray[Any]]
+    energy: Mapping[str, float]
+    stats: Mapping[str, Any]
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        if name != "arrays" and name in self.arrays:
+            return self.arrays[name]
+        there = ", ".join(self.arrays) if name != "arrays" else ""
+        raise AttributeError(f"the result has no {name!r}; its arrays are {there}")
+
+    def __len__(self) -> int:
+        return len(self.arrays["t"])
+
+    def contacts(self, frame: int) -> dict[str, NDArray[Any]]:
+        """Contacts of one frame: i, j, h, delta, F, n."""
+        frame = range(len(self))[frame]
+        start, end = self.arrays["contact_start"][frame : frame + 2]
+        return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
+
+    def plot(self) -> Figure:
+        """Draw the contact network at the end, the stress, the coordination, and the gaps and forces."""
+        from softdyn.particles.plots import plot_particles
+
+        return plot_particles(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write to an .npz file; see :func:`load_particles`.
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, or the file cannot be written; then nothing is left behind.
+        """
+        path = Path(path)
+        if path.suffix != ".npz":
+            raise SceneError(f"cannot save to {path}: results of many particles are saved as .npz")
+        about = {
+            "kind": "particles",
+            "law": self.law,
+            "target": self.target,
+            "parameters": dict(self.parameters),
+            "energy": dict(self.energy),
+            "stats": dict(self.stats),
+        }
+        content: dict[str, Any] = {"about": np.array(json.dumps(about)), **self.arrays}
+        with written_whole(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **content)
+        return path
+
+
+def gather(
+    scene: ParticleScene,
+    checked: Checked,
+    system: System,
+    frames: list[Frame],
+    history: list[tuple[float, float, float, float, int]],
+    energy: Mapping[str, float],
+    stats: Mapping[str, Any],
+) -> ParticleResult:
+    """Put a result together from its frames."""
+    count, d = checked.x.shape
+    arrays: dict[str, NDArray[Any]] = {
+        "t": np.array([frame.t for frame in frames]),
+        "x": np.array([frame.x for frame in frames]).reshape(-1, count, d),
+        "v": np.array([frame.v for frame in frames]).reshape(-1, count, d),
+        "stress": np.array([frame.stress for frame in frames]).reshape(-1, d, d),
+        "radii": checked.radii,
+        "species": checked.species,
+        "box": checked.box.lengths,
+        "shear_rate": np.array(checked.box.shear_rate),
+        "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
+    }
+    for name in ("i", "j", "h", "delta", "F", "n"):
+        empty = np.empty((0, d) if name == "n" else 0, dtype=np.int64 if name in "ij" else float)
+        arrays[f"contact_{name}"] = np.concatenate([empty, *(getattr(frame, name) for frame in frames)])
+    columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
+    arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}
+    return ParticleResult(
+        law=system.kernel.law,
+        target=system.kernel.target,
+        parameters={k: dict(v) if isinstance(v, Mapping) else float(v) for k, v in scene.parameters.items()},
+        arrays=arrays,
+        energy={name: float(value) for name, value in energy.items()},
+        stats=stats,
+    )
+
+
+def load_particles(path: str | Path) -> ParticleResult:
+    """Read a result saved as .npz.
+
+    Raises
+    ------
+    SceneError
+        If the file is not such a result.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            about = json.loads(str(stored["about"]))
+            arrays = {name: stored[name] for name in stored.files if name != "about"}
+        if about.get("kind") != "particles":
+            raise ValueError("it holds a run of two particles")
+        return ParticleResult(
+            about["law"], about["target"], about["parameters"], arrays, about["energy"], about["stats"]
+        )
+    except OSError as error:
+        raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+        raise SceneError(f"{path} is not a result of many particles saved by softdyn: {error}") from None
+
+
+def holds_particles(path: str | Path) -> bool:
+    """Whether a file holds a run of many particles; False for any other file, or none."""
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            return json.loads(str(stored["about"])).get("kind") == "particles"
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile):
+        return False

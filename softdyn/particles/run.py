@@ -1,0 +1,426 @@
+"""Running a scene of many particles."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import checkpoint as checkpoints
+from softdyn.particles import linear
+from softdyn.particles.geometry import Contacts, directions, lattice
+from softdyn.particles.kernel import energies, get_contact_kernel
+from softdyn.particles.method import ORDER
+from softdyn.particles.neighbours import find_contacts, travelled
+from softdyn.particles.results import ParticleResult, frame_of, gather
+from softdyn.particles.scene import (
+    AXES,
+    Checked,
+    ParticleScene,
+    check,
+    particles_named,
+    uniform_values,
+    varying_parameters,
+)
+from softdyn.particles.state import State
+from softdyn.particles.step import (
+    WORKS,
+    Newton,
+    StepFailed,
+    System,
+    balance,
+    contact_state,
+    gauge_axes,
+    take_step,
+    turns_freely,
+)
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, int, int], None]
+
+MOST_STEPS = 1_000_000
+#: Seconds between two checkpoints.
+CHECKPOINT_EVERY = 30.0
+SMALLEST_STEP = 1e-12
+#: External forces on what may move freely must balance to this fraction.
+UNBALANCED = 1e-9
+#: So must their torque; it depends on the positions, and is known to their accuracy.
+UNTURNED = 1e-4
+
+
+def simulate_particles(
+    scene: ParticleScene, progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False
+) -> ParticleResult:
+    """Integrate a scene.
+
+    Parameters
+    ----------
+    scene : ParticleScene
+    progress : function of (t, steps, Newton iterations), optional
+        Called after every step.
+    checkpoint : Path, optional
+        File to which the state is written now and then, and when the run is interrupted or cannot go on; it is removed
+        at the end.
+    resume : bool
+        Whether to go on from that file, if it is there.
+
+    Returns
+    -------
+    ParticleResult
+
+    Raises
+    ------
+    SceneError
+        If the scene cannot be used.
+    IntegrationError
+        If it cannot be carried to its end: naming the particles or the contact at fault. Its attribute ``partial`` is
+        the result up to the last good state.
+    """
+    began = time.perf_counter()
+    checked, system = prepare(scene)
+    newton = Newton()
+    key = checkpoints.fingerprint(scene, checked, system)
+    if resume and checkpoint is not None and checkpoint.exists():
+        state = checkpoints.load(checkpoint, key)
+    else:
+        state = start(scene, checked, system, newton)
+    last = time.monotonic()
+
+    def now_and_then(state: State) -> None:
+        nonlocal last
+        if checkpoint is not None and time.monotonic() - last > CHECKPOINT_EVERY:
+            checkpoints.save(checkpoint, state, key)
+            last = time.monotonic()
+
+    try:
+        integrate(scene, checked, system, newton, state, progress, now_and_then)
+    except IntegrationError as error:
+        error.partial = _result(scene, checked, system, newton, state, began)
+        if checkpoint is None:
+            raise
+        checkpoints.save(checkpoint, state, key)
+        stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
+        stopped.partial = error.partial
+        raise stopped from None
+    except KeyboardInterrupt:
+        if checkpoint is not None:
+            checkpoints.save(checkpoint, state, key)
+        raise
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+    return _result(scene, checked, system, newton, state, began)
+
+
+def prepare(scene: ParticleScene) -> tuple[Checked, System]:
+    """Check a scene, and get its kernel.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError
+    """
+    checked = check(scene)
+    varying = varying_parameters(scene, checked)
+    kernel = get_contact_kernel(scene.law, scene.target, varying=varying, fading=scene.reach is not None)
+    p = uniform_values(scene, checked, kernel)
+    drag = np.zeros(len(checked.x))
+    if scene.drag:
+        eta = scene.parameters["eta"]
+        assert not isinstance(eta, dict)
+        drag = 6 * math.pi * float(eta) * checked.radii * float(scene.drag)  # type: ignore[arg-type]
+    system = System(
+        kernel=kernel,
+        p=p,
+        reach=math.inf if scene.reach is None else float(scene.reach),
+        box=checked.box,
+        walls=checked.walls,
+        radii=checked.radii,
+        drag=drag,
+        fixed=checked.fixed,
+        force=checked.force,
+        velocity=checked.velocity,
+        rtol=float(scene.rtol),
+    )
+    return checked, system
+
+
+def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton) -> State:
+    """Initial state: gaps from the scene; without drag, positions in elastic equilibrium at these gaps.
+
+    Raises
+    ------
+    SceneError
+        If surfaces overlap and no gap is given, or external forces have nothing to balance them.
+    IntegrationError
+        If there is no equilibrium to start from.
+    """
+    x = checked.x.copy()
+    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, checked.walls)
+    closed = np.flatnonzero(~(contacts.h > 0))
+    if len(closed):
+        c = int(closed[0])
+        raise SceneError(
+            f"{len(closed)} pairs overlap, particles {contacts.i[c]} and {contacts.j[c]} first: give the initial gap "
+            "of pressed particles, [contacts] gap"
+        )
+    state = State(
+        t=0.0,
+        dt=0.0,
+        x=x,
+        v=np.zeros_like(x),
+        y_rate=np.zeros(len(contacts)),
+        contacts=contacts,
+        listed=listed,
+        work=dict.fromkeys(WORKS, 0.0),
+        counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
+    )
+    free: NDArray[np.bool_] = np.asarray((~system.fixed).any(axis=1) & ~(system.drag > 0))
+    if free.any():
+        _require_balanced(system, 0.0, x)
+        _require_held(system, state, free)
+        nothing = np.zeros(len(contacts))
+        try:
+            found = balance(system, contacts, newton, 0.0, 0.0, x, x.copy(), contacts.h, nothing, nothing.copy())
+        except (StepFailed, linear.Indefinite) as error:
+            raise IntegrationError(
+                f"at the start, with the gaps as given, the forces have no equilibrium: {_why(system, state, error)}"
+            ) from None
+        state.x = found.x
+        newton.forget()
+    state.dt = _first_step(scene, system, state)
+    state.stored0 = _stored(system, state)
+    return state
+
+
+def _overlaps(system: System, state: State) -> Array:
+    _, r, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    return state.contacts.S - r
+
+
+def _stored(system: System, state: State) -> float:
+    contacts = state.contacts
+    U, _ = energies(system.kernel, _overlaps(system, state), contacts.h, system.p, contacts.q.reshape(-1))
+    return float(U.sum())
+
+
+def _first_step(scene: ParticleScene, system: System, state: State) -> float:
+    """A length over which no gap changes by more than a hundredth, as far as the present rates tell."""
+    overlap = _overlaps(system, state)
+    values = contact_state(system, state.contacts, overlap, state.contacts.h)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
+    fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(scene.shear_rate)))
+    longest = 1e-2 * float(scene.until)
+    return min(longest, 1e-2 / fastest) if fastest > 0 else longest
+
+
+def _require_held(system: System, state: State, free: NDArray[np.bool_]) -> None:
+    """Without drag: every particle needs a contact, and all of them one cluster, under forces that balance."""
+    contacts, count = state.contacts, len(state.x)
+    active = contacts.h < system.reach
+    touched = np.zeros(count, bool)
+    pair = active & (contacts.j < count)
+    touched[contacts.i[active]] = True
+    touched[contacts.j[pair]] = True
+    alone = np.flatnonzero(free & ~touched)
+    remedy = "give the particles a drag ([flow] drag = 1), or hold them"
+    if len(alone):
+        raise IntegrationError(
+            f"without drag nothing resists the motion of {particles_named(alone)}, without any contact within range, "
+            f"at t={state.t:.6g}: {remedy}"
+        )
+    links = coo_array((np.ones(int(pair.sum())), (contacts.i[pair], contacts.j[pair])), shape=(count, count))
+    clusters, label = connected_components(links, directed=False)
+    anchored = set(label[system.fixed.any(axis=1)]) | set(label[contacts.i[active & (contacts.j >= count)]])
+    loose = [k for k in range(clusters) if k not in anchored]
+    if len(loose) > 1 or (loose and anchored):
+        sizes = [np.flatnonzero(label == k) for k in loose]
+        smallest = min(sizes, key=len)
+        raise IntegrationError(
+            f"without drag the cluster of {particles_named(smallest)} is connected to no other, at t={state.t:.6g}, "
+            f"and nothing resists its motion: {remedy}"
+        )
+
+
+def _require_balanced(system: System, t: float, x: Array) -> None:
+    """External forces along axes on which everything moves freely sum to zero, and so does their torque."""
+    force = system.force(t)
+    for axis in gauge_axes(system):
+        total, size = float(force[:, axis].sum()), float(np.abs(force[:, axis]).sum())
+        if abs(total) > UNBALANCED * size:
+            raise IntegrationError(
+                f"the external forces along {AXES[axis]} sum to {total:.6g} at t={t:.6g}, and without drag nothing "
+                "balances them: give the particles a drag ([flow] drag = 1), hold one of them, or balance the forces"
+            )
+    if turns_freely(system) and force.any():
+        away = x - x.mean(axis=0)
+        turning = away[:, :, None] * force[:, None, :]
+        torque = np.abs(np.sum(turning - turning.transpose(0, 2, 1), axis=0)).max()
+        size = float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
+        if torque > UNTURNED * size:
+            raise IntegrationError(
+                f"the external forces have the torque {torque:.6g} at t={t:.6g}, and without drag nothing resists it: "
+                "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
+            )
+
+
+def integrate(
+    scene: ParticleScene,
+    checked: Checked,
+    system: System,
+    newton: Newton,
+    state: State,
+    progress: Progress | None = None,
+    after_step: Callable[[State], None] | None = None,
+) -> None:
+    """Carry a state on to the end of the scene, in place.
+
+    Raises
+    ------
+    IntegrationError
+        The state is then the last good one.
+    """
+    farthest = 2 * float(checked.radii.max()) + (0.0 if math.isinf(system.reach) else system.reach) + state.listed.skin
+    until = float(scene.until)
+    if not state.frames and checked.times[0] == 0.0:
+        state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts))
+    grow = 3.0
+    while state.t < until:
+        if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
+            raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
+        _require_balanced(system, state.t, state.x)
+        ahead = checked.times[checked.times > state.t]
+        landing = min(until, float(ahead[0]) if len(ahead) else until)
+        # land on the next output, and leave no sliver before it
+        left = landing - state.t
+        dt = left if state.dt >= 0.99 * left else min(state.dt, 0.5 * left) if state.dt > 0.5 * left else state.dt
+        failure: Exception | None = None
+        try:
+            step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
+            error = step.error
+            when = landing if dt == left else state.t + dt
+            moved = travelled(state.listed, step.end.x, system.box, when, farthest)
+            if not math.isinf(system.reach) and moved > 1.0:
+                if travelled(state.listed, state.x, system.box, state.t, farthest) > 0:
+                    _list_again(scene, checked, system, newton, state)
+                else:
+                    newton.forget()
+                    state.dt = 0.5 * dt
+                continue
+        except (StepFailed, linear.Indefinite) as refused:
+            error, failure = math.inf, refused
+            newton.solve = None
+        if not error <= 1.0:
+            state.counts["rejected"] += 1
+            grow = 1.0
+            # after a failure nothing is known but that the step was too long
+            state.dt = dt * (max(0.2, 0.9 * error ** (-1 / ORDER)) if failure is None and error < math.inf else 0.5)
+            if state.dt < SMALLEST_STEP * until or state.t + 0.1 * state.dt == state.t:
+                cause = (
+                    f"the tolerance rtol={system.rtol:g} cannot be met"
+                    if failure is None
+                    else _why(system, state, failure)
+                )
+                raise IntegrationError(f"the run cannot go on at t={state.t:.6g}, however short the step: {cause}")
+            if failure is not None:
+                state.v, state.y_rate = np.zeros_like(state.v), np.zeros_like(state.y_rate)
+            continue
+        state.t, state.x, state.v = when, step.end.x, step.x_rates[-1]
+        # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
+        state.y_rate = step.y_rates[-1] / np.sqrt(1 + step.end.y**2)
+        state.contacts.h = step.end.h
+        for name, amount in step.work.items():
+            state.work[name] += amount
+        within = step.end.h < system.reach
+        state.counts["made"] += int(np.sum(within & ~state.contacts.touched))
+        state.contacts.touched |= within
+        state.counts["steps"] += 1
+        state.history.append((state.t, dt, step.end.residual, error, int(within.sum())))
+        longer = dt * min(grow, 0.9 * max(error, 1e-12) ** (-1 / ORDER))
+        # a step shortened to land says nothing against a longer one
+        state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
+        grow = 3.0
+        if not math.isinf(system.reach) and travelled(state.listed, state.x, system.box, state.t, farthest) > 0.5:
+            _list_again(scene, checked, system, newton, state)
+        if state.t in checked.times:
+            state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts))
+        if progress is not None:
+            progress(state.t, state.counts["steps"], newton.counts["iterations"])
+        if after_step is not None:
+            after_step(state)
+
+
+def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:
+    """Look for contacts at the present positions; gaps, guesses and forces stay."""
+    old = state.contacts
+    rates = dict(zip(_names(old), state.y_rate.tolist(), strict=True))
+    state.contacts, state.listed, _, dropped = find_contacts(
+        scene, checked, system.kernel, state.x, state.t, old, checked.walls
+    )
+    state.y_rate = np.array([rates.get(name, 0.0) for name in _names(state.contacts)])
+    closed = np.flatnonzero(~(state.contacts.h > 0))
+    if len(closed):
+        c = int(closed[0])
+        raise IntegrationError(
+            f"particles {state.contacts.i[c]} and {state.contacts.j[c]} have passed through each other's range within "
+            f"one step at t={state.t:.6g}: ask for a smaller rtol"
+        )
+    fresh = (state.contacts.h < system.reach) & ~state.contacts.touched
+    state.contacts.touched |= fresh
+    state.counts["made"] += int(fresh.sum())
+    state.counts["dropped"] += dropped
+    state.counts["listings"] += 1
+    newton.forget()
+
+
+def _names(contacts: Contacts) -> list[tuple[int, ...]]:
+    return list(map(tuple, np.column_stack([contacts.i, contacts.j, contacts.shift]).tolist()))
+
+
+def _why(system: System, state: State, error: Exception) -> str:
+    """Words for what a step failed of."""
+    if not isinstance(error, linear.Indefinite):
+        return str(error)
+    if not np.any(system.drag > 0):
+        _require_held(system, state, np.asarray((~system.fixed).any(axis=1)))
+    size = np.linalg.norm(error.direction(), axis=1)
+    worst = np.flatnonzero(size > 0.3 * size.max())
+    worst = worst[np.argsort(-size[worst], kind="stable")]
+    remedy = (
+        "a shorter step does not help; the forces pull or press it over"
+        if np.any(system.drag > 0)
+        else "without drag such a motion has no resistance: give the particles a drag ([flow] drag = 1), hold them, or "
+        "add contacts"
+    )
+    kind = "turn as a whole" if turns_freely(system) and len(worst) > 0.9 * len(size) else "give way"
+    who = f"{particles_named(worst)} can {kind} without any force to resist"
+    return f"{who} (floppy, or unstable under pressure); {remedy}"
+
+
+def _result(
+    scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State, began: float
+) -> ParticleResult:
+    stored = _stored(system, state) - state.stored0
+    work = state.work
+    given = work["external"] + work["flow"] + work["box"]
+    taken = stored + work["U_h"] + work["gaps"] + work["drag"] + work["remote"]
+    size = sum(abs(value) for value in work.values()) + abs(stored)
+    stats: dict[str, Any] = {
+        "method": "SDIRK of order 3 in positions and gaps",
+        **state.counts,
+        **{f"newton_{name}": number for name, number in newton.counts.items()},
+        "linear_solver": newton.method,
+        "force_residual": max((row[2] for row in state.history), default=0.0),
+        "wall_s": time.perf_counter() - began,
+        "compile_s": system.kernel.compile_s,
+        "kernel": system.kernel.key,
+    }
+    energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
+    return gather(scene, checked, system, state.frames, state.history, energy, stats)

@@ -1,0 +1,527 @@
+"""Scenes of many particles, checked before anything runs."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.expression import FUNCTIONS, parse
+from softdyn.expression import evaluate as evaluate_expression
+from softdyn.particles.geometry import Box, Wall, find_pairs
+from softdyn.particles.kernel import ContactKernel
+from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
+
+Array = NDArray[np.float64]
+
+#: Beyond this ratio of radii, two spheres no longer meet as two half-spaces do while both are near-spherical.
+LARGEST_RATIO = 10.0
+MIXING: dict[str, Callable[[Array, Array], Array]] = {
+    "arithmetic": lambda one, other: (one + other) / 2,
+    "geometric": lambda one, other: np.sqrt(one * other),
+    "harmonic": lambda one, other: 2 * one * other / (one + other),
+}
+#: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
+MOST_WITHOUT_RANGE = 64
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Push:
+    """An external force on some particles.
+
+    Parameters
+    ----------
+    particles : sequence of int
+    force : sequence of (float or str), one for each axis
+        Numbers, or expressions of t.
+    """
+
+    particles: Sequence[int]
+    force: Sequence[float | str]
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Coordinates that do not follow from forces: held at rest, or driven.
+
+    Parameters
+    ----------
+    particles : sequence of int
+    axes : str
+        Which of "xyz".
+    velocity : sequence of (float or str), optional
+        One for each of the axes; 0 without.
+    """
+
+    particles: Sequence[int]
+    axes: str
+    velocity: Sequence[float | str] | None = None
+
+
+@dataclass(frozen=True)
+class ParticleScene:
+    """Many particles; all numbers in one consistent set of units.
+
+    Parameters
+    ----------
+    law : str, Path or ContactLaw
+    parameters : mapping from str to float, or to a mapping from species to float
+        A value for each parameter of the law but R, which follows from the radii.
+    positions : array, shape (N, d), d = 1, 2 or 3
+    radii : float, or array of shape (N,)
+    species : sequence of str, optional
+        One name for each particle; needed where a parameter depends on it.
+    mixing : mapping from str to str
+        For each parameter that depends on the species, how a contact of two takes it: "arithmetic", "geometric" or
+        "harmonic" mean. E is always the harmonic mean, as for two elastic half-spaces under one pressure.
+    gap : float, optional
+        Initial gap of the pairs whose surfaces are closer than that, which are then pressed together; all others start
+        undeformed.
+    reach : float, optional
+        Range of a contact: beyond this gap there is none, and from half of it on film and remote force fade. Without
+        it all pairs are in contact.
+    box : sequence of float or None, optional
+        Edges of the periodic box; None along an axis that is not periodic.
+    walls : sequence of Wall
+    shear_rate : float
+        Background flow u = shear_rate y along x; a periodic box is sheared with it.
+    drag : float
+        What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none.
+    pushes : sequence of Push
+    holds : sequence of Hold
+    constants : mapping from str to float
+        Named constants of the expressions.
+    until : float
+        The run ends at this time.
+    times : int or sequence of float
+        Output times: how many, evenly spaced from 0 to the end, or which.
+    rtol : float
+        Relative error of the gaps allowed in one step.
+    target : "auto", "c" or "numba"
+    """
+
+    law: Any
+    parameters: Mapping[str, float | Mapping[str, float]]
+    positions: Any
+    radii: Any
+    until: float
+    species: Sequence[str] | None = None
+    mixing: Mapping[str, str] = field(default_factory=dict)
+    gap: float | None = None
+    reach: float | None = None
+    box: Sequence[float | None] | None = None
+    walls: Sequence[Wall] = ()
+    shear_rate: float = 0.0
+    drag: float = 0.0
+    pushes: Sequence[Push] = ()
+    holds: Sequence[Hold] = ()
+    constants: Mapping[str, float] = field(default_factory=dict)
+    times: int | Sequence[float] = 11
+    rtol: float = 1e-4
+    target: str = "auto"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A scene as arrays: nothing in it contradicts anything else.
+
+    Attributes
+    ----------
+    x : array, shape (N, d)
+    radii : array, shape (N,)
+    species : array of int, shape (N,)
+    names : tuple of str
+        Names of the species.
+    box : Box
+    walls : tuple of Wall
+    fixed : array of bool, shape (N, d)
+    force, velocity : function of t
+    times : array
+    """
+
+    x: Array
+    radii: Array
+    species: NDArray[np.int64]
+    names: tuple[str, ...]
+    box: Box
+    walls: tuple[Wall, ...]
+    fixed: NDArray[np.bool_]
+    force: Callable[[float], Array]
+    velocity: Callable[[float], Array]
+    times: Array
+
+
+def check(scene: ParticleScene) -> Checked:
+    """Refuse what is wrong with a scene whatever its law; as many faults at once as can be told.
+
+    Raises
+    ------
+    SceneError
+        Naming the particles at fault.
+    """
+    x = _array("positions", scene.positions)
+    if x.ndim != 2 or not 1 <= x.shape[1] <= 3 or len(x) < 2:
+        raise SceneError(f"[particles] positions must be two at least, of 1 to 3 coordinates, not of shape {x.shape}")
+    count, d = x.shape
+    if not np.isfinite(x).all():
+        raise SceneError(f"[particles] positions of {_which(np.asarray(~np.isfinite(x).all(axis=1)))} are not finite")
+    radii = _array("radii", scene.radii)
+    if radii.ndim == 0:
+        radii = np.full(count, float(radii))
+    if radii.shape != (count,):
+        raise SceneError(f"[particles] {len(radii)} radii for {count} particles")
+    faults = []
+    good = np.isfinite(radii) & (radii > 0)
+    if not good.all():
+        raise SceneError(f"[particles] radii must be positive and finite; {_which(~good)} have others")
+    if radii.max() > LARGEST_RATIO * radii.min():
+        small, large = int(np.argmin(radii)), int(np.argmax(radii))
+        faults.append(
+            f"[particles] radii differ by a factor of {radii.max() / radii.min():.3g} (particles {small} and {large}); "
+            f"up to {LARGEST_RATIO:g} a contact is that of two near half-spaces"
+        )
+    for name, value in (("until", scene.until), ("rtol", scene.rtol)):
+        if not _is_number(value) or not value > 0:
+            faults.append(f"{name} must be a positive number, not {value!r}")
+    for name, length in (("gap", scene.gap), ("reach", scene.reach)):
+        if length is not None and not (_is_number(length) and length > 0):
+            faults.append(f"{name} must be a positive number, not {length!r}")
+    if not _is_number(scene.drag) or scene.drag < 0:
+        faults.append(f"drag must be 0 or a positive number, not {scene.drag!r}")
+    if not _is_number(scene.shear_rate):
+        faults.append(f"shear_rate must be a finite number, not {scene.shear_rate!r}")
+    if faults:
+        raise SceneError(_listed(faults))
+    if not SMALLEST_RTOL * 100 <= scene.rtol <= 0.1:
+        faults.append(f"rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
+    if scene.target not in TARGETS:
+        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
+    if scene.gap is not None and scene.reach is not None and scene.gap > scene.reach / 2:
+        faults.append(f"gap = {scene.gap:g} must not exceed half the range of a contact, {scene.reach / 2:g}")
+    if scene.reach is None and count > MOST_WITHOUT_RANGE:
+        faults.append(f"{count} particles need a range of their contacts, [contacts] range")
+    box = _box(scene, d, faults)
+    walls = _walls(scene, d, faults)
+    if scene.shear_rate and d == 1:
+        faults.append("a shear flow needs two dimensions at least")
+    if scene.shear_rate and not scene.drag and not box.periodic[: min(d, 2)].all():
+        faults.append(
+            "the flow moves the particles by their drag, or by the walls of a sheared periodic box, and here is "
+            "neither: give drag = 1, or a box periodic along x and y"
+        )
+    if scene.shear_rate and d > 1 and box.periodic[1] and not box.periodic[0]:
+        faults.append("[box] a sheared box must be periodic along x where it is along y")
+    if faults:
+        raise SceneError(_listed(faults))
+    names, species = _species(scene, count)
+    faults += _place_faults(x, radii, box, walls)
+    faults += _overlap_faults(x, radii, box, walls)
+    if faults:
+        raise SceneError(_listed(faults))
+    fixed, velocity = _holds(scene, count, d)
+    force = _pushes(scene, count, d)
+    _require_used(scene)
+    return Checked(x, radii, species, names, box, walls, fixed, force, velocity, _times(scene))
+
+
+def _array(name: str, values: Any) -> Array:
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise SceneError(f"[particles] {name} must be numbers") from None
+
+
+def _is_number(value: Any) -> bool:
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    return number and math.isfinite(value)
+
+
+def _listed(faults: Sequence[str]) -> str:
+    return faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults)
+
+
+def _which(flags: NDArray[np.bool_]) -> str:
+    return particles_named(np.flatnonzero(flags))
+
+
+def particles_named(numbers: Sequence[int] | NDArray[np.int64]) -> str:
+    """Words for some particles: their numbers, or the first ten of them."""
+    shown = ", ".join(str(int(number)) for number in numbers[:10])
+    more = f" and {len(numbers) - 10} more" if len(numbers) > 10 else ""
+    return f"particle{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+
+def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
+    lengths = np.full(d, math.inf)
+    if scene.box is not None:
+        given = list(scene.box)
+        if len(given) != d:
+            faults.append(f"[box] {len(given)} lengths for {d} dimensions")
+        else:
+            for axis, length in enumerate(given):
+                if length is None:
+                    continue
+                if not _is_number(length) or not length > 0:
+                    faults.append(f"[box] the length along {AXES[axis]} must be positive, not {length!r}")
+                else:
+                    lengths[axis] = float(length)
+    return Box(lengths, float(scene.shear_rate))
+
+
+def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
+    walls = []
+    for number, wall in enumerate(scene.walls):
+        point, normal = (np.array(v, dtype=float) for v in (wall.point, wall.normal))
+        size = float(np.linalg.norm(normal)) if normal.shape == (d,) and np.isfinite(normal).all() else 0.0
+        if point.shape != (d,) or not np.isfinite(point).all() or not size > 0:
+            faults.append(f"wall {number} needs a point and a normal of {d} finite coordinates each")
+            continue
+        walls.append(Wall(point, normal / size, bool(wall.rigid)))
+    return tuple(walls)
+
+
+def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    if scene.species is None:
+        return ("",), np.zeros(count, dtype=np.int64)
+    given = [str(name) for name in scene.species]
+    if len(given) != count:
+        raise SceneError(f"[particles] {len(given)} species for {count} particles")
+    names = tuple(sorted(set(given)))
+    return names, np.array([names.index(name) for name in given], dtype=np.int64)
+
+
+def _place_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
+    faults = []
+    with np.errstate(invalid="ignore"):
+        outside = np.asarray((box.periodic & ((x < 0) | (x > np.where(box.periodic, box.lengths, 0.0)))).any(axis=1))
+    if outside.any():
+        faults.append(f"{_which(outside)} outside of the periodic box, which starts at 0")
+    for number, wall in enumerate(walls):
+        behind = (wall.point - x) @ wall.normal <= 0
+        if behind.any():
+            faults.append(f"{_which(behind)} on the wrong side of wall {number}")
+    return faults
+
+
+def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
+    """Pairs that overlap by more than the smaller radius."""
+    from softdyn.particles.geometry import directions, lattice
+    from softdyn.particles.neighbours import bare_contacts
+
+    # surfaces at most touching; a box too small for these is refused by the search
+    i, j, shift = find_pairs(x, radii, box, 0.0, walls, 0.0)
+    contacts = bare_contacts(i, j, shift, radii)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        _, r, _ = directions(contacts, x, lattice(box, 0.0), walls)
+    smaller = np.minimum(radii[i], np.append(radii, np.full(len(walls), np.inf))[j])
+    deep = np.flatnonzero(contacts.S - r > smaller)
+    count = len(radii)
+    return [
+        f"particle {i[c]} and {f'particle {j[c]}' if j[c] < count else f'wall {j[c] - count}'} overlap by "
+        f"{contacts.S[c] - r[c]:.4g}, more than the radius {smaller[c]:.4g}"
+        for c in deep[:10]
+    ] + ([f"and {len(deep) - 10} more pairs overlap as deeply"] if len(deep) > 10 else [])
+
+
+def _numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> NDArray[np.int64]:
+    try:
+        numbers = np.array(particles, dtype=np.int64).reshape(-1)
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError(f"{where}: particles must be a list of numbers, not {particles!r}") from None
+    wrong = [int(number) for number in numbers if not 0 <= number < count]
+    if wrong or not len(numbers):
+        raise SceneError(f"{where}: there is no particle {wrong[:10] or ''}; they are numbered 0 to {count - 1}")
+    return numbers
+
+
+def _function(scene: ParticleScene, value: Any, where: str) -> Callable[[float], float]:
+    """Function of t from a number or an expression."""
+    if isinstance(value, str):
+        expression = parse(value, _constants(scene))
+        start = evaluate_expression(expression, 0.0)
+        if not math.isfinite(start):
+            raise SceneError(f"{where} = {value!r} has no finite value at t = 0")
+        return lambda t: evaluate_expression(expression, t)
+    if not _is_number(value):
+        raise SceneError(f"{where} must be a number or an expression of t, not {value!r}")
+    return lambda t: float(value)
+
+
+def _constants(scene: ParticleScene) -> dict[str, float]:
+    taken = [name for name in scene.constants if name in ("t", "pi", *FUNCTIONS)]
+    if taken:
+        raise SceneError(f"constants: {', '.join(taken)} has a meaning of its own in an expression")
+    wrong = [name for name, value in scene.constants.items() if not _is_number(value)]
+    if wrong:
+        raise SceneError(f"constants: {', '.join(wrong)} must be a finite number")
+    return {name: float(value) for name, value in scene.constants.items()}
+
+
+def _require_used(scene: ParticleScene) -> None:
+    texts = [value for push in scene.pushes for value in push.force if isinstance(value, str)]
+    texts += [value for hold in scene.holds for value in hold.velocity or () if isinstance(value, str)]
+    unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
+    if unused:
+        raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
+
+
+def _sum_of(
+    terms: list[tuple[NDArray[np.int64], int, Callable[[float], float]]], count: int, d: int, what: str
+) -> Callable[[float], Array]:
+    def total(t: float) -> Array:
+        values = np.zeros((count, d))
+        for particles, axis, function in terms:
+            value = function(t)
+            if not math.isfinite(value):
+                raise SceneError(
+                    f"the {what} on {particles_named(particles)} along {AXES[axis]} has no finite value at t={t:.6g}"
+                )
+            values[particles, axis] += value
+        return values
+
+    return total
+
+
+def _pushes(scene: ParticleScene, count: int, d: int) -> Callable[[float], Array]:
+    terms = []
+    for number, push in enumerate(scene.pushes):
+        where = f"[[push]] {number}"
+        particles = _numbers_of(scene, push.particles, count, where)
+        if isinstance(push.force, str) or len(push.force) != d:
+            raise SceneError(f"{where}: force needs {d} components, one for each axis")
+        for axis, value in enumerate(push.force):
+            if value != 0:
+                terms.append((particles, axis, _function(scene, value, f"{where}: force along {AXES[axis]}")))
+    return _sum_of(terms, count, d, "force")
+
+
+def _holds(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+    fixed = np.zeros((count, d), dtype=bool)
+    terms = []
+    for number, hold in enumerate(scene.holds):
+        where = f"[[hold]] {number}"
+        particles = _numbers_of(scene, hold.particles, count, where)
+        if not hold.axes or any(axis not in AXES[:d] for axis in hold.axes) or len(set(hold.axes)) < len(hold.axes):
+            raise SceneError(f"{where}: axes must be some of {AXES[:d]!r}, not {hold.axes!r}")
+        velocity = list(hold.velocity) if hold.velocity is not None else [0.0] * len(hold.axes)
+        if len(velocity) != len(hold.axes):
+            raise SceneError(f"{where}: velocity needs one component for each of the axes {hold.axes!r}")
+        for name, value in zip(hold.axes, velocity, strict=True):
+            axis = AXES.index(name)
+            twice = particles[fixed[particles, axis]]
+            if len(twice):
+                raise SceneError(f"{where}: {particles_named(twice)} held twice along {name}")
+            fixed[particles, axis] = True
+            if value != 0:
+                terms.append((particles, axis, _function(scene, value, f"{where}: velocity along {name}")))
+    return fixed, _sum_of(terms, count, d, "velocity")
+
+
+def _times(scene: ParticleScene) -> Array:
+    given = scene.times
+    if isinstance(given, (int, np.integer)) and not isinstance(given, bool):
+        if not 2 <= given <= 1_000_000:
+            raise SceneError(f"[output] times must be 2 to 1000000, or a list, not {given}")
+        return np.linspace(0.0, float(scene.until), int(given))
+    if isinstance(given, str):
+        raise SceneError(f"[output] times must be a count or a list of numbers, not {given!r}")
+    try:
+        times = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise SceneError("[output] times must be a count or a list of numbers") from None
+    good = times.ndim == 1 and len(times) and np.isfinite(times).all() and (np.diff(times) > 0).all()
+    if not good or times[0] < 0 or times[-1] > scene.until:
+        raise SceneError(f"[output] times must increase, from 0 at least to until = {scene.until:g} at most")
+    return times
+
+
+def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...]:
+    """Names of the parameters that differ from contact to contact.
+
+    Raises
+    ------
+    SceneError
+        If a parameter depends on species that there are not, or without a rule of mixing.
+    """
+    faults, varying = [], []
+    if np.ptp(checked.radii) > 0 or checked.walls:
+        varying.append("R")
+    if not isinstance(scene.parameters, Mapping):
+        raise SceneError(f"[parameters] must map names to numbers, not {scene.parameters!r}")
+    if "R" in scene.parameters:
+        faults.append("[parameters] R follows from the radii of the particles: leave it out")
+    for name, value in scene.parameters.items():
+        if not isinstance(value, Mapping):
+            if not _is_number(value):
+                faults.append(f"[parameters] {name} must be a finite number, not {value!r}")
+            continue
+        unknown = [key for key in value if key not in checked.names]
+        missing = [key for key in checked.names if key not in value]
+        known = ", ".join(repr(key) for key in checked.names)
+        if unknown:
+            faults.append(f"[parameters] {name}: unknown species {', '.join(map(repr, unknown))}; there are {known}")
+        if missing:
+            faults.append(f"[parameters] {name} has no value for species {', '.join(map(repr, missing))}")
+        if not all(_is_number(number) for number in value.values()):
+            faults.append(f"[parameters] {name}: all values must be finite numbers")
+        if name == "eta":
+            faults.append("[parameters] eta is the fluid's, and cannot depend on the species")
+        elif name != "E" and name not in scene.mixing:
+            faults.append(
+                f"[parameters] {name} depends on the species: say how two of them mix, [mixing] {name} = one of "
+                f"{', '.join(MIXING)}"
+            )
+        varying.append(name)
+    if "E" in scene.parameters and "E" not in varying and any(wall.rigid for wall in checked.walls):
+        varying.append("E")
+    for name, rule in scene.mixing.items():
+        if rule not in MIXING:
+            faults.append(f"[mixing] {name}: unknown rule {rule!r}{suggestion(rule, tuple(MIXING))}")
+        if name in ("R", "E", "eta"):
+            faults.append(f"[mixing] {name} is mixed as the physics of two elastic half-spaces asks: leave it out")
+        elif not isinstance(scene.parameters.get(name), Mapping):
+            faults.append(f"[mixing] {name} does not depend on the species")
+    if faults:
+        raise SceneError(_listed(faults))
+    return tuple(varying)
+
+
+def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel) -> Array:
+    """Values of the uniform parameters, in the kernel's order; checks those that vary, too.
+
+    Raises
+    ------
+    SceneError
+        Listing missing, unknown, non-positive and out-of-range parameters.
+    """
+    names = (*kernel.uniform, *kernel.varying)
+    given = {"R": float(checked.radii[0]), **scene.parameters}
+    faults = [
+        f"[parameters] {name!r} is not a parameter of the law{suggestion(name, [n for n in names if n != 'R'])}"
+        for name in given
+        if name not in names and name != "R" and not (name == "eta" and scene.drag)
+    ]
+    for name in names:
+        if name not in given:
+            faults.append(f"[parameters] {name} is missing")
+            continue
+        value = given[name]
+        for number in value.values() if isinstance(value, Mapping) else [value]:
+            if name in kernel.ranges and not kernel.ranges[name][0] < number < kernel.ranges[name][1]:
+                low, high = kernel.ranges[name]
+                faults.append(f"[parameters] {name} = {number:g} lies outside {low:g} .. {high:g}")
+            elif name in kernel.positive and not number > 0:
+                faults.append(f"[parameters] {name} must be positive, not {number!r}")
+    eta = given.get("eta")
+    if scene.drag and (isinstance(eta, Mapping) or not _is_number(eta) or not float(eta or 0) > 0):
+        faults.append("[parameters] eta is missing, and the drag on a particle is 6 pi eta R")
+    if faults:
+        raise SceneError(_listed(faults))
+    return np.array([float(given[name]) for name in kernel.uniform])  # type: ignore[arg-type]

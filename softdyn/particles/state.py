@@ -1,0 +1,51 @@
+"""What changes during a run of many particles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles.geometry import Contacts
+from softdyn.particles.neighbours import Listed
+from softdyn.particles.results import Frame
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class State:
+    """Everything that changes during a run; it is all that a checkpoint holds.
+
+    Attributes
+    ----------
+    t, dt : float
+        Time, and the step to try next.
+    x, v : array, shape (N, d)
+    y_rate : array, shape (contacts,)
+        Guess of dy/dt for the next step.
+    contacts : Contacts
+    listed : Listed
+    work : dict
+        Energies exchanged since the start.
+    stored0 : float
+        Elastic energy at the start.
+    counts : dict
+    history : list of tuple
+        For each step: time, length, residual, error, contacts within their range.
+    frames : list of Frame
+    """
+
+    t: float
+    dt: float
+    x: Array
+    v: Array
+    y_rate: Array
+    contacts: Contacts
+    listed: Listed
+    work: dict[str, float]
+    stored0: float = 0.0
+    counts: dict[str, int] = field(default_factory=dict)
+    history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)

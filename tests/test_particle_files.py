@@ -1,0 +1,232 @@
+"""Scene files of many particles, packings, checkpoints, and the command line."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softdyn.cli import main
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import run
+from softdyn.particles.files import read_particle_scene, read_particles, stock_scenes
+from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
+from softdyn.particles.packing import BALL, lattice_packing, random_packing
+from softdyn.particles.results import ParticleResult, load_particles
+from softdyn.particles.run import simulate_particles
+
+EMULSION = """
+law = "rognon_gay"
+parameters = {E = 1.0, eta = 1.0}
+packing = {kind = "random", count = 40, dimension = 2, fraction = 0.88, radii = [1.0, 1.4], seed = 3}
+contacts = {gap = 0.02, range = 0.4}
+flow = {shear_rate = 1e-4, drag = 1.0}
+until = {strain = 0.1}
+output = {times = 5}
+accuracy = {rtol = 1e-3}
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_random_packing_has_its_fraction_and_its_seed(d: int) -> None:
+    fraction = {2: 0.7, 3: 0.5}[d]
+    x, radii, lengths = random_packing(200, d, fraction, [1.0, 1.3], 5)
+    assert BALL[d] * np.sum(radii**d) / np.prod(lengths) == pytest.approx(fraction, rel=1e-12)
+    assert np.all((x >= 0) & (x < lengths))
+    again = random_packing(200, d, fraction, [1.0, 1.3], 5)
+    assert np.array_equal(x, again[0])
+    assert not np.array_equal(x, random_packing(200, d, fraction, [1.0, 1.3], 6)[0])
+    # well below the densest random packing no overlap is left
+    along = x[:, None] - x[None]
+    along -= lengths * np.round(along / lengths)
+    apart = np.linalg.norm(along, axis=2) - radii[:, None] - radii[None]
+    assert np.min(apart[np.triu_indices(200, 1)]) > -1e-3
+
+
+@pytest.mark.parametrize(("kind", "cells", "neighbours"), [("hexagonal", [4, 3], 6), ("fcc", [3, 3, 3], 12)])
+def test_a_lattice_has_its_neighbours(kind: str, cells: list[int], neighbours: int) -> None:
+    x, lengths = lattice_packing(kind, cells, 2.1)
+    along = x[:, None] - x[None]
+    along -= lengths * np.round(along / lengths)
+    distance = np.linalg.norm(along, axis=2) + 10 * np.eye(len(x))
+    assert distance.min() == pytest.approx(2.1)
+    assert np.all(np.sum(distance < 2.1 * 1.01, axis=1) == neighbours)
+
+
+def test_an_emulsion_from_a_file(tmp_path: Path) -> None:
+    result = simulate_particles(read_particle_scene(written(tmp_path, EMULSION)))
+    assert len(result) == 5
+    assert result.t[-1] == pytest.approx(1000)
+    viscosity = relative_viscosity(result)
+    assert np.all(viscosity[1:] > 1)
+    first, second = normal_stress_differences(result)
+    assert first.shape == second.shape == (5,)
+    # isostatic at least, as a jammed packing must be
+    assert np.all(coordination(result) > 3)
+    figure = result.plot()
+    assert len(figure.axes) == 5
+
+
+def test_particles_from_a_table(tmp_path: Path) -> None:
+    (tmp_path / "some.csv").write_text("x,y,radius,species\n0,0,1,soft\n2.05,0,1,hard\n\n4,1,1,soft\n")
+    placed = read_particles(tmp_path / "some.csv")
+    assert placed["positions"][2] == [4.0, 1.0]
+    assert placed["species"] == ["soft", "hard", "soft"]
+    scene = read_particle_scene(
+        written(
+            tmp_path,
+            """
+law = "rognon_gay"
+parameters = {eta = 1.0, E = {soft = 1.0, hard = 2.0}}
+particles = {file = "some.csv"}
+flow = {drag = 1.0}
+push = [{particles = "soft", force = [1e-3, "1e-3*sin(t)"]}]
+hold = [{particles = [1], axes = "xy"}]
+wall = [{point = [0, -1.5], normal = [0, -1]}]
+until = {t = 10.0}
+""",
+        )
+    )
+    assert list(scene.pushes[0].particles) == [0, 2]
+    result = simulate_particles(scene)
+    assert np.array_equal(result.x[-1, 1], [2.05, 0.0])
+    assert result.x[-1, 0, 0] > 0
+    for text, words in (
+        ("x,y,radius\n0,0\n", "line 2: 3 columns"),
+        ("x,y,radius\n0,a,1\n", "line 2: numbers"),
+        ("y,radius\n0,1\n", "first line"),
+    ):
+        (tmp_path / "bad.csv").write_text(text)
+        with pytest.raises(SceneError, match=words):
+            read_particles(tmp_path / "bad.csv")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("contacts = {gap", "contact = {gap", "unknown key 'contact'; did you mean 'contacts'"),
+        ("range = 0.4", "rnage = 0.4", r"\[contacts\] unknown key 'rnage'; did you mean 'range'"),
+        ("strain = 0.1", "strain = 0.1, t = 3.0", "one of them"),
+        (", seed = 3", "", "seed missing"),
+        ("fraction = 0.88", "fraction = 7", "fraction must lie between"),
+        ("count = 40", "count = 40.5", "count must be a whole number"),
+        ("count = 40", "count = 3", "too small"),
+        ('kind = "random"', 'kind = "quasi"', "takes cells, spacing, radii"),
+        ("law =", "box = {lengths = [1.0]}\nlaw =", "follows from"),
+        ("law =", "push = [{particles = [0]}]\nlaw =", r"\[\[push\]\] 0: force is missing"),
+        ("law =", "push = 3\nlaw =", "must be a list of sections"),
+        ("parameters = {E = 1.0, eta = 1.0}", "parameters = 3", r"parameters must be a section"),
+        ("law =", "law = = ", "not valid TOML"),
+    ],
+)
+def test_faults_of_a_scene_file_are_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in EMULSION
+    with pytest.raises(SceneError, match=words) as error:
+        read_particle_scene(written(tmp_path, EMULSION.replace(old, new, 1)))
+    assert str(tmp_path / "scene.toml") in str(error.value)
+
+
+def test_a_run_resumes_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if nothing had happened: to the tolerance of Newton's iteration, which starts with another matrix."""
+    scene = read_particle_scene(written(tmp_path, EMULSION))
+    whole = simulate_particles(scene)
+    checkpoint = tmp_path / "a.checkpoint.npz"
+
+    def interrupt(t: float, steps: int, iterations: int) -> None:
+        if t > 400:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_particles(scene, interrupt, checkpoint)
+    assert checkpoint.exists()
+    resumed = simulate_particles(scene, None, checkpoint, resume=True)
+    assert not checkpoint.exists()
+    assert resumed.stats["steps"] == whole.stats["steps"]
+    assert np.array_equal(resumed.t, whole.t)
+    np.testing.assert_allclose(resumed.x, whole.x, atol=1e-4)
+    np.testing.assert_allclose(resumed.energy["gaps"], whole.energy["gaps"], rtol=1e-3)
+    # another scene does not go on from it
+    with pytest.raises(KeyboardInterrupt):
+        simulate_particles(scene, interrupt, checkpoint)
+    other = read_particle_scene(written(tmp_path, EMULSION.replace("drag = 1.0", "drag = 2.0")))
+    with pytest.raises(SceneError, match="belongs to another scene"):
+        simulate_particles(other, None, checkpoint, resume=True)
+    checkpoint.write_bytes(checkpoint.read_bytes()[:1000])
+    with pytest.raises(SceneError, match="no checkpoint"):
+        simulate_particles(scene, None, checkpoint, resume=True)
+
+
+def test_a_killed_run_resumes(tmp_path: Path) -> None:
+    """SIGKILL in the middle; the last checkpoint is whole."""
+    path = written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1.0"))
+    code = (
+        "import sys, softdyn.particles.run as run; from softdyn.cli import main; run.CHECKPOINT_EVERY = 0.0;"
+        f"sys.exit(main(['run', {str(path)!r}, '-o', {str(tmp_path / 'a.npz')!r}]))"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = tmp_path / "a.checkpoint.npz"
+    limit = time.monotonic() + 60
+    while not checkpoint.exists() and process.poll() is None and time.monotonic() < limit:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert checkpoint.exists()
+    assert main(["run", str(path), "-o", str(tmp_path / "a.npz"), "--resume"]) == 0
+    assert load_particles(tmp_path / "a.npz").t[-1] == pytest.approx(1e4)
+
+
+def test_a_failed_run_leaves_its_last_good_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = read_particle_scene(written(tmp_path, EMULSION))
+    monkeypatch.setattr(run, "MOST_STEPS", 3)
+    checkpoint = tmp_path / "a.checkpoint.npz"
+    with pytest.raises(IntegrationError, match="3 steps were not enough") as error:
+        simulate_particles(scene, None, checkpoint)
+    assert str(checkpoint) in str(error.value)
+    assert isinstance(error.value.partial, ParticleResult)
+    assert error.value.partial.stats["steps"] == 4
+    monkeypatch.undo()
+    assert simulate_particles(scene, None, checkpoint, resume=True).t[-1] == pytest.approx(1000)
+
+
+def test_the_command_line_runs_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, output = written(tmp_path, EMULSION), tmp_path / "a.npz"
+    assert main(["run", str(path), "-o", str(output), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["particles"] == 40
+    assert abs(summary["energy"]["imbalance"]) < 5e-3
+    assert main(["plot", str(output)]) == 0
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    assert main(["run", str(path), "-o", str(tmp_path / "a.csv")]) == 2
+    assert "npz" in capsys.readouterr().err
+    assert main(["run", str(path), "--resume"]) == 2
+    assert "--resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion"])
+def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each with its forces and its energy in balance."""
+    assert name in stock_scenes()
+    text = stock_scenes()[name].read_text()
+    if name == "emulsion":  # a tenth of it: the whole takes some seconds
+        text = text.replace("count = 1000", "count = 100").replace("strain = 0.5", "strain = 0.05")
+        arguments: list[Any] = ["run", str(written(tmp_path, text)), "--json"]
+    else:
+        arguments = ["run", name, "--json"]
+    assert main(arguments) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert abs(summary["energy"]["imbalance"]) < 1e-3
+    assert summary["stats"]["force_residual"] < 2e-6

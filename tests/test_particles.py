@@ -1,0 +1,456 @@
+"""Many particles, against the pair engine, the route by velocities, and what must be conserved."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+import softdyn
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import linear
+from softdyn.particles.geometry import Wall, directions, lattice
+from softdyn.particles.kernel import energies
+from softdyn.particles.observables import swap_time
+from softdyn.particles.results import ParticleResult, load_particles
+from softdyn.particles.run import prepare, simulate_particles, start
+from softdyn.particles.scene import Hold, ParticleScene, Push
+from softdyn.particles.step import Newton, contact_forces
+from softdyn.particles.velocity import simulate_by_velocities
+
+Array = NDArray[np.float64]
+UNIT = {"E": 1.0, "eta": 1.0}
+
+
+def scene(**changes: Any) -> ParticleScene:
+    """Two equal particles pushed together, unless changed."""
+    two: dict[str, Any] = {
+        "law": "rognon_gay",
+        "parameters": UNIT,
+        "positions": [[0.0, 0.0], [2.1, 0.0]],
+        "radii": 1.0,
+        "gap": 0.1,
+        "until": 1e4,
+        "pushes": [Push([0], [1e-2, 0]), Push([1], [-1e-2, 0])],
+        "times": 5,
+        "rtol": 1e-5,
+    }
+    return ParticleScene(**{**two, **changes})
+
+
+def rhombus(force: float = 5e-3, gap: float = 0.02, turn: float = 0.0, **changes: Any) -> ParticleScene:
+    """Four spheres: two in touch, two beside them that are pushed together until they have taken their place."""
+    side = 2 + gap
+    half = np.sqrt(side**2 - (side / 2) ** 2)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    positions = np.array([[-half, 0], [half, 0], [0, side / 2], [0, -side / 2]]) @ rotation.T
+    push = rotation @ np.array([force, 0.0])
+    pushes = [Push([0], list(push)), Push([1], list(-push))]
+    settings = {"positions": positions, "gap": 1.01 * gap, "until": 5e4, "pushes": pushes, **changes}
+    return scene(**settings)
+
+
+def gaps(result: ParticleResult) -> Array:
+    """Gaps of all pairs at each frame."""
+    return result.contact_h.reshape(len(result), -1)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_two_particles_are_the_pair(d: int) -> None:
+    """To 1e-9: third order at 5e-10 in each of some hundred steps."""
+    pad = [0.0] * (d - 1)
+    pushes = [Push([0], [1e-2, *pad]), Push([1], [-1e-2, *pad])]
+    positions = [[0.0, *pad], [2.1, *pad]]
+    result = simulate_particles(scene(positions=positions, pushes=pushes, until=2e3, rtol=5e-10))
+    pair = softdyn.simulate(
+        law="rognon_gay", parameters={"R": 1.0, **UNIT}, h=0.1, force=1e-2, until_t=2e3, times=5, rtol=1e-12
+    )
+    np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-9)
+    np.testing.assert_allclose(result.contact_delta, pair.delta, rtol=1e-9)
+
+
+def test_two_particles_under_a_varying_force_are_the_pair() -> None:
+    """The force as an expression of t, with constants, through compression and tension."""
+    text, constants = "F0*cos(w*t)", {"F0": 1e-2, "w": 1e-2}
+    pushes = [Push([0], [text, 0]), Push([1], [f"-{text}", 0])]
+    result = simulate_particles(scene(pushes=pushes, constants=constants, until=600.0, rtol=1e-8))
+    pair = softdyn.simulate(
+        law="rognon_gay",
+        parameters={"R": 1.0, **UNIT},
+        h=0.1,
+        force=text,
+        constants=constants,
+        until_t=600.0,
+        times=5,
+        rtol=1e-11,
+    )
+    # the law has a kink where the force crosses zero, which costs an order there
+    np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-6)
+
+
+def test_three_in_a_line_are_two_pairs() -> None:
+    positions = [[0.0], [2.1], [4.2]]
+    pushes = [Push([0], [1e-2]), Push([2], [-1e-2])]
+    # the outer two are no neighbours of one another
+    result = simulate_particles(scene(positions=positions, pushes=pushes, reach=1.0, until=2e3, rtol=1e-7))
+    pair = softdyn.simulate(
+        law="rognon_gay", parameters={"R": 1.0, **UNIT}, h=0.1, force=1e-2, until_t=2e3, times=5, rtol=1e-12
+    )
+    for contact in range(2):
+        np.testing.assert_allclose(gaps(result)[:, contact], pair.h, rtol=1e-6)
+    np.testing.assert_allclose(result.x[:, 1], 2.1, atol=1e-9)  # zero mean velocity
+
+
+@pytest.mark.parametrize(("one", "other"), [(1.0, 2.0), (1.0, 1.0), (0.5, 4.0)])
+def test_unequal_spheres_are_a_pair_of_their_effective_radius(one: float, other: float) -> None:
+    """The law sees R = 2 R1 R2/(R1 + R2) and E = 2 E1 E2/(E1 + E2), and nothing else of the two."""
+    positions = [[0.0], [one + other + 0.1]]
+    E = {"soft": 1.0, "hard": 3.0}
+    changes = {"positions": positions, "radii": [one, other], "species": ["soft", "hard"], "until": 1e3, "rtol": 1e-8}
+    pushes = [Push([0], [1e-2]), Push([1], [-1e-2])]
+    result = simulate_particles(scene(parameters={"E": E, "eta": 1.0}, pushes=pushes, **changes))
+    effective = {"R": 2 * one * other / (one + other), "E": 1.5, "eta": 1.0}
+    pair = softdyn.simulate(law="rognon_gay", parameters=effective, h=0.1, force=1e-2, until_t=1e3, times=5, rtol=1e-12)
+    np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-7)
+    distance = result.x[:, 1, 0] - result.x[:, 0, 0]
+    np.testing.assert_allclose(distance, one + other + pair.h - 2 * pair.delta, rtol=1e-8)
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_a_wall_is_a_sphere_of_infinite_radius(rigid: bool) -> None:
+    """R = 2 R1; a rigid wall doubles E, as it gives in by nothing; X = R1 + h - 2 delta."""
+    wall = Wall(np.array([0.0, -1.1]), np.array([0.0, -2.0]), rigid=rigid)
+    changes = {"positions": [[0.0, 0.0], [30.0, 5.0]], "walls": [wall], "reach": 4.0, "drag": 1e-9, "until": 1e3}
+    result = simulate_particles(scene(pushes=[Push([0], [0, -1e-2])], rtol=1e-8, **changes))
+    effective = {"R": 2.0, "E": 2.0 if rigid else 1.0, "eta": 1.0}
+    pair = softdyn.simulate(law="rognon_gay", parameters=effective, h=0.1, force=1e-2, until_t=1e3, times=5, rtol=1e-12)
+    # the drag resists by 1e-9 of Stokes': some 1e-8 of the friction in the film
+    np.testing.assert_allclose(gaps(result)[1:, 0], pair.h[1:], rtol=1e-6)
+    np.testing.assert_allclose(result.x[1:, 0, 1] + 1.1, (1 + pair.h - 2 * pair.delta)[1:], rtol=1e-6)
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_both_routes_agree_through_the_swap_at_third_order(drag: float) -> None:
+    """The error falls with the tolerance of a step, and as the third power of the number of steps at least as 2.5."""
+    times = [0.0, 1e4, 3e4, 5e4]
+    _, expected = simulate_by_velocities(rhombus(drag=drag), times, rtol=1e-10)
+    errors, steps = [], []
+    for rtol in (1e-5, 1e-6, 1e-7):
+        result = simulate_particles(rhombus(drag=drag, times=times, rtol=rtol))
+        errors.append(float(np.abs(gaps(result) / expected - 1).max()))
+        steps.append(result.stats["steps"])
+        # the sum of errors of order rtol over the steps, of which only the last few matter as gaps close
+        assert errors[-1] < 50 * rtol
+    order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert order > 2.5
+    # it is a swap: the pair in touch has gone, the other has come close
+    assert expected[0, 5] < 0.1 < 0.5 < expected[-1, 5]
+    assert expected[-1, 0] < 0.75 * expected[0, 0]
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_forces_balance_at_the_end_of_every_step(drag: float) -> None:
+    result = simulate_particles(rhombus(drag=drag, rtol=1e-4))
+    assert len(result.step_t) == result.stats["steps"] > 10
+    assert np.all(result.step_residual <= 1e-7)
+    assert result.step_t[-1] == 5e4
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_energy_is_accounted_for(drag: float) -> None:
+    """Every term of the balance is there, and what is left falls with the tolerance."""
+    left = []
+    for rtol in (1e-3, 1e-6):
+        energy = simulate_particles(rhombus(drag=drag, rtol=rtol)).energy
+        left.append(abs(energy["imbalance"]))
+        assert left[-1] < rtol * 5
+    assert energy["external"] > 0
+    assert energy["gaps"] > 0
+    assert energy["U_h"] != 0  # this law is not conservative
+    assert (energy["drag"] > 0) == (drag > 0)
+
+
+def test_the_elastic_energy_is_the_integral_of_the_force() -> None:
+    """U = 2 integral of F d(delta), by finite differences: dU/d(delta) = 2 F; and U_h at fixed delta."""
+    _, system = prepare(scene())
+    draw = np.random.default_rng(1)
+    h, delta = 10 ** draw.uniform(-4, 0, 200), 10 ** draw.uniform(-4, -0.5, 200) * draw.choice([1, -1], 200)
+    none = np.empty(0)
+
+    def U(h: Array, delta: Array) -> Array:
+        return energies(system.kernel, 2 * delta - h, h, system.p, none)[0]
+
+    step = 1e-4
+    force = (U(h, delta * (1 + step)) - U(h, delta * (1 - step))) / (2 * step * delta)
+    a = np.sqrt(2 * (h / (1 + h) + np.abs(delta)))
+    np.testing.assert_allclose(force, 2 * 4 / 9 * a * delta, rtol=1e-6)
+    slope = (U(h * (1 + step), delta) - U(h * (1 - step), delta)) / (2 * step * h)
+    np.testing.assert_allclose(energies(system.kernel, 2 * delta - h, h, system.p, none)[1], slope, rtol=1e-5)
+
+
+def test_internal_forces_and_torques_sum_to_zero() -> None:
+    _, system = prepare(rhombus())
+    state = start(rhombus(), prepare(rhombus())[0], system, Newton())
+    n, r, _ = directions(state.contacts, state.x, lattice(system.box, 0.0), ())
+    F = np.random.default_rng(0).standard_normal(len(r))
+    total = contact_forces(state.contacts, F, n, 4)
+    rounding = 20 * np.finfo(float).eps * np.abs(F).sum()
+    assert np.abs(total.sum(axis=0)).max() < rounding
+    assert abs(np.sum(state.x[:, 0] * total[:, 1] - state.x[:, 1] * total[:, 0])) < 4 * rounding
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_nothing_depends_on_place_direction_or_numbering(drag: float) -> None:
+    """Same gaps after a translation, a rotation, another numbering: to the tolerance of Newton's iteration."""
+    changes = {"drag": drag, "until": 2e4, "rtol": 1e-6}
+    plain = simulate_particles(rhombus(**changes))
+    moved = simulate_particles(rhombus(positions=np.array(rhombus().positions) + np.array([5.0, -3.0]), **changes))
+    turned = simulate_particles(rhombus(turn=0.7, **changes))
+    for other in (moved, turned):
+        np.testing.assert_allclose(gaps(other), gaps(plain), rtol=1e-5)
+    order = [2, 0, 3, 1]
+    pushes = [Push([1], [5e-3, 0]), Push([3], [-5e-3, 0])]
+    renumbered = simulate_particles(
+        rhombus(positions=np.array(rhombus().positions)[order], **{**changes, "pushes": pushes})
+    )
+    np.testing.assert_allclose(np.sort(gaps(renumbered)), np.sort(gaps(plain)), rtol=1e-5)
+    again = simulate_particles(rhombus(**changes))
+    assert np.array_equal(again.x, plain.x)
+
+
+def test_a_flow_seen_from_another_height_is_the_same_flow() -> None:
+    """Galilean invariance: shifted along y, everything is carried along x by a uniform velocity."""
+    changes: dict[str, Any] = {
+        "drag": 1.0,
+        "shear_rate": 1e-3,
+        "until": 500.0,
+        "pushes": (),
+        "reach": 1.0,
+        "rtol": 1e-5,
+    }
+    positions = np.array([[0.0, 0.0], [2.05, 0.8], [4.0, -0.3]])
+    plain = simulate_particles(scene(positions=positions, **changes))
+    moved = simulate_particles(scene(positions=positions + np.array([0.0, 7.0]), **changes))
+    np.testing.assert_allclose(gaps(moved), gaps(plain), rtol=1e-6)
+    carried = plain.x + np.array([0.0, 7.0]) + np.array([7e-3, 0.0]) * plain.t[:, None, None]
+    np.testing.assert_allclose(moved.x, carried, atol=1e-6)
+
+
+def hexagons(rows: int = 6, compression: float = 0.9, **changes: Any) -> ParticleScene:
+    """A periodic, disturbed packing of pressed particles."""
+    spacing = 2 * compression
+    place = np.array([[i + 0.5 * (j % 2), j * np.sqrt(3) / 2] for j in range(rows) for i in range(rows)]) * spacing
+    box = np.array([rows * spacing, rows * spacing * np.sqrt(3) / 2])
+    draw = np.random.default_rng(2)
+    radii = 1 + 0.05 * draw.uniform(-1, 1, len(place))
+    settings = {
+        "positions": np.mod(place + 0.05 * draw.uniform(-1, 1, place.shape), box),
+        "radii": radii,
+        "box": list(box),
+        "reach": 0.4,
+        "gap": 0.05,
+        "pushes": (),
+        "until": 100.0,
+        "times": 3,
+        "rtol": 1e-4,
+        **changes,
+    }
+    return scene(**settings)
+
+
+def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
+    """Without drag, against scipy's minimisation of the sum of U(h, delta) over the same contacts."""
+    problem = hexagons()
+    checked, system = prepare(problem)
+    state = start(problem, checked, system, Newton())
+    contacts, cell = state.contacts, lattice(system.box, 0.0)
+
+    def energy(flat: Array) -> tuple[float, Array]:
+        x = flat.reshape(-1, 2)
+        n, r, _ = directions(contacts, x, cell, ())
+        delta = (contacts.S - r + contacts.h) / 2
+        radius = contacts.q[0]
+        a = np.sqrt(2 * radius * (radius * contacts.h / (radius + contacts.h) + np.abs(delta)))
+        U, _ = energies(system.kernel, contacts.S - r, contacts.h, system.p, contacts.q.reshape(-1))
+        return float(U.sum()), contact_forces(contacts, 4 / 9 * a * delta, n, len(x)).reshape(-1)
+
+    found = minimize(energy, checked.x.reshape(-1), jac=True, method="BFGS", options={"gtol": 1e-10})
+    assert np.abs(energy(state.x.reshape(-1))[1]).max() < 1e-8
+    assert energy(state.x.reshape(-1))[0] == pytest.approx(found.fun, rel=1e-9)
+    difference = state.x.reshape(-1) - found.x
+    difference = difference.reshape(-1, 2) - difference.reshape(-1, 2).mean(axis=0)
+    assert np.abs(difference).max() < 1e-5
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_a_sheared_periodic_packing_keeps_its_balances(drag: float) -> None:
+    result = simulate_particles(hexagons(shear_rate=1e-4, until=1000.0, drag=drag, rtol=1e-4))
+    assert abs(result.energy["imbalance"]) < 1e-3
+    assert result.energy["box"] > 0
+    assert np.all(result.contact_h > 0)
+    assert np.all(result.step_residual <= 1e-7)
+    np.testing.assert_allclose(result.stress, result.stress.transpose(0, 2, 1), atol=1e-15)
+    # the work done by the moving box is the shear stress times the strain, as far as frames resolve it
+    strain = result.t * 1e-4
+    volume = float(np.prod(result.box))
+    fine = simulate_particles(hexagons(shear_rate=1e-4, until=1000.0, drag=drag, rtol=1e-4, times=201))
+    work = volume * np.trapezoid(fine.stress[:, 0, 1], fine.t * 1e-4)
+    assert strain[-1] == pytest.approx(0.1)
+    assert fine.energy["box"] == pytest.approx(work, rel=2e-2)
+
+
+def test_contacts_come_and_go_without_a_jump_in_force() -> None:
+    """A particle driven past another, into its range and out of it: the force starts from zero and ends at zero."""
+    positions = [[-4.0, 0.0], [0.0, 2.1]]
+    holds = [Hold([0], "xy", [1e-4, 0.0]), Hold([1], "xy")]
+    times = np.linspace(0, 80000, 401)
+    result = simulate_particles(
+        scene(positions=positions, holds=holds, pushes=(), gap=None, reach=0.5, until=80000.0, times=list(times))
+    )
+    assert result.stats["made"] == 1
+    assert result.stats["dropped"] == 1
+    force = np.zeros(len(result))
+    for k in range(len(result)):
+        F = result.contacts(k)["F"]
+        force[k] = F[0] if len(F) else 0.0
+    inside = np.flatnonzero(force)
+    assert 20 < len(inside) < 380
+    # continuous at both ends: the first and last values are far below the largest, and so are all jumps
+    largest = np.abs(force).max()
+    assert max(abs(force[inside[0]]), abs(force[inside[-1]])) < 0.02 * largest
+    assert force.max() > 0 > force.min()  # pressed on the way in, pulled on the way out
+    assert result.energy["external"] > 0
+    assert abs(result.energy["imbalance"]) < 1e-3
+
+
+def test_the_result_is_read_back(tmp_path: Any) -> None:
+    result = simulate_particles(scene(until=10.0))
+    again = load_particles(result.save(tmp_path / "two.npz"))
+    assert dict(again.energy) == result.energy
+    for name in result.arrays:
+        assert np.array_equal(again.arrays[name], result.arrays[name]), name
+    with pytest.raises(SceneError, match="npz"):
+        result.save(tmp_path / "two.csv")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"pushes": [Push([0], [1e-2, 0])]}, "sum to 0.01"),
+        ({"pushes": [Push([0], [0, 1e-2]), Push([1], [0, -1e-2])]}, "torque"),
+        ({"positions": [[0, 0], [2.1, 0], [9, 9]], "reach": 1.0}, "particle 2, without any contact"),
+        (
+            {"positions": [[0, 0], [2.1, 0], [9, 9], [9, 11.1]], "reach": 1.0},
+            "cluster of particles 0, 1 is connected to no other",
+        ),
+        # a chain of three can buckle sideways
+        (
+            {
+                "positions": [[0, 0], [2.1, 0], [4.2, 0]],
+                "reach": 1.0,
+                "pushes": [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])],
+            },
+            "particles? .*1.* can give way",
+        ),
+    ],
+)
+def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(IntegrationError, match=words) as error:
+        simulate_particles(scene(**changes))
+    assert "drag" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"positions": [[0, 0], [0.9, 0]]}, "particle 0 and particle 1 overlap by 1.1, more than the radius 1"),
+        ({"positions": [[0, 0], [1.9, 0]], "gap": None}, "particles 0 and 1 first: give the initial gap"),
+        ({"positions": [[1, 1], [30, 1]], "box": [20.0, 20.0], "reach": 1.0}, "particle 1 outside of the periodic box"),
+        ({"positions": [[1, 1], [3.1, np.nan]]}, "particle 1 are not finite"),
+        ({"radii": [1.0, -1.0]}, "particle 1 have others"),
+        ({"radii": [1.0, 30.0], "positions": [[0, 0], [32, 0]]}, "factor of 30"),
+        ({"box": [4.0, 4.0], "reach": 1.0, "positions": [[1, 1], [3.1, 1]]}, "too small along x, y"),
+        ({"parameters": {"E": {"a": 1.0}, "eta": 1.0}}, "unknown species 'a'"),
+        ({"parameters": {"E": 1.0}}, "eta is missing"),
+        ({"parameters": {**UNIT, "R": 1.0}}, "R follows from the radii"),
+        ({"parameters": {"E": -1.0, "eta": 1.0}}, "E must be positive"),
+        ({"pushes": [Push([7], [1, 0])]}, r"no particle \[7\]"),
+        ({"pushes": [Push([0], [1])]}, "needs 2 components"),
+        ({"pushes": [Push([0], ["1/t", 0])]}, "no finite value at t = 0"),
+        ({"holds": [Hold([0], "x"), Hold([0], "xy")]}, "particle 0 held twice along x"),
+        ({"holds": [Hold([0], "z")]}, "axes must be some of 'xy'"),
+        ({"gap": 1.0, "reach": 0.5}, "must not exceed half the range"),
+        ({"shear_rate": 1.0}, "here is neither"),
+        ({"rtol": 1.0}, "rtol must lie between"),
+        ({"until": -1.0}, "until must be a positive number"),
+        ({"walls": [Wall(np.zeros(2), np.array([1.0, 0.0]))]}, "particles 0, 1 on the wrong side of wall 0"),
+        ({"times": [0.0, 2e4]}, "times must increase"),
+        ({"constants": {"w": 1.0}}, "does not appear"),
+        ({"positions": np.random.default_rng(0).uniform(0, 500, (65, 2))}, "range of their contacts"),
+    ],
+)
+def test_bad_scenes_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        simulate_particles(scene(**changes))
+
+
+def test_a_run_that_cannot_go_on_hands_over_its_last_good_state() -> None:
+    """The force has no finite value from t = 5 on."""
+    pushes = [Push([0], ["1e-2*sqrt(5-t)", 0]), Push([1], ["-1e-2*sqrt(5-t)", 0])]
+    with pytest.raises((IntegrationError, SceneError), match="no finite value"):
+        simulate_particles(scene(pushes=pushes, until=10.0))
+
+
+def test_numbers_are_the_same_on_both_targets() -> None:
+    """To the roundings of a few hundred steps, each of which Newton's iteration ends at 1e-9 of the forces."""
+    c, numba = (simulate_particles(rhombus(until=1e4, rtol=1e-6, target=target)) for target in ("c", "numba"))
+    np.testing.assert_allclose(gaps(c), gaps(numba), rtol=1e-7)
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_conjugate_gradients_take_the_same_way(drag: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What they leave, Newton's iteration corrects: the same positions to its tolerance, over some ten steps."""
+    problem = hexagons(shear_rate=1e-4, until=300.0, drag=drag)
+    direct = simulate_particles(problem)
+    monkeypatch.setattr(linear, "LARGEST_DIRECT", {2: 0})
+    iterated = simulate_particles(problem)
+    assert "LDL" in direct.stats["linear_solver"]
+    assert "conjugate" in iterated.stats["linear_solver"]
+    np.testing.assert_allclose(iterated.x, direct.x, atol=1e-4)
+    np.testing.assert_allclose(iterated.stress, direct.stress, atol=1e-4 * np.abs(direct.stress).max())
+
+
+def test_conjugate_gradients_name_what_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(linear, "LARGEST_DIRECT", {2: 0})
+    positions = [[0, 0], [2.1, 0], [4.2, 1e-9]]
+    pushes = [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])]
+    with pytest.raises(IntegrationError, match="can give way"):
+        simulate_particles(scene(positions=positions, reach=1.0, pushes=pushes))
+
+
+@pytest.mark.slow
+def test_the_duration_of_a_swap_depends_on_the_first_gaps() -> None:
+    """Minute changes of the separations change the duration substantially, as arXiv 0901.0171 says.
+
+    The pair in touch starts at 1/50, 1/100, 1/200 of a radius; what is left to go is the same to a hundredth.
+    """
+    durations = []
+    for gap in (0.02, 0.01, 0.005):
+        result = simulate_particles(rhombus(gap=gap, until=3e5, times=301, rtol=1e-4))
+        durations.append(swap_time(result, (2, 3), (0, 1)))
+    # resolved: half of the frames make no difference beyond the interpolation's own error
+    coarse = simulate_particles(rhombus(until=3e5, times=151))
+    assert swap_time(coarse, (2, 3), (0, 1)) == pytest.approx(durations[0], rel=1e-2)
+    assert durations[1] > 1.5 * durations[0]
+    assert durations[2] > 1.5 * durations[1]
+    assert np.isnan(swap_time(simulate_particles(rhombus(until=10.0)), (2, 3), (0, 1)))
+
+
+def test_pairs_are_counted_once() -> None:
+    result = simulate_particles(rhombus(until=10.0))
+    pairs = list(zip(result.contacts(0)["i"].tolist(), result.contacts(0)["j"].tolist(), strict=True))
+    assert pairs == list(itertools.combinations(range(4), 2))
