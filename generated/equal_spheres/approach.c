@@ -22,7 +22,7 @@
  *   void equal_spheres_evaluate(n, h, delta, F, p, out)
  *       a, X, dh_dt at n states; out holds them one after the other, n each.
  *   void equal_spheres_solve_delta(n, h, F, p, delta)
- *       The deflection at n gaps under n forces; on entry delta holds guesses, or nan.
+ *       The deflection at n gaps under n forces; on entry delta holds guesses, or nan for that of the state before.
  *   void equal_spheres_drive(n, t, c, value, rate)
  *       The external force at n times.
  *   int64_t equal_spheres_integrate(t_end, u_stop, rtol, p, c, capacity, state, steps)
@@ -343,12 +343,15 @@ void equal_spheres_evaluate(int64_t n, const double *restrict h, const double *r
     }
 }
 
-/* The deflection at n gaps under n forces; nan where there is none. */
+/* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void equal_spheres_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
     double w[2];
+    double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
-        delta[i] = _solve_delta(h[i], F[i], delta[i], p, w);
+        guess = delta[i] != delta[i] ? guess : delta[i];
+        delta[i] = _solve_delta(h[i], F[i], guess, p, w);
+        guess = delta[i];
     }
 }
 

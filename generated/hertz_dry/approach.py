@@ -138,10 +138,13 @@ def hertz_dry_evaluate(n: int, h: array, delta: array, p: array, out: array) -> 
 
 @jit
 def hertz_dry_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
-    """The deflection at n gaps under n forces; nan where there is none."""
+    """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
     w = empty(2)
+    guess = nan
     for i in range(n):
-        delta[i] = _solve_delta(h[i], F[i], delta[i], p, w)
+        guess = guess if delta[i] != delta[i] else delta[i]
+        delta[i] = _solve_delta(h[i], F[i], guess, p, w)
+        guess = delta[i]
 
 
 @jit

@@ -17,7 +17,7 @@
  *   void hertz_dry_evaluate(n, h, delta, dF_dt, p, out)
  *       a, F_ela, C, dh_dt, ddelta_dt, dX_dt, X at n states; out holds them one after the other, n each.
  *   void hertz_dry_solve_delta(n, h, F, p, delta)
- *       The deflection at n gaps under n forces; on entry delta holds guesses, or nan.
+ *       The deflection at n gaps under n forces; on entry delta holds guesses, or nan for that of the state before.
  *   void hertz_dry_drive(n, t, table_t, table_F, rows, value, rate)
  *       The external force at n times, in increasing order.
  *   int64_t hertz_dry_integrate(t_end, u_stop, rtol, p, table_t, table_F, rows, capacity, state, steps)
@@ -207,12 +207,15 @@ void hertz_dry_evaluate(int64_t n, const double *restrict h, const double *restr
     }
 }
 
-/* The deflection at n gaps under n forces; nan where there is none. */
+/* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void hertz_dry_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
     double w[2];
+    double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
-        delta[i] = _solve_delta(h[i], F[i], delta[i], p, w);
+        guess = delta[i] != delta[i] ? guess : delta[i];
+        delta[i] = _solve_delta(h[i], F[i], guess, p, w);
+        guess = delta[i];
     }
 }
 
