@@ -443,7 +443,7 @@ def test_the_regimes_of_a_random_law_are_its_own(law: ContactLaw) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, **quickly)
+@settings(max_examples=20, **quickly)
 @given(posynomial_laws())
 def test_the_regimes_of_many_random_laws_are_their_own(law: ContactLaw) -> None:
     check_random(law)
