@@ -8,6 +8,7 @@ same.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import platform
@@ -387,22 +388,36 @@ def report_text(report: dict[str, Any]) -> str:
 
 
 def draw(report: dict[str, Any]) -> Any:
-    """Work-precision diagrams, one for each case."""
+    """Work-precision diagrams, one for each case; each integrator has one colour in all of them."""
+    from matplotlib import colormaps
     from matplotlib.figure import Figure
 
     names = list(report["cases"])
-    figure = Figure(figsize=(4.2 * len(names), 4.4), layout="constrained")
-    for axes, case in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+    columns = min(3, len(names))
+    rows = math.ceil(len(names) / columns)
+    integrators = list(dict.fromkeys(run["integrator"] for run in report["runs"]))
+    pairs = colormaps["tab20"].colors  # type: ignore[attr-defined]
+    colours = dict(zip(integrators, itertools.cycle(pairs[::2] + pairs[1::2]), strict=False))
+    lines = {}
+    figure = Figure(figsize=(3.6 * columns, 3.2 * rows + 1.1), layout="constrained")
+    for axes, case in zip(figure.subplots(rows, columns, squeeze=False).flat, names, strict=False):
         runs = [run for run in report["runs"] if run["case"] == case and 0 < run["error"] < 1]
         for integrator in dict.fromkeys(run["integrator"] for run in runs):
             points = sorted((r["error"], r["cpu_s"] * 1e6) for r in runs if r["integrator"] == integrator)
             ours = integrator.startswith("softdyn")
-            axes.loglog(
-                *zip(*points, strict=True), "o-" if ours else ".--", lw=2 if ours else 1, ms=4, label=integrator
+            (lines[integrator],) = axes.loglog(
+                *zip(*points, strict=True),
+                "o-" if ours else ".--",
+                lw=2 if ours else 1,
+                ms=4,
+                color=colours[integrator],
             )
         axes.set(title=case, xlabel="largest relative error of h and delta", ylabel="CPU time, microseconds")
         axes.invert_xaxis()
-        axes.legend(fontsize=6)
+        axes.grid(alpha=0.3)
+    for axes in list(figure.axes)[len(names) :]:
+        axes.remove()
+    figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 

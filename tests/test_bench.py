@@ -82,8 +82,18 @@ def test_the_table_names_what_is_missing_and_sets_ratios_against_goals() -> None
 
 
 def test_the_report_draws(tmp_path: Path) -> None:
-    bench.draw(REPORT).savefig(tmp_path / "bench.png")
+    figure = bench.draw(REPORT)
+    figure.savefig(tmp_path / "bench.png")
     assert (tmp_path / "bench.png").stat().st_size > 1000
+    assert [axes.get_title() for axes in figure.axes] == list(REPORT["cases"])
+
+
+def test_an_integrator_has_one_colour_in_all_diagrams_and_one_entry_in_the_legend() -> None:
+    figure = bench.draw(json.loads(STORED.read_text(encoding="utf-8")))
+    (legend,) = figure.legends
+    entries = [line.get_color() for line in legend.get_lines()]
+    assert len(entries) == len(set(entries)) > 5
+    assert {line.get_color() for axes in figure.axes for line in axes.get_lines()} == set(entries)
 
 
 def test_the_stored_report_is_of_the_cases_there_are() -> None:
