@@ -230,3 +230,15 @@ def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pyte
     summary = json.loads(capsys.readouterr().out)
     assert abs(summary["energy"]["imbalance"]) < 1e-3
     assert summary["stats"]["force_residual"] < 2e-6
+
+
+@pytest.mark.parametrize("name", ["two", "line", "t1"])
+def test_each_of_a_few_contacts_is_drawn_over_time(name: str) -> None:
+    result = simulate_particles(read_particle_scene(stock_scenes()[name]))
+    gaps = result.plot().axes[3]
+    frames = [result.contacts(frame) for frame in range(len(result))]
+    pairs = {pair for frame in frames for pair in zip(frame["i"], frame["j"], strict=True)}
+    assert len(gaps.get_lines()) == len(pairs) > 0
+    first = gaps.get_lines()[0]
+    np.testing.assert_array_equal(first.get_xdata(), result.t)
+    assert first.get_ydata()[0] == frames[0]["h"][0]

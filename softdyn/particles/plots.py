@@ -21,9 +21,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Contacts up to which each is drawn over time; more are drawn as a distribution at the end.
+FEW = 20
+
 
 def plot_particles(result: ParticleResult) -> Figure:
     """Draw the contact network at the end, and stress, coordination, gaps and forces.
+
+    Gaps and forces of a few contacts are drawn over time, those of many as they are distributed at the end.
 
     Parameters
     ----------
@@ -36,22 +41,24 @@ def plot_particles(result: ParticleResult) -> Figure:
     figure = Figure(figsize=(11, 5.5), layout="constrained")
     grid = figure.add_gridspec(2, 3, width_ratios=[1.4, 1, 1])
     network = figure.add_subplot(grid[:, 0])
-    if result.x.shape[2] == 2:
+    few = max(len(result.contacts(frame)["h"]) for frame in range(len(result.t))) <= FEW
+    if few or result.x.shape[2] < 3:
         draw_network(network, result, -1)
     else:
         _draw_profile(network, result)
     _draw_stress(figure.add_subplot(grid[0, 1]), result)
     _draw_coordination(figure.add_subplot(grid[1, 1]), result)
-    _draw_distribution(figure.add_subplot(grid[0, 2]), result, "h", "gap $h$", BLUE)
-    _draw_distribution(figure.add_subplot(grid[1, 2]), result, "F", "force $F$, compression", ORANGE)
+    draw = _draw_histories if few else _draw_distribution
+    draw(figure.add_subplot(grid[0, 2]), result, "h", "gap $h$", BLUE)
+    draw(figure.add_subplot(grid[1, 2]), result, "F", "force $F$, compression", ORANGE)
     figure.suptitle(f"{result.law}: {result.x.shape[1]} particles, t = {result.t[-1]:.4g}", fontsize="medium")
     return figure
 
 
 def draw_network(axes: Axes, result: ParticleResult, frame: int) -> None:
-    """Draw the particles and contacts of a frame in two dimensions: orange pushes, blue pulls, width by force."""
-    x, radii, lengths = result.x[frame], result.radii, result.box
-    if np.isfinite(lengths).all():
+    """Draw the particles and contacts of a frame, seen along z: orange pushes, blue pulls, width by force."""
+    x, radii, lengths = _in_plane(result.x[frame]), result.radii, result.box[:2]
+    if len(lengths) == 2 and np.isfinite(lengths).all():
         tilt = float(result.arrays["shear_rate"]) * float(result.t[frame])
         rows = np.floor(x[:, 1] / lengths[1])
         x = x - np.column_stack([rows * lengths[1] * tilt, rows * lengths[1]])
@@ -80,7 +87,7 @@ def draw_network(axes: Axes, result: ParticleResult, frame: int) -> None:
     if largest > 0:
         start = x[contacts["i"]]
         reach = np.append(radii, np.zeros(max(0, int(contacts["j"].max(initial=0)) + 1 - len(radii))))[contacts["j"]]
-        end = start + contacts["n"] * (radii[contacts["i"]] + reach)[:, None]
+        end = start + _in_plane(contacts["n"]) * (radii[contacts["i"]] + reach)[:, None]
         colours = [ORANGE if force > 0 else BLUE for force in contacts["F"]]
         widths = 4 * np.sqrt(size / largest)
         axes.add_collection(LineCollection(list(np.stack([start, end], axis=1)), colors=colours, linewidths=widths))
@@ -88,11 +95,15 @@ def draw_network(axes: Axes, result: ParticleResult, frame: int) -> None:
     axes.set(xlabel="$x$", ylabel="$y$")
 
 
+def _in_plane(vectors: Array) -> Array:
+    """Give vectors two dimensions."""
+    return np.pad(vectors[:, :2], ((0, 0), (0, max(0, 2 - vectors.shape[1]))))
+
+
 def _draw_profile(axes: Axes, result: ParticleResult) -> None:
-    """Velocity along x against the last coordinate but x, at the end."""
-    height = result.x[-1][:, min(1, result.x.shape[2] - 1)]
-    axes.plot(result.v[-1][:, 0], height, ".", color=GREEN, markersize=2)
-    axes.set(xlabel="velocity along $x$", ylabel="$y$" if result.x.shape[2] > 1 else "$x$")
+    """Velocity along x against y, at the end."""
+    axes.plot(result.v[-1][:, 0], result.x[-1][:, 1], ".", color=GREEN, markersize=2)
+    axes.set(xlabel="velocity along $x$", ylabel="$y$")
     axes.grid(alpha=0.3)
 
 
@@ -108,7 +119,23 @@ def _draw_stress(axes: Axes, result: ParticleResult) -> None:
 
 def _draw_coordination(axes: Axes, result: ParticleResult) -> None:
     axes.plot(result.t, coordination(result), color=GREEN)
-    axes.set(xlabel="time $t$", ylabel="pressed contacts per particle")
+    axes.set(xlabel="time $t$", ylabel="pressed contacts per particle", ylim=(0, None))
+    axes.grid(alpha=0.3)
+
+
+def _draw_histories(axes: Axes, result: ParticleResult, name: str, label: str, colour: str) -> None:
+    """One line for each pair that is ever in contact, with gaps where it is not."""
+    frames = [result.contacts(frame) for frame in range(len(result.t))]
+    values = [
+        {(i, j): value for i, j, value in zip(frame["i"], frame["j"], frame[name], strict=True)} for frame in frames
+    ]
+    for pair in dict.fromkeys(pair for of_frame in values for pair in of_frame):
+        axes.plot(result.t, [of_frame.get(pair, math.nan) for of_frame in values], color=colour, alpha=0.7)
+    if name == "h":
+        axes.set_yscale("log")
+    else:
+        axes.axhline(0, color="0.6", linewidth=0.5)
+    axes.set(xlabel="time $t$", ylabel=label)
     axes.grid(alpha=0.3)
 
 
