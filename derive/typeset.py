@@ -210,7 +210,8 @@ class _Printer(LatexPrinter):
             alone = not side and not under and len(ordered) == 1 and ordered[0][1] == 1
             written = [self._print(ordered[0][0])] if alone else [self._power(base, power) for base, power in ordered]
             if under:
-                written.append(rf"\sqrt{{{self._product(under) if len(under) > 1 else self._print(under[0])}}}")
+                within = [factor for root in under for factor in Mul.make_args(root)]
+                written.append(rf"\sqrt{{{self._product(within)}}}")
             # a lone sum over or under a bar needs no brackets
             texts.append((_join([*side, *written]), alone and ordered[0][0].is_Add))
         (above, sum_above), (below, _) = texts
@@ -221,7 +222,8 @@ class _Printer(LatexPrinter):
 
     def _power(self, base: Expr, power: Expr) -> str:
         if power == 1:
-            return _bracketed(self._print(base)) if base.is_Add else self._print(base)
+            text = self._print(base)
+            return _bracketed(text) if base.is_Add or text.startswith("-") else text
         return f"{self._base(base)}^{{{_small(self._print(power))}}}"
 
     def _base(self, base: Expr) -> str:

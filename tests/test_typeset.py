@@ -15,7 +15,7 @@ from sympy import Abs, Expr, Matrix, Mul, Rational, S, Symbol, exp, log, pi, sqr
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
 from softdyn.derive.dynamics import generic_dynamics
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.limits import check_limits
+from softdyn.derive.limits import check_limits, side_of
 from softdyn.derive.regimes import Diagram, discover
 from softdyn.derive.symbols import F
 from softdyn.derive.typeset import (
@@ -29,7 +29,7 @@ from softdyn.derive.typeset import (
     symbol_latex,
     to_latex,
 )
-from softdyn.laws import find, load
+from softdyn.laws import find, load, stock_laws
 
 A, lam, kT = Symbol("A", positive=True), Symbol("lam", positive=True), Symbol("kT", positive=True)
 nu = Symbol("nu", positive=True)
@@ -167,6 +167,26 @@ def test_a_leading_form_keeps_its_value(number: Expr, powers: list[Fraction], in
 def test_any_expression_keeps_its_value(expr: Expr) -> None:
     numbers = {**AT, F: 0.23}
     assert math.isclose(value(to_latex(expr), typeset_values(numbers)), float(expr.subs(numbers)), rel_tol=1e-12)
+
+
+@pytest.mark.parametrize("expr", [sqrt(2 * kT) * sqrt(-F) / 3, (-F) ** Rational(1, 3) * kT, sqrt(kT) * sqrt(1 - F / 2)])
+def test_a_negative_force_keeps_its_sign_within_a_root(expr: Expr) -> None:
+    """Beside other factors, -F read as a difference."""
+    numbers = {kT: 1.3, F: -0.23}
+    assert math.isclose(value(to_latex(expr), typeset_values(numbers)), float(expr.subs(numbers)), rel_tol=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(stock_laws()))
+def test_every_claim_of_a_stock_law_keeps_its_value(name: str) -> None:
+    stock, _ = load(find(name))
+    own = {symbol: 0.31 + 0.07 * i for i, symbol in enumerate(stock.parameters)}
+    for limit in stock.limits:
+        side = side_of(limit)
+        numbers = {E: 3.7, R: 0.31, eta: 11.3, h: 0.057, delta: side * 0.19, F: side * 0.83, **own}
+        for claim in limit.claims.values():
+            expected = complex(claim.subs(numbers))
+            assert expected.imag == 0
+            assert math.isclose(value(to_latex(claim), typeset_values(numbers)), expected.real, rel_tol=1e-12), claim
 
 
 # ----------------------------------------------------------------------------------------------------- leading forms
