@@ -137,7 +137,8 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         If a fixed parameter or an output is not the law's.
     """
     names = [symbol.name for symbol in parameters_of(law)]
-    _require_known(law, needs, names)
+    outputs = outputs_of(law) if needs.outputs is None else needs.outputs
+    _require_known(law, needs, outputs, names)
     equations = contact_equations(law, needs.control)
     savings, before = [], _total(equations)
     for rule in RULES:
@@ -155,7 +156,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
     entries = SLOPES[:1] if by_force else SLOPES
     slopes = straight_line(entries, definitions)
-    asked = [_symbol_named(definitions, name) for name in needs.outputs]
+    asked = [_symbol_named(definitions, name) for name in outputs]
     quantities = straight_line(asked, definitions)
     expression = isinstance(needs.drive, tuple)
     force, drive_text, constants = drive_code(needs.drive) if isinstance(needs.drive, tuple) else ([], "", 1)
@@ -182,7 +183,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         constants=constants,
         deflection=needs.deflection,
         rigid=rigid,
-        outputs=needs.outputs,
+        outputs=outputs,
         output_variables=tuple(symbol.name for symbol in asked),
         inputs=tuple(symbol.name for symbol in ((F, dF_dt) if by_force else (dX_dt,)) if symbol.name in used),
         slope_names=tuple(symbol.name for symbol in entries),
@@ -206,7 +207,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     )
 
 
-def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
+def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], names: list[str]) -> None:
     faults = [
         f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names
     ]
@@ -219,7 +220,7 @@ def _require_known(law: ContactLaw, needs: Needs, names: list[str]) -> None:
     known = outputs_of(law) + (() if needs.control == "force" else ("F", "dF_dt"))
     faults += [
         f"{name!r} is no output{' of this law' if name in OUTPUTS else ''}; there are {', '.join(known)}"
-        for name in needs.outputs
+        for name in outputs
         if name not in known
     ]
     if faults:

@@ -59,15 +59,15 @@ class Needs:
         The signs that delta can take.
     fixed : mapping from str to str
         Parameters whose values are known, as decimal numbers; the others stay arguments.
-    outputs : tuple of str
-        Of :data:`OUTPUTS`.
+    outputs : tuple of str, or None
+        Of :data:`OUTPUTS`; None stands for all that the law has.
     """
 
     drive: str | tuple = "constant"
     control: Control = "force"
     deflection: Deflection = "either"
     fixed: Mapping[str, str] = field(default_factory=dict)
-    outputs: tuple[str, ...] = ("a", "X")
+    outputs: tuple[str, ...] | None = ("a", "X")
 
 
 @dataclass(frozen=True)
@@ -292,7 +292,7 @@ def fixed_parameters(equations: Equations, needs: Needs) -> Equations:
 
 def asked_outputs(equations: Equations, needs: Needs) -> Equations:
     """Without outputs that nobody asked for."""
-    wanted = _integrated(needs.control) | _named(needs.outputs, equations.definitions)
+    wanted = _integrated(needs.control) | _named(needs.outputs or (), equations.definitions)
     return replace(equations, wanted=wanted)
 
 
@@ -307,5 +307,12 @@ RULES = (
     Rule("rigid drive", lambda _, needs: needs.control in ("position", "velocity"), rigid_drive),
     Rule("no remote force", lambda equations, _: equations.definitions.get(F_adh) == S.Zero, no_remote_force),
     Rule("fixed parameters", lambda _, needs: bool(needs.fixed), fixed_parameters),
-    Rule("outputs asked for", lambda _, needs: set(needs.outputs) != set(OUTPUTS), asked_outputs),
+    Rule(
+        "outputs asked for",
+        lambda equations, needs: (
+            needs.outputs is not None
+            and bool(_named(OUTPUTS, equations.definitions) - _named(needs.outputs, equations.definitions))
+        ),
+        asked_outputs,
+    ),
 )

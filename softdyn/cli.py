@@ -323,13 +323,8 @@ def _generate(options: argparse.Namespace) -> int:
     from softdyn.kernels import make_manifest
     from softdyn.laws import find
     from softdyn.results import written_whole
-    from softdyn.scene import QUANTITIES
 
-    needs: dict[str, Any] = {
-        "drive": "table",
-        "deflection": "either",
-        "outputs": ("F_ela", *(name for name in QUANTITIES if name not in ("F", "dF_dt"))),
-    }
+    needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
     if options.scene is not None:
         from softdyn.pair import kernel_needs
         from softdyn.scene import check_scene, drive_of, read_scene

@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softdyn.errors import SceneError
 from softdyn.laws import find, load, stock_laws
 from softdyn.results import written_whole
 
+if TYPE_CHECKING:
+    from softdyn.derive.specialise import Needs
+
 GENERATED = Path(__file__).parent / "generated"
+
+
+#: Seconds of processor time for each step: the files must not depend on how fast the machine is.
+PATIENCE = 600.0
+
+
+def kinds() -> dict[str, Needs]:
+    """Kinds of scene that kernels are shown for: one approach, and whatever may come."""
+    from softdyn.derive.specialise import Needs
+
+    return {
+        "approach": Needs(drive="constant", deflection="compression", outputs=("a", "X", "dh_dt")),
+        "general": Needs(drive="table", deflection="either", outputs=None),
+    }
 
 
 def generated_files() -> dict[str, str]:
@@ -25,23 +41,18 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.limits import check_limits
     from softdyn.derive.regimes import discover
-    from softdyn.derive.specialise import OUTPUTS, Needs, outputs_of
     from softdyn.derive.typeset import as_text
     from softdyn.tables import limits_text, regimes_text
 
-    kinds: dict[str, Any] = {
-        "approach": Needs(drive="constant", deflection="compression", outputs=("a", "X", "dh_dt")),
-        "general": Needs(drive="table", deflection="either", outputs=OUTPUTS),
-    }
     files = {}
     for name in stock_laws():
         law, _ = load(find(name))
         files[f"{name}/derivation.txt"] = as_text(law)
-        files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
-        diagram = discover(law)
+        files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law, PATIENCE))
+        diagram = discover(law, PATIENCE)
         files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram))
-        for kind, needs in kinds.items():
-            ir = kernel_ir(law, replace(needs, outputs=tuple(n for n in needs.outputs if n in outputs_of(law))))
+        for kind, needs in kinds().items():
+            ir = kernel_ir(law, needs)
             for target in TARGETS:
                 files[f"{name}/{kind}{suffix(target)}"] = emit(ir, target)
     return files
