@@ -16,7 +16,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 import softdyn
 from softdyn.derive.kernel import KernelIR, total_operations
 from softdyn.derive.printing import KINDS
-from softdyn.derive.radau import radau_iia
+from softdyn.derive.radau import PANEL_NODES, radau_iia
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_kernel import ContactIR
@@ -25,7 +25,10 @@ TARGETS = ("c", "numba")
 TEMPLATES = (
     "common/kernel.py.j2",
     "common/contact.py.j2",
+    "common/stages.py.j2",
+    "common/quadrature.py.j2",
     "common/collocation.py.j2",
+    "common/outputs.py.j2",
     "c/kernel.c.j2",
     "numba/kernel.py.j2",
     *("common/contacts.py.j2", "c/contacts.c.j2", "numba/contacts.py.j2"),
@@ -51,7 +54,7 @@ def _environment() -> Environment:
 
 def kernel_body(ir: KernelIR) -> str:
     """The algorithms of a kernel in the subset of Python that all targets share."""
-    return render_body("common/kernel.py.j2", ir, {"radau": radau_iia()})
+    return render_body("common/kernel.py.j2", ir, {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES)})
 
 
 def render_body(name: str, ir: KernelIR | ContactIR, more: Mapping[str, object]) -> str:

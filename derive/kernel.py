@@ -6,13 +6,15 @@ Input: a law and what a scene needs of its kernel. Output: a :class:`KernelIR`, 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Integer, Rational, Symbol, diff
+from sympy import Add, Expr, Integer, Mul, Rational, Symbol, diff, together
 
 from softdyn.derive.law import is_rigid, law_hash, parameters_of
+from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.specialise import (
     OUTPUTS,
@@ -31,7 +33,7 @@ from softdyn.derive.specialise import (
     output_name,
     outputs_of,
 )
-from softdyn.derive.symbols import F
+from softdyn.derive.symbols import F, a, delta, h
 from softdyn.errors import LawError, SceneError
 
 if TYPE_CHECKING:
@@ -39,6 +41,9 @@ if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
 
 t = Symbol("t", real=True)
+NEWTON = Symbol("newton", real=True)
+#: Of a division, a root and a function, over that of an addition.
+COSTS = {"div": 8, "sqrt": 8, "call": 20}
 
 
 @dataclass(frozen=True)
@@ -89,11 +94,18 @@ class KernelIR:
         Their names in the code.
     inputs : tuple of str
         What the outputs depend on besides h, delta and the parameters: "F", "dF_dt", "dX_dt".
+    components : int
+        Of the state: ln h, and delta unless the force is given.
+    width : int
+        Numbers that describe a step: its start, its length, what ends it; of each component its value and its stages.
+        Under a constant force there is room for a panel: the nodes' times, and its length in ln h.
     slope_names : tuple of str
         The Jacobian's entries in the code.
-    balance, gap_rate, slopes, quantities, force : Code
-        Of F_ela and dF_ela/d(delta); of the rates of the state; of their Jacobian; of the outputs; of what the drive
-        gives, and its rate.
+    terms : tuple of str
+        What Newton's iteration for delta uses of the gap alone.
+    gap_terms, newton, gap_rate, slopes, quantities, force : Code
+        Of these terms; of a step of Newton's iteration, (F_ela - F)/(dF_ela/d(delta)); of the rates of the state; of
+        their Jacobian; of the outputs; of what the drive gives, and its rate.
     savings : tuple of Saving
         What each rule of specialisation saved.
     operations : dict
@@ -117,8 +129,12 @@ class KernelIR:
     outputs: tuple[str, ...]
     output_variables: tuple[str, ...]
     inputs: tuple[str, ...]
+    components: int
+    width: int
     slope_names: tuple[str, ...]
-    balance: Code
+    terms: tuple[str, ...]
+    gap_terms: Code
+    newton: Code
     gap_rate: Code
     slopes: Code
     quantities: Code
@@ -151,7 +167,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     definitions = equations.definitions
     # rigid particles transmit any force, without a deflection
     rigid = is_rigid(law)
-    balance = [("F_ela", "0.0"), ("dF_ddelta", "1.0")] if rigid else straight_line([F_ela, dF_ddelta], definitions)
+    gap_terms, terms, newton = ([], (), []) if rigid else newton_step(definitions)
     by_force = needs.control == "force"
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
     entries = SLOPES[:1] if by_force else SLOPES
@@ -186,8 +202,12 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         outputs=outputs,
         output_variables=tuple(symbol.name for symbol in asked),
         inputs=tuple(symbol.name for symbol in ((F, dF_dt) if by_force else (dX_dt,)) if symbol.name in used),
+        components=1 if by_force else 2,
+        width=5 + PANEL_NODES if by_force and needs.drive == "constant" else 3 + (STAGES + 1) * (1 if by_force else 2),
         slope_names=tuple(symbol.name for symbol in entries),
-        balance=code(balance),
+        terms=terms,
+        gap_terms=code(gap_terms),
+        newton=code(newton),
         gap_rate=code(gap_rate),
         slopes=code(slopes),
         quantities=code(quantities),
@@ -196,7 +216,8 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         operations={
             part: operations(lines)
             for part, lines in (
-                ("balance", balance),
+                ("gap_terms", gap_terms),
+                ("newton", newton),
                 ("gap_rate", gap_rate),
                 ("slopes", slopes),
                 ("quantities", quantities),
@@ -205,6 +226,65 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         },
         sympy_version=sympy.__version__,
     )
+
+
+def newton_step(
+    definitions: Mapping[Symbol, Expr],
+) -> tuple[list[Assignment], tuple[str, ...], list[Assignment]]:
+    """Code of a step of Newton's iteration for delta at a given gap, (F_ela - F)/(dF_ela/d(delta)).
+
+    It is what a kernel spends most of its time on, and divisions and roots are what takes time in it: the quotient is
+    written over one denominator if that is cheaper, and all that depends on the gap alone is computed once, before.
+
+    Returns
+    -------
+    gap_terms : list of Assignment
+    terms : tuple of str
+        The names of these terms.
+    step : list of Assignment
+        Of ``newton``, in the terms, delta, F and the parameters.
+    """
+    # a keeps its name; what else there is follows from it
+    named = {symbol: expr for symbol, expr in definitions.items() if symbol == a}
+    quotient = (definitions[F_ela] - F) / definitions[dF_ddelta]
+    found = [_by_gap_first({**named, NEWTON: form}) for form in (quotient, together(quotient))]
+    return min(found, key=lambda parts: _cost(parts[2]))
+
+
+def _by_gap_first(
+    definitions: Mapping[Symbol, Expr],
+) -> tuple[list[Assignment], tuple[str, ...], list[Assignment]]:
+    """Split what leads to a step of Newton's iteration into what depends on the gap alone, and the rest."""
+    hoisted: dict[Expr, Symbol] = {}
+    moving = {delta, F, *(symbol for symbol, expr in definitions.items() if expr.has(delta))}
+
+    def term(expr: Expr) -> Expr:
+        """Stand-in for an expression without delta, if it is more than a name and depends on the gap."""
+        if not expr.has(h) or not expr.args:
+            return expr
+        return hoisted.setdefault(expr, Symbol(f"gap{len(hoisted)}", real=True))
+
+    def visit(expr: Expr) -> Expr:
+        if not expr.free_symbols & moving:
+            return term(expr)
+        if not expr.args:
+            return expr
+        if isinstance(expr, (Add, Mul)):
+            still, rest = expr.as_independent(*moving, as_Add=isinstance(expr, Add))
+            parts = rest.args if isinstance(rest, type(expr)) else (rest,)
+            return expr.func(term(still), *(visit(part) for part in parts))
+        return expr.func(*(visit(part) for part in expr.args))
+
+    rest = {symbol: visit(expr) for symbol, expr in definitions.items()}
+    terms = {symbol: expr for expr, symbol in hoisted.items()}
+    names = tuple(symbol.name for symbol in terms)
+    return straight_line(terms, {**definitions, **terms}), names, straight_line([NEWTON], rest)
+
+
+def _cost(lines: list[Assignment]) -> int:
+    """Time of straight-line code, roughly, in units of an addition."""
+    counts = operations(lines)
+    return sum(counts[kind] * COSTS.get(kind, 1) for kind in KINDS)
 
 
 def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], names: list[str]) -> None:

@@ -12,8 +12,10 @@ from functools import cache
 
 import mpmath
 
-#: Nodes of the method: as many as the widest vector registers hold doubles.
+#: Nodes of a step in time: as many as the widest vector registers hold doubles.
 STAGES = 8
+#: Nodes of a panel of the gap, where the time is an integral: the more, the wider panels can be, at no iterations.
+PANEL_NODES = 16
 _DIGITS = 40
 
 
@@ -31,9 +33,9 @@ class Collocation:
         The inverse of the Runge-Kutta matrix, by columns: (A^-1)[i][j] at s*j + i.
     matrix : tuple of float
         The Runge-Kutta matrix A, by columns.
-    powers : tuple of float
-        Weights of the values at the s nodes, with 0 at 0, in the polynomial's coefficients by powers of 2 theta - 1:
-        those of the power k from s*k on.
+    chebyshev : tuple of float
+        Weights of the values at the s nodes, with 0 at 0, in the polynomial's coefficients by Chebyshev's polynomials
+        T_k(2 theta - 1): those of T_k from s*k on.
     slope_start : tuple of float
         Weights of the s + 1 values in the derivative of the polynomial at 0.
     probe : float
@@ -49,7 +51,7 @@ class Collocation:
     weights: tuple[float, ...]
     inverse: tuple[float, ...]
     matrix: tuple[float, ...]
-    powers: tuple[float, ...]
+    chebyshev: tuple[float, ...]
     slope_start: tuple[float, ...]
     probe: float
     value_probe: tuple[float, ...]
@@ -68,7 +70,7 @@ def radau_iia(stages: int = STAGES) -> Collocation:
         integrals = mpmath.matrix([[c ** (j + 1) / (j + 1) for j in range(stages)] for c in nodes])
         inverse = powers * integrals**-1
         matrix = inverse**-1
-        centred = mpmath.matrix([[(2 * x - 1) ** j for j in range(stages + 1)] for x in points]) ** -1
+        chebyshev = mpmath.matrix([[mpmath.chebyt(j, 2 * x - 1) for j in range(stages + 1)] for x in points]) ** -1
         # the defect is K M, with M the product of (theta - c_i), and the error that it makes K times its integral
         node_polynomial = [mpmath.mpf(1)]
         for c in nodes:
@@ -83,7 +85,7 @@ def radau_iia(stages: int = STAGES) -> Collocation:
             weights=_floats([1 / mpmath.fprod(x - y for y in points if y != x) for x in points]),
             inverse=_floats([inverse[i, j] for j in range(stages) for i in range(stages)]),
             matrix=_floats([matrix[i, j] for j in range(stages) for i in range(stages)]),
-            powers=_floats([centred[k, j + 1] for k in range(stages + 1) for j in range(stages)]),
+            chebyshev=_floats([chebyshev[k, j + 1] for k in range(stages + 1) for j in range(stages)]),
             slope_start=_floats(_weights(points, mpmath.mpf(0), derivative=True)),
             probe=float(probe),
             value_probe=_floats(_weights(points, probe, derivative=False)),

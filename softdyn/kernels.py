@@ -40,6 +40,10 @@ class Kernel:
         What its array ``p`` holds.
     outputs, inputs : tuple of str
         What ``evaluate`` computes, and of what besides h and delta.
+    components : int
+        Of the state: ln h, and delta unless the force is given.
+    width : int
+        Numbers that describe a step.
     key : str
         Its name in the cache.
     path : Path
@@ -58,6 +62,8 @@ class Kernel:
     parameters: tuple[str, ...]
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
+    components: int
+    width: int
     key: str
     path: Path
     compile_s: float
@@ -135,6 +141,8 @@ def get_kernel(
         parameters=tuple(manifest["parameters"]),
         outputs=tuple(manifest["outputs"]),
         inputs=tuple(manifest["inputs"]),
+        components=manifest["components"],
+        width=manifest["width"],
         key=key,
         path=entry / f"{manifest['name']}{manifest['suffix']}",
         compile_s=time.perf_counter() - start,
@@ -199,6 +207,8 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "parameters": ir.parameters,
         "outputs": ir.outputs,
         "inputs": ir.inputs,
+        "components": ir.components,
+        "width": ir.width,
         "dry": is_dry(law),
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": {symbol.name: [float(low), float(high)] for symbol, (low, high) in law.ranges.items()},

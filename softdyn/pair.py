@@ -34,9 +34,9 @@ LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
 #: An expression of time is looked at in 8 points of each of at least so many steps, lest a pulse be missed.
 FEWEST_STEPS = 16
-#: Numbers that describe a step: its start, its length, what ends it; of each component its value and its 8 stages.
-#: Under a constant force one more, the length in ln h of a step that has ln h as its independent variable.
-WIDTH = 12
+
+#: Numbers of a step in time: its start, its length, what ends it, ln h and its 8 stages.
+IN_TIME = 12
 
 #: What ends a step, by its number in the steps.
 WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to rest on a film")
@@ -82,7 +82,7 @@ def simulate_pair(
     if scene.method == "quadrature":
         if drive.control != "force" or drive.shape != "constant":
             raise SceneError("[accuracy] method = 'quadrature' is for a constant force; this one depends on time")
-        steps = np.empty((0, WIDTH))
+        steps = np.empty((0, kernel.width))
         t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, float(drive.constants[0]))
     else:
         steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, progress)
@@ -228,8 +228,7 @@ def integrate_steps(
     state[:3] = drive.start, math.log(start[0]), start[1]
     state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
     state[13] = float(method == "auto")
-    # a second component where the force is not given; one number more under a constant force
-    width = WIDTH + 9 if drive.control != "force" else WIDTH + (drive.shape == "constant")
+    width = kernel.width
     recorded: list[Array] = []
     status = 2
     while status == 2:
@@ -330,7 +329,7 @@ def _sample(scene: Scene, kernel: Kernel, drive: Drive, steps: Array, stopped_by
 
 def states_at(kernel: Kernel, steps: Array, t: Array) -> Array:
     """State at each of increasing times, from the polynomials of the steps: shape (components, times)."""
-    out = np.empty(len(t) * ((steps.shape[1] - 3) // 9))
+    out = np.empty(len(t) * kernel.components)
     kernel.functions.sample(len(t), t, len(steps), steps.ravel(), out)
     return out.reshape(-1, len(t))
 
@@ -342,11 +341,12 @@ def _passages(kernel: Kernel, steps: Array, index: Array, u: Array) -> Array:
     return out
 
 
-def _ends(steps: Array) -> Array:
+def _ends(kernel: Kernel, steps: Array) -> Array:
     """Return ln h at the start of each step, and at the end of the last."""
     last = steps[-1]
-    by_gap = len(last) == WIDTH + 1 and last[12] != 0
-    return np.append(steps[:, 3], last[3] + (last[12] if by_gap else last[11]))
+    # of a panel of the gap its length comes last; of a step in time, the last stage is at its end
+    by_gap = kernel.components == 1 and kernel.width > IN_TIME and last[-1] != 0
+    return np.append(steps[:, 3], last[3] + (last[-1] if by_gap else last[IN_TIME - 1]))
 
 
 def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float, stopped_by: str) -> tuple[Array, Array]:
@@ -355,7 +355,7 @@ def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float, stopped_by:
         gaps = np.geomspace(scene.h, float(scene.until_h or 0), int(scene.gaps))
     else:
         gaps = np.array(scene.gaps, dtype=float)
-    u = _ends(steps)
+    u = _ends(kernel, steps)
     targets = np.log(gaps)
     index = [0] * len(gaps)
     at = 0

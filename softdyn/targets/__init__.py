@@ -15,7 +15,8 @@ class Functions(NamedTuple):
 
     ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``,
     ``drive(n, t, *drive, value, rate)``, ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``
-    ``passages(n, u, at, steps, out)`` and ``sample(n, t, stored, steps, out)``.
+    ``passages(n, u, at, steps, out)``, ``sample(n, t, stored, steps, out)`` and
+    ``runs(n, count, at_gaps, pitch, settings, runs, targets, *table, out)``.
     """
 
     evaluate: Callable[..., Any]
@@ -24,3 +25,4 @@ class Functions(NamedTuple):
     integrate: Callable[..., int]
     passages: Callable[..., Any]
     sample: Callable[..., Any]
+    runs: Callable[..., Any]

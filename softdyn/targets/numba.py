@@ -57,6 +57,7 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
         integrate=getattr(module, f"{name}_integrate"),
         passages=getattr(module, f"{name}_passages"),
         sample=getattr(module, f"{name}_sample"),
+        runs=getattr(module, f"{name}_runs"),
     )
     _compile(functions, manifest)
     return functions
@@ -73,3 +74,4 @@ def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
     functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(15), none)
     functions.passages(0, none, none, none, none)
     functions.sample(0, none, 0, none, none)
+    functions.runs(0, 0, 0, 0, none, none, none, *(drive if table else ()), none)
