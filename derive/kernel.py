@@ -103,7 +103,7 @@ class KernelIR:
         The Jacobian's entries in the code.
     terms : tuple of str
         What Newton's iteration for delta uses of the gap alone.
-    gap_terms, newton, gap_rate, slopes, quantities, force : Code
+    gap_terms, newton, gap_rate, slopes, quantities, force, given : Code
         Of these terms; of a step of Newton's iteration, (F_ela - F)/(dF_ela/d(delta)); of the rates of the state; of
         their Jacobian; of the outputs; of what the drive gives, and its rate.
     savings : tuple of Saving
@@ -139,6 +139,8 @@ class KernelIR:
     slopes: Code
     quantities: Code
     force: Code
+    given: Code
+    given_name: str
     savings: tuple[Saving, ...]
     operations: dict[str, dict[str, int]]
     sympy_version: str
@@ -170,12 +172,15 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     gap_terms, terms, newton = ([], (), []) if rigid else newton_step(definitions)
     by_force = needs.control == "force"
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
-    entries = SLOPES[:1] if by_force else SLOPES
+    entries = (SLOPES[0], SLOPES[2]) if by_force else SLOPES
     slopes = straight_line(entries, definitions)
     asked = [_symbol_named(definitions, name) for name in outputs]
     quantities = straight_line(asked, definitions)
     expression = isinstance(needs.drive, tuple)
     force, drive_text, constants = drive_code(needs.drive) if isinstance(needs.drive, tuple) else ([], "", 1)
+    # what the integrator needs of the drive is its value, or the rate at which it moves the centres
+    only = F if needs.control in ("force", "velocity") else dF_dt
+    given = drive_code(needs.drive, (only,))[0] if isinstance(needs.drive, tuple) else []
     parameters = tuple(name for name in names if name not in needs.fixed)
     if needs.control == "spring":
         parameters += (compliance.name,)
@@ -212,6 +217,8 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         slopes=code(slopes),
         quantities=code(quantities),
         force=code(force),
+        given=code(given),
+        given_name=only.name,
         savings=tuple(savings),
         operations={
             part: operations(lines)
@@ -321,26 +328,30 @@ def _names_in(lines: list[Assignment]) -> set[str]:
     return {name for _, text in lines for name in re.findall(r"[A-Za-z_]\w*", text)}
 
 
-def drive_code(parsed: tuple) -> tuple[list[Assignment], str, int]:
-    """Straight-line code of F(t) and dF/dt from a parsed expression.
+def drive_code(
+    parsed: tuple, wanted: tuple[Symbol, ...] = (F, dF_dt)
+) -> tuple[list[Assignment], str, int]:
+    """Straight-line code of F(t) and dF/dt, or of one of them, from a parsed expression.
 
     Every number but small integer powers becomes an entry of the array ``c``, so that a kernel serves all
     expressions of one shape, and no hostile number is ever evaluated symbolically.
     """
     constants: list[Symbol] = []
     try:
-        return _drive_code(_drive_expression(parsed, constants), constants)
+        return _drive_code(_drive_expression(parsed, constants), constants, wanted)
     except (TypeError, ValueError, RecursionError) as error:
         raise SceneError(
             f"the force cannot be differentiated and printed as it stands ({error}); write it otherwise"
         ) from None
 
 
-def _drive_code(force: Expr, constants: list[Symbol]) -> tuple[list[Assignment], str, int]:
+def _drive_code(
+    force: Expr, constants: list[Symbol], wanted: tuple[Symbol, ...]
+) -> tuple[list[Assignment], str, int]:
     # as written: the author of an expression knows best in which form it neither overflows nor cancels
     definitions = {F: force, dF_dt: diff(force, t)}
     unpacked = [(symbol.name, f"c[{index}]") for index, symbol in enumerate(constants)]
-    lines = straight_line([F, dF_dt], definitions)
+    lines = straight_line(wanted, definitions)
     used = _names_in(lines)
     return [line for line in unpacked if line[0] in used] + lines, str(force), len(constants)
 

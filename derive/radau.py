@@ -35,7 +35,7 @@ class Collocation:
         The Runge-Kutta matrix A, by columns.
     chebyshev : tuple of float
         Weights of the values at the s nodes, with 0 at 0, in the polynomial's coefficients by Chebyshev's polynomials
-        T_k(2 theta - 1): those of T_k from s*k on.
+        T_k(2 theta - 1): by columns: that of value j in T_k at (s + 1)*j + k.
     slope_start : tuple of float
         Weights of the s + 1 values in the derivative of the polynomial at 0.
     probe : float
@@ -85,7 +85,7 @@ def radau_iia(stages: int = STAGES) -> Collocation:
             weights=_floats([1 / mpmath.fprod(x - y for y in points if y != x) for x in points]),
             inverse=_floats([inverse[i, j] for j in range(stages) for i in range(stages)]),
             matrix=_floats([matrix[i, j] for j in range(stages) for i in range(stages)]),
-            chebyshev=_floats([chebyshev[k, j + 1] for k in range(stages + 1) for j in range(stages)]),
+            chebyshev=_floats([chebyshev[k, j + 1] for j in range(stages) for k in range(stages + 1)]),
             slope_start=_floats(_weights(points, mpmath.mpf(0), derivative=True)),
             probe=float(probe),
             value_probe=_floats(_weights(points, probe, derivative=False)),

@@ -132,6 +132,8 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
         definitions[SLOPES[0]] = (
             remote_slope / zeta - dh_dt * along(lambda variable: relative(zeta, variable)) - dh_dt / h
         )
+        # how the deflection follows ln h
+        definitions[SLOPES[2]] = -h * dF_dh / dF_ddelta
         return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
     # a spring of compliance s: s dF/dt = dX/dt - V, with V = dX_dt as given, X = 2R + h - 2 delta and F = F_ela
     softness = 2 + compliance * dF_ddelta
@@ -203,6 +205,7 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
             dX_dt: -dF_dt / C,
             X: 2 * R - 2 * delta,
             SLOPES[0]: S.Zero,
+            SLOPES[2]: S.Zero,
         }
     else:
         steepness = sound((d.total(zeta, h) / values[zeta]).subs(values))
@@ -218,6 +221,7 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
             X: 2 * R + h,
             lambda2: -h * steepness - h * remote / (F - F_adh),
             SLOPES[0]: remote / zeta - dh_dt * steepness - dh_dt / h,
+            SLOPES[2]: S.Zero,
         }
     return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
 
@@ -231,7 +235,7 @@ def outputs_of(law: ContactLaw) -> tuple[str, ...]:
 def _integrated(control: Control) -> frozenset[Symbol]:
     """What the integration itself uses."""
     if control == "force":
-        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0]})
+        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2]})
     return frozenset({F_ela, dF_ddelta, dh_dt, ddelta_dt, *SLOPES})
 
 
