@@ -14,8 +14,8 @@ import sympy
 from sympy import Add, Expr, Integer, Mul, Rational, Symbol, diff, together
 
 from softdyn.derive.law import is_rigid, law_hash, parameters_of
-from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
+from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.specialise import (
     OUTPUTS,
     RULES,
@@ -229,6 +229,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
                 ("slopes", slopes),
                 ("quantities", quantities),
                 ("force", force),
+                ("given", given),
             )
         },
         sympy_version=sympy.__version__,
@@ -328,9 +329,7 @@ def _names_in(lines: list[Assignment]) -> set[str]:
     return {name for _, text in lines for name in re.findall(r"[A-Za-z_]\w*", text)}
 
 
-def drive_code(
-    parsed: tuple, wanted: tuple[Symbol, ...] = (F, dF_dt)
-) -> tuple[list[Assignment], str, int]:
+def drive_code(parsed: tuple, wanted: tuple[Symbol, ...] = (F, dF_dt)) -> tuple[list[Assignment], str, int]:
     """Straight-line code of F(t) and dF/dt, or of one of them, from a parsed expression.
 
     Every number but small integer powers becomes an entry of the array ``c``, so that a kernel serves all
@@ -345,9 +344,7 @@ def drive_code(
         ) from None
 
 
-def _drive_code(
-    force: Expr, constants: list[Symbol], wanted: tuple[Symbol, ...]
-) -> tuple[list[Assignment], str, int]:
+def _drive_code(force: Expr, constants: list[Symbol], wanted: tuple[Symbol, ...]) -> tuple[list[Assignment], str, int]:
     # as written: the author of an expression knows best in which form it neither overflows nor cancels
     definitions = {F: force, dF_dt: diff(force, t)}
     unpacked = [(symbol.name, f"c[{index}]") for index, symbol in enumerate(constants)]
