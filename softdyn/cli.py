@@ -31,6 +31,7 @@ examples:
   softdyn run scene.toml -o result.npz       simulate a scene
   softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv     the scene for a hundred forces
   softdyn plot result.npz                    draw the result
+  softdyn convert result.npz -o result.gsd   many particles, to be opened in OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
 
 exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
@@ -138,7 +139,8 @@ def _parser() -> argparse.ArgumentParser:
         dest="output",
         metavar="FILE",
         type=Path,
-        help="save the result: .json, .npz (both can be plotted) or .csv",
+        help="save the result: .json, .npz (both can be plotted) or .csv; of many particles .npz, and beside it .gsd "
+        "(OVITO) or .pvd (ParaView) if that is the ending",
     )
     run.add_argument("--json", action="store_true", help="print the result as one JSON object")
     run.add_argument(
@@ -161,6 +163,17 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     many.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
+    )
+
+    convert = add("convert", _convert, "write a saved result in another format")
+    convert.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
+    convert.add_argument(
+        "-o",
+        dest="output",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help=".json, .npz or .csv; of many particles .gsd (OVITO) or .pvd (ParaView)",
     )
 
     plot = add("plot", _plot, "draw a saved result")
@@ -379,13 +392,18 @@ def _generate_stock(options: argparse.Namespace) -> int:
     return 0
 
 
+def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
+    if output is not None and output.suffix not in endings:
+        raise SceneError(f"cannot save to {output}: the ending must be one of {', '.join(endings)}")
+
+
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair import simulate_pair
+    from softdyn.particles.export import WRITERS
     from softdyn.results import SUFFIXES
     from softdyn.scene import is_particle_scene, read_scene, read_toml
 
-    if options.output is not None and options.output.suffix not in SUFFIXES:
-        raise SceneError(f"cannot save to {options.output}: the ending must be one of {', '.join(SUFFIXES)}")
+    _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file: Path = options.scene
     if not file.suffix and not file.exists():
         from softdyn.particles.files import stock_scenes
@@ -397,6 +415,7 @@ def _run(options: argparse.Namespace) -> int:
         return run_particles(file, options.output, options.resume, options.json)
     if options.resume:
         raise SceneError("--resume is for scenes of many particles")
+    _require_ending(options.output, SUFFIXES)
     scene = read_scene(options.scene)
     with _progress_bar(scene) as progress:
         result = simulate_pair(scene, progress)
@@ -506,6 +525,15 @@ def _plot(options: argparse.Namespace) -> int:
     with written_whole(picture) as temporary:
         figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
+    return 0
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from softdyn.particles.results import holds_particles, load_particles
+    from softdyn.results import load_result
+
+    load = load_particles if holds_particles(options.result) else load_result
+    print(f"wrote {load(options.result).save(options.output)}")
     return 0
 
 

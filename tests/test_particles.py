@@ -327,6 +327,25 @@ def test_contacts_come_and_go_without_a_jump_in_force() -> None:
     assert abs(result.energy["imbalance"]) < 1e-3
 
 
+def test_a_wall_does_not_move_along_with_all_particles() -> None:
+    """Two that fall on it side by side, from beyond its range: they stop there."""
+    falling = simulate_particles(
+        scene(
+            positions=[[0.0, 3.0], [5.0, 3.0]],
+            walls=[Wall(np.zeros(2), np.array([0.0, -1.0]))],
+            pushes=[Push([0, 1], [0.0, -0.1])],
+            gap=None,
+            reach=0.4,
+            drag=1.0,
+            until=1000.0,
+        )
+    )
+    assert falling.stats["made"] == 2
+    assert np.all(falling.contacts(-1)["h"] > 0)
+    # it carries what the drag does not
+    np.testing.assert_allclose(falling.contacts(-1)["F"], 0.1 + 6 * np.pi * falling.v[-1, :, 1], rtol=1e-6)
+
+
 def test_the_result_is_read_back(tmp_path: Any) -> None:
     result = simulate_particles(scene(until=10.0))
     again = load_particles(result.save(tmp_path / "two.npz"))

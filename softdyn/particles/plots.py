@@ -59,9 +59,8 @@ def draw_network(axes: Axes, result: ParticleResult, frame: int) -> None:
     """Draw the particles and contacts of a frame, seen along z: orange pushes, blue pulls, width by force."""
     x, radii, lengths = _in_plane(result.x[frame]), result.radii, result.box[:2]
     if len(lengths) == 2 and np.isfinite(lengths).all():
-        tilt = float(result.arrays["shear_rate"]) * float(result.t[frame])
-        rows = np.floor(x[:, 1] / lengths[1])
-        x = x - np.column_stack([rows * lengths[1] * tilt, rows * lengths[1]])
+        cell = result.cell[frame]
+        x = x - np.floor(x[:, 1] / cell[1, 1])[:, None] * cell[:, 1][:2]
         # into the least tilted cell; drawn as the rectangle, which the images fill as well
         x[:, 0] = np.mod(x[:, 0], lengths[0])
         axes.set(xlim=(0, lengths[0]), ylim=(0, lengths[1]))

@@ -40,6 +40,10 @@ class Frame:
     stress : array, shape (d, d)
         > 0 in tension. In a periodic box that of the contacts, force/length^(d-1); otherwise the virial of contacts and
         drag, force times length.
+    cell : array, shape (d, d)
+        Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
+    walls : array, shape (walls, d)
+        A point of each wall.
     """
 
     t: float
@@ -52,11 +56,14 @@ class Frame:
     F: Array
     n: Array
     stress: Array
+    cell: Array
+    walls: Array
 
 
 def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -> Frame:
     """Frame of a state."""
-    n, r, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+    cell = lattice(system.box, t)
+    n, r, _ = directions(contacts, x, cell, system.walls)
     values = contact_state(system, contacts, contacts.S - r, contacts.h)
     F = values["F_ela"]
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
@@ -77,6 +84,8 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -
         F[near],
         n[near],
         stress,
+        cell,
+        np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
     )
 
 
@@ -90,7 +99,11 @@ class ParticleResult:
     parameters : mapping
     arrays : mapping from str to array
         ``t`` (frames,), ``x`` and ``v`` (frames, N, d): positions, never wrapped, and velocities; ``stress`` (frames,
-        d, d); ``radii`` (N,), ``species`` (N,), ``box`` (d,);
+        d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``, ``shear_rate``;
+
+        ``box`` (d,): lengths of the periodic box at the start, inf along axes that are not periodic; ``cell`` (frames,
+        d, d): its lattice vectors as columns, 0 along such axes; ``wall_point`` (frames, walls, d), ``wall_normal``
+        (walls, d), from the particles into the wall, ``wall_rigid`` (walls,);
 
         contacts within their range, those of frame k at ``contact_start[k]:contact_start[k + 1]``: ``contact_i``,
         ``contact_j`` (walls from N on), ``contact_h``, ``contact_delta`` (deflection of each surface),
@@ -135,16 +148,23 @@ class ParticleResult:
         return plot_particles(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write to an .npz file; see :func:`load_particles`.
+        """Write to .npz, all of it (see :func:`load_particles`); or to .gsd for OVITO, or .pvd for ParaView.
+
+        The last two are to be looked at, need ``pip install 'softdyn[formats]'``, and are not read back: see
+        :mod:`softdyn.particles.export`.
 
         Raises
         ------
         SceneError
-            If the ending is another, or the file cannot be written; then nothing is left behind.
+            If the ending is another, a package is missing, or the file cannot be written; then nothing is left behind
+            but for frames of a .pvd.
         """
         path = Path(path)
         if path.suffix != ".npz":
-            raise SceneError(f"cannot save to {path}: results of many particles are saved as .npz")
+            from softdyn.particles import export
+
+            export.write(self, path)
+            return path
         about = {
             "kind": "particles",
             "law": self.law,
@@ -178,7 +198,12 @@ def gather(
         "radii": checked.radii,
         "species": checked.species,
         "box": checked.box.lengths,
+        "species_names": np.array(checked.names),
         "shear_rate": np.array(checked.box.shear_rate),
+        "cell": np.array([frame.cell for frame in frames]).reshape(-1, d, d),
+        "wall_point": np.array([frame.walls for frame in frames]).reshape(len(frames), len(checked.walls), d),
+        "wall_normal": np.array([wall.normal for wall in checked.walls]).reshape(len(checked.walls), d),
+        "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
         "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
     }
     for name in ("i", "j", "h", "delta", "F", "n"):

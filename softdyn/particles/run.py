@@ -306,9 +306,9 @@ def integrate(
             step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
             error = step.error
             when = landing if dt == left else state.t + dt
-            moved = travelled(state.listed, step.end.x, system.box, when, farthest)
+            moved = travelled(state.listed, step.end.x, system.box, when, farthest, system.walls)
             if not math.isinf(system.reach) and moved > 1.0:
-                if travelled(state.listed, state.x, system.box, state.t, farthest) > 0:
+                if travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0:
                     _list_again(scene, checked, system, newton, state)
                 else:
                     newton.forget()
@@ -347,7 +347,10 @@ def integrate(
         # a step shortened to land says nothing against a longer one
         state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
         grow = 3.0
-        if not math.isinf(system.reach) and travelled(state.listed, state.x, system.box, state.t, farthest) > 0.5:
+        if (
+            not math.isinf(system.reach)
+            and travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0.5
+        ):
             _list_again(scene, checked, system, newton, state)
         if state.t in checked.times:
             state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts))
