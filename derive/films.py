@@ -279,9 +279,9 @@ def _deflection(excess: object) -> float:
     sign = -1.0 if at_rest > 0 else 1.0
     low, high = 0.0, sign * 1e-18
     while (excess(high) > 0) == (at_rest > 0):  # type: ignore[operator]
-        low, high = high, 2 * high
-        if abs(high) > 1:
+        if high == sign:
             raise ValueError("no deflection below R")
+        low, high = high, sign * min(1.0, 2 * abs(high))
     for _ in range(60):
         middle = (low + high) / 2
         if (excess(middle) > 0) == (at_rest > 0):  # type: ignore[operator]

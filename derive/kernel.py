@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import sympy
 from sympy import Expr, Integer, Rational, Symbol, diff
 
-from softdyn.derive.law import is_rigid, law_hash, parameters_of
+from softdyn.derive.law import is_rigid, law_hash, parameters_of, range_text, ranges_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.specialise import (
     OUTPUTS,
@@ -211,9 +211,9 @@ def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], name
     faults = [
         f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names
     ]
-    for symbol, (low, high) in law.ranges.items():
-        if symbol.name in needs.fixed and not float(low) < float(needs.fixed[symbol.name]) < float(high):
-            faults.append(f"{symbol} must lie between {low} and {high}, and is {needs.fixed[symbol.name]}")
+    for symbol, allowed in ranges_of(law).items():
+        if symbol.name in needs.fixed and Rational(needs.fixed[symbol.name]) not in allowed:
+            faults.append(f"{range_text(symbol, allowed)} must hold, and {symbol} is {needs.fixed[symbol.name]}")
     for symbol in parameters_of(law):
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
             faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
@@ -290,5 +290,5 @@ def _drive_expression(node: tuple, constants: list[Symbol]) -> Expr:
 
 
 def total_operations(ir: KernelIR | ContactIR) -> int:
-    """Count all operations of a kernel's law: balance, rate, outputs and force."""
+    """Count all operations of a kernel's law: balance, rate, slopes, outputs and force."""
     return sum(ir.operations[part][kind] for part in ir.operations for kind in KINDS)

@@ -39,6 +39,8 @@ KEYS: dict[str, tuple[str, ...]] = {
 #: What can drive a pair; exactly one of them does.
 DRIVES = ("force", "position", "velocity", "spring")
 TOP_LEVEL = ("law", "target", "parameters", *KEYS)
+#: What a parameter may be: low, high, and whether each of these is itself left out.
+Range = tuple[float, float, bool, bool]
 
 
 @dataclass(frozen=True)
@@ -494,7 +496,18 @@ def _outputs(name: str, value: Any, check: Any) -> Any:
     return values
 
 
-def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str], ranges: Mapping[str, Any]) -> NDArray:
+def range_fault(name: str, value: float, allowed: Range) -> str | None:
+    """What is wrong with a parameter's value, if it is outside of its range."""
+    low, high, above, below = allowed
+    if (low < value if above else low <= value) and (value < high if below else value <= high):
+        return None
+    signs = ["<" if is_open else "<=" for is_open in (above, below)]
+    return f"[parameters] {name} = {value:g} lies outside of its range, {low:g} {signs[0]} {name} {signs[1]} {high:g}"
+
+
+def parameter_values(
+    scene: Scene, names: Sequence[str], positive: Sequence[str], ranges: Mapping[str, Range]
+) -> NDArray:
     """Values of a law's parameters, in its order.
 
     Raises
@@ -511,10 +524,8 @@ def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str]
     for name in names:
         if name not in given:
             faults.append(f"[parameters] {name} is missing; the law needs {', '.join(names)}")
-        elif name in ranges and not ranges[name][0] < given[name] < ranges[name][1]:
-            faults.append(
-                f"[parameters] {name} = {given[name]:g} lies outside {ranges[name][0]:g} .. {ranges[name][1]:g}"
-            )
+        elif name in ranges and (fault := range_fault(name, given[name], ranges[name])):
+            faults.append(fault)
         elif name in positive:
             try:
                 _positive(f"[parameters] {name}", given[name])

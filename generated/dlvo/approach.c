@@ -1,7 +1,7 @@
 /* Contact law dlvo: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Derjaguin-Landau-Verwey-Overbeek (Israelachvili 2011, chs. 11-14); equal_spheres
- * Law 3d825b23e880db37:
+ * Law 9810adb843c12266:
  *     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
  *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
  *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))

@@ -1,7 +1,7 @@
 """Contact law equal_spheres: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573
-Law 5a20068de277880a:
+Law 0ed9b85bd4713703:
     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
     F_ela = 4*E*a*delta/(3*(1 - nu**2))
     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))

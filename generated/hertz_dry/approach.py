@@ -1,7 +1,7 @@
 """Contact law hertz_dry: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Hertz (Johnson, Contact Mechanics, 1985, ch. 4)
-Law e077a23aa2c6d7df:
+Law 1a99e9aba8cc2f44:
     a = sqrt(R)*sqrt(Abs(delta))
     F_ela = 4*E*a*delta/(3*(1 - nu**2))
     zeta = 0

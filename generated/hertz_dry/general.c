@@ -1,13 +1,11 @@
 /* Contact law hertz_dry: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Hertz (Johnson, Contact Mechanics, 1985, ch. 4)
- * Law e077a23aa2c6d7df:
+ * Law 1a99e9aba8cc2f44:
  *     a = sqrt(R)*sqrt(Abs(delta))
  *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
  *     zeta = 0
  *     F_adh = 0
- * Left out, with the operations that each saved:
- *     outputs asked for: 20 -> 20
  * Operations, 34 in all:
  *     balance: 2 add, 9 mul, 2 div, 1 sqrt
  *     quantities: 3 add, 11 mul, 5 div, 1 sqrt

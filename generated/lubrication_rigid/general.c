@@ -8,7 +8,6 @@
  *     F_adh = 0
  * Left out, with the operations that each saved:
  *     no remote force: 103 -> 102
- *     outputs asked for: 102 -> 102
  * Operations, 231 in all:
  *     gap_rate: 5 add, 20 mul, 7 div, 2 sqrt, 1 call
  *     slopes: 18 add, 65 mul, 13 div, 2 sqrt, 1 call

@@ -16,7 +16,7 @@ from softdyn.expression import FUNCTIONS, parse
 from softdyn.expression import evaluate as evaluate_expression
 from softdyn.particles.geometry import Box, Wall, find_pairs
 from softdyn.particles.kernel import ContactKernel
-from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
+from softdyn.scene import SMALLEST_RTOL, TARGETS, range_fault, suggestion
 
 Array = NDArray[np.float64]
 
@@ -514,9 +514,8 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
             continue
         value = given[name]
         for number in value.values() if isinstance(value, Mapping) else [value]:
-            if name in kernel.ranges and not kernel.ranges[name][0] < number < kernel.ranges[name][1]:
-                low, high = kernel.ranges[name]
-                faults.append(f"[parameters] {name} = {number:g} lies outside {low:g} .. {high:g}")
+            if name in kernel.ranges and (fault := range_fault(name, number, kernel.ranges[name])):
+                faults.append(fault)
             elif name in kernel.positive and not number > 0:
                 faults.append(f"[parameters] {name} must be positive, not {number!r}")
     eta = given.get("eta")
