@@ -448,11 +448,11 @@ def _closure(stats: Any) -> str:
 
 def _sweep(options: argparse.Namespace) -> int:
     from softdyn.scene import read_scene
-    from softdyn.sweep import read_values, sweep
+    from softdyn.sweep import read_varied, sweep
 
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
-    vary = dict(read_values(text) for text in options.vary)
+    vary = read_varied(options.vary)
     parts = options.output.with_name(options.output.name + ".parts")
     scene = read_scene(options.scene)
     with _sweep_bar() as progress:

@@ -353,7 +353,7 @@ def _checked(drive: Drive) -> Drive:
 
 def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
     if isinstance(value, str):
-        constants = _numbers("[drive] constants", named)
+        constants = named_numbers("[drive] constants", named)
         taken = [constant for constant in constants if constant in ("t", "pi", *FUNCTIONS)]
         if taken:
             raise SceneError(f"[drive] constants: {', '.join(taken)} has a meaning of its own in an expression")
@@ -393,7 +393,13 @@ def _table_from(name: str, t: Any, F: Any) -> Table:
     return table
 
 
-def _numbers(where: str, values: Any) -> dict[str, float]:
+def named_numbers(where: str, values: Any) -> dict[str, float]:
+    """Finite numbers by name.
+
+    Raises
+    ------
+    SceneError
+    """
     if not isinstance(values, Mapping):
         raise SceneError(f"{where} must map names to numbers, not {values!r}")
     return {str(name): _finite(f"{where}: {name}", value) for name, value in values.items()}
@@ -466,7 +472,7 @@ def check_scene(scene: Scene) -> None:
         faults.append(f"[accuracy] unknown method {scene.method!r}{suggestion(scene.method, METHODS)}")
     if scene.target not in TARGETS:
         faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
-    attempt(_numbers, "[parameters]", scene.parameters)
+    attempt(named_numbers, "[parameters]", scene.parameters)
     if faults:
         raise SceneError(_listed(faults))
 
@@ -515,7 +521,7 @@ def parameter_values(
     SceneError
         Listing missing, unknown, non-positive and out-of-range parameters.
     """
-    given = _numbers("[parameters]", scene.parameters)
+    given = named_numbers("[parameters]", scene.parameters)
     faults = [
         f"[parameters] {name!r} is not a parameter of the law{suggestion(name, names)}"
         for name in given

@@ -242,7 +242,7 @@ def test_what_is_not_the_laws_cannot_be_fixed_or_asked_for() -> None:
         "'ell' cannot be fixed: the parameters are R, E, eta",
         f"'speed' is no output; there are {', '.join(OUTPUTS)}",
     )
-    with pytest.raises(LawError, match="-1 < nu <= 1/2 must hold, and nu is 0.6"):
+    with pytest.raises(LawError, match=r"-1 < nu <= 1/2 must hold, and nu is 0\.6"):
         kernel_ir(equal_spheres, Needs(fixed={"nu": "0.6"}))
     assert "nu" not in kernel_ir(equal_spheres, Needs(fixed={"nu": "0.5"})).parameters
 
