@@ -40,6 +40,8 @@ carried to its end, with the reason on stderr
 
 #: Endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
+#: Those of animations.
+ANIMATIONS = (".gif", ".mp4")
 
 Command = Callable[[argparse.Namespace], int]
 
@@ -179,7 +181,11 @@ def _parser() -> argparse.ArgumentParser:
     plot = add("plot", _plot, "draw a saved result")
     plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
     plot.add_argument(
-        "-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)"
+        "-o",
+        dest="picture",
+        metavar="PICTURE",
+        type=Path,
+        help=".png, .svg or .pdf (default: FILE with .png); .gif or .mp4: an animation of many particles",
     )
 
     bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
@@ -519,11 +525,17 @@ def _plot(options: argparse.Namespace) -> int:
 
     many = holds_particles(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
-    if picture.suffix not in PICTURES:
-        raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
-    figure = load_particles(options.result).plot() if many else load_result(options.result).plot()
-    with written_whole(picture) as temporary:
-        figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
+    if picture.suffix not in (*PICTURES, *ANIMATIONS):
+        endings = ", ".join((*PICTURES, *ANIMATIONS))
+        raise SceneError(f"cannot draw to {picture}: the ending must be one of {endings}")
+    if picture.suffix in ANIMATIONS:
+        if not many:
+            raise SceneError(f"cannot draw to {picture}: animations are of many particles; {options.result} holds two")
+        load_particles(options.result).animate(picture)
+    else:
+        figure = load_particles(options.result).plot() if many else load_result(options.result).plot()
+        with written_whole(picture) as temporary:
+            figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
     return 0
 

@@ -128,7 +128,7 @@ def _json_number(value: float) -> float | None:
 
 
 class written_whole:
-    """Context: a temporary file that takes the place of ``path`` once it is written without an error."""
+    """Context: a temporary file, of the same ending, that takes the place of ``path`` once it is written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -138,7 +138,7 @@ class written_whole:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.is_dir():
                 raise IsADirectoryError(21, "it is a folder")
-            handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
+            handle, name = tempfile.mkstemp(prefix=f".{self.path.stem}.", suffix=self.path.suffix, dir=self.path.parent)
         except OSError as error:
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
         os.close(handle)

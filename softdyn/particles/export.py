@@ -177,7 +177,7 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
     except OSError as error:
         raise SceneError(f"cannot write the folder {folder}: {error.strerror}") from None
     with written_whole(path) as temporary:
-        collection = group(str(temporary.absolute()))
+        collection = group(str(temporary.absolute().with_suffix("")))
         digits = len(str(len(result) - 1))
         for number in range(len(result)):
             t = float(result.t[number])
@@ -199,7 +199,6 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
             )
             collection.addFile(written, t, part="1")
         collection.save()
-        temporary.with_name(temporary.name + ".pvd").replace(temporary)
 
 
 def _columns(vectors: Array) -> tuple[Array, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
-from softdyn.particles.step import System, contact_state
+from softdyn.particles.step import WORKS, System, contact_state
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Energies exchanged since the start: see :data:`softdyn.particles.step.WORKS`, and what is stored elastically.
+ENERGIES = (*WORKS, "stored")
 HISTORY = ("step_t", "step_dt", "step_residual", "step_error", "step_contacts")
 
 
@@ -44,6 +46,8 @@ class Frame:
         Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
     walls : array, shape (walls, d)
         A point of each wall.
+    energy : array, shape (len(ENERGIES),)
+        Exchanged since the start.
     """
 
     t: float
@@ -58,9 +62,10 @@ class Frame:
     stress: Array
     cell: Array
     walls: Array
+    energy: Array
 
 
-def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -> Frame:
+def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, energy: Array) -> Frame:
     """Frame of a state."""
     cell = lattice(system.box, t)
     n, r, _ = directions(contacts, x, cell, system.walls)
@@ -86,6 +91,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -
         stress,
         cell,
         np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
+        energy,
     )
 
 
@@ -104,6 +110,8 @@ class ParticleResult:
         ``box`` (d,): lengths of the periodic box at the start, inf along axes that are not periodic; ``cell`` (frames,
         d, d): its lattice vectors as columns, 0 along such axes; ``wall_point`` (frames, walls, d), ``wall_normal``
         (walls, d), from the particles into the wall, ``wall_rigid`` (walls,);
+
+        ``energy_external``, ``energy_flow``, ... (frames,): each of the terms of ``energy`` up to that frame;
 
         contacts within their range, those of frame k at ``contact_start[k]:contact_start[k + 1]``: ``contact_i``,
         ``contact_j`` (walls from N on), ``contact_h``, ``contact_delta`` (deflection of each surface),
@@ -142,10 +150,22 @@ class ParticleResult:
         return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
 
     def plot(self) -> Figure:
-        """Draw the contact network at the end, the stress, the coordination, and the gaps and forces."""
+        """Draw the contact network at the end, and what is measured on the run."""
         from softdyn.particles.plots import plot_particles
 
         return plot_particles(self)
+
+    def animate(self, path: str | Path) -> Path:
+        """Draw the frames of a run in one or two dimensions as an animation: .gif, or .mp4 with the program ffmpeg.
+
+        Raises
+        ------
+        SceneError
+            If it cannot be drawn.
+        """
+        from softdyn.particles.plots import animate
+
+        return animate(self, Path(path))
 
     def save(self, path: str | Path) -> Path:
         """Write to .npz, all of it (see :func:`load_particles`); or to .gsd for OVITO, or .pvd for ParaView.
@@ -209,6 +229,7 @@ def gather(
     for name in ("i", "j", "h", "delta", "F", "n"):
         empty = np.empty((0, d) if name == "n" else 0, dtype=np.int64 if name in "ij" else float)
         arrays[f"contact_{name}"] = np.concatenate([empty, *(getattr(frame, name) for frame in frames)])
+    arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(ENERGIES)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
     arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}
     return ParticleResult(
