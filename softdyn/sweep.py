@@ -199,9 +199,7 @@ def varied_scene(scene: Scene, point: Mapping[str, float]) -> Scene:
             force = value * float(scene.parameters["E"]) * float(scene.parameters["R"]) ** 2
             scene = replace(scene, force=force, constants={})
         elif name == "kappa":
-            raise SceneError(
-                "kappa stands for a force kappa E R^2: give the scene a force, E and R, or vary another"
-            )
+            raise SceneError("kappa stands for a force kappa E R^2: give the scene a force, E and R, or vary another")
         else:
             known = [*scene.parameters, *scene.constants, "h", "delta", "force", "velocity", "kappa"]
             raise SceneError(f"{name!r} cannot be varied in this scene{suggestion(name, known)}")

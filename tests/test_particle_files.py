@@ -17,7 +17,7 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import run
-from softdyn.particles.files import read_particle_scene, read_particles, stock_scenes
+from softdyn.particles.files import particle_scene_from, read_particle_scene, read_particles, stock_scenes
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
 from softdyn.particles.results import ParticleResult, load_particles
@@ -145,6 +145,53 @@ def test_faults_of_a_scene_file_are_named(tmp_path: Path, old: str, new: str, wo
     with pytest.raises(SceneError, match=words) as error:
         read_particle_scene(written(tmp_path, EMULSION.replace(old, new, 1)))
     assert str(tmp_path / "scene.toml") in str(error.value)
+
+
+PAIR: dict[str, Any] = {
+    "law": "rognon_gay",
+    "parameters": {"E": 1.0, "eta": 1.0},
+    "particles": {"positions": [[0.0, 0.0], [2.1, 0.0]], "radii": 1.0},
+    "flow": {"drag": 1.0},
+    "until": {"t": 1.0},
+}
+SQUARE = {"kind": "square", "cells": [4, 4], "spacing": 2.1}
+
+
+def held(**entry: Any) -> dict[str, Any]:
+    return {"hold": [{"particles": [0], "axes": "x", **entry}]}
+
+
+def walled(**entry: Any) -> dict[str, Any]:
+    return {"wall": [{"point": [0, -3], "normal": [0, -1], **entry}]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"particles": PAIR["particles"] | {"species": 3}}, "species must be a list of names, one for each"),
+        ({"particles": PAIR["particles"] | {"species": "ab"}}, "species must be a list of names, one for each"),
+        ({"particles": PAIR["particles"] | {"species": [1, [2]]}}, "species must be a list of names, one for each"),
+        ({"particles": PAIR["particles"] | {"radii": []}}, "0 radii for 2 particles"),
+        (held(velocity=3), "velocity needs one component for each of the axes 'x'"),
+        (held(axes="xy", velocity="t1"), "velocity needs one component for each of the axes 'xy'"),
+        (held(particles=[0.5]), r"must be a list of whole numbers, not \[0\.5\]"),
+        (held(particles=[True]), r"must be a list of whole numbers, not \[True\]"),
+        (held(particles=[10**30]), "there is no particle 1000000"),
+        (walled(point=["a", 0]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(normal="up"), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(normal=[[0, -1], [1]]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(normal=[0, 0]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(rigid="no"), "wall 0: rigid must be true or false, not 'no'"),
+        ({"mixing": {"A": ["x"]}}, r"\[mixing\] A: unknown rule \['x'\]"),
+        ({"packing": SQUARE | {"radii": []}}, "two ways to say where the particles are"),
+        ({"packing": SQUARE | {"radii": []}, "particles": None}, "radii must be a number, or a list of some"),
+        ({"particles": None}, r"\[particles\] and \[packing\] are two ways to say .*: give one of them"),
+    ],
+)
+def test_what_is_not_of_its_kind_is_refused(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+    data = {name: value for name, value in {**PAIR, **changes}.items() if value is not None}
+    with pytest.raises(SceneError, match=words):
+        simulate_particles(particle_scene_from(data, tmp_path))
 
 
 def test_a_run_resumes_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -417,11 +418,24 @@ def test_bad_scenes_are_refused(changes: dict[str, Any], words: str) -> None:
         simulate_particles(scene(**changes))
 
 
-def test_a_run_that_cannot_go_on_hands_over_its_last_good_state() -> None:
+def test_a_run_that_cannot_go_on_hands_over_its_last_good_state(tmp_path: Path) -> None:
     """The force has no finite value from t = 5 on."""
     pushes = [Push([0], ["1e-2*sqrt(5-t)", 0]), Push([1], ["-1e-2*sqrt(5-t)", 0])]
-    with pytest.raises((IntegrationError, SceneError), match="no finite value"):
-        simulate_particles(scene(pushes=pushes, until=10.0))
+    bad = scene(pushes=pushes, until=10.0, times=11)
+    with pytest.raises(IntegrationError, match="no finite value") as error:
+        simulate_particles(bad)
+    partial = error.value.partial
+    assert isinstance(partial, ParticleResult)
+    assert 0 < partial.step_t[-1] <= 5
+    assert np.array_equal(partial.t, np.arange(1 + np.floor(partial.step_t[-1])))
+    # and leaves it behind, for another try
+    checkpoint = tmp_path / "a.checkpoint.npz"
+    with pytest.raises(IntegrationError, match=r"the last good state, at t=.*, is in .*a\.checkpoint\.npz"):
+        simulate_particles(bad, checkpoint=checkpoint)
+    kept = simulate_particles(
+        scene(pushes=pushes, until=partial.step_t[-1], times=2), checkpoint=checkpoint, resume=True
+    )
+    assert np.array_equal(kept.step_t, partial.step_t)
 
 
 def test_numbers_are_the_same_on_both_targets() -> None:
