@@ -31,6 +31,8 @@ class Collocation:
         The inverse of the Runge-Kutta matrix, by columns: (A^-1)[i][j] at s*j + i.
     matrix : tuple of float
         The Runge-Kutta matrix A, by columns.
+    quadrature : tuple of float
+        The last row of A: weights of the nodes in an integral over the step.
     powers : tuple of float
         Weights of the values at the s nodes, with 0 at 0, in the polynomial's coefficients by powers of 2 theta - 1:
         those of the power k from s*k on.
@@ -49,6 +51,7 @@ class Collocation:
     weights: tuple[float, ...]
     inverse: tuple[float, ...]
     matrix: tuple[float, ...]
+    quadrature: tuple[float, ...]
     powers: tuple[float, ...]
     slope_start: tuple[float, ...]
     probe: float
@@ -83,6 +86,7 @@ def radau_iia(stages: int = STAGES) -> Collocation:
             weights=_floats([1 / mpmath.fprod(x - y for y in points if y != x) for x in points]),
             inverse=_floats([inverse[i, j] for j in range(stages) for i in range(stages)]),
             matrix=_floats([matrix[i, j] for j in range(stages) for i in range(stages)]),
+            quadrature=_floats([matrix[stages - 1, j] for j in range(stages)]),
             powers=_floats([centred[k, j + 1] for k in range(stages + 1) for j in range(stages)]),
             slope_start=_floats(_weights(points, mpmath.mpf(0), derivative=True)),
             probe=float(probe),

@@ -52,7 +52,9 @@ class PairResult:
         "h" or "t": which end was reached.
     stats : mapping
         ``method`` (what was done), ``steps``, ``rejected``, ``evaluations`` (of dh/dt), ``stiffness`` (largest step
-        times rate of decay), ``force_residual`` (largest abs(F_ela - F_ext) relative to the largest force) or ``drift``
+        times rate of decay), ``error`` (estimated, of h, relative, the largest of all outputs; where these are not at
+        given times, of t or of h, whichever is less), ``rtol`` (of the steps: below the scene's where errors grow on
+        the way), ``force_residual`` (largest abs(F_ela - F_ext) relative to the largest force) or ``drift``
         (largest distance of X from where a position or a spring has it, over R), ``wall_s``, ``compile_s`` (deriving,
         compiling and loading), ``kernel`` (its key).
     warnings : tuple of str

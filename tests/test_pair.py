@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 from sympy import Abs, Symbol, exp, pi, sqrt
 
 import softdyn
+from softdyn import pair
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, R, a, delta, eta, h
 from softdyn.derive.laws.rognon_gay import hbar, law
 from softdyn.errors import IntegrationError, SceneError
@@ -323,6 +324,46 @@ def test_the_energy_balance_of_the_four_terms(force: object) -> None:
     assert balance == pytest.approx(work, rel=1e-6)
     without_U_h = U[-1] - U[0] + np.trapezoid(result.zeta * result.dh_dt**2, result.t)
     assert abs(without_U_h / work - 1) > 1e-5  # the term is there: the law is not conservative
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4])
+def test_errors_that_grow_on_the_way_are_told_and_mended(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pressed to 2e-3 and pulled to 400 R: d(ln h)/dt rises a thousandfold with h, and what a step errs with it.
+
+    Held to rtol at each step alone, this run erred by 150 times that at rtol = 1e-3, and said nothing.
+    """
+    k, o, w = 5.9e-3, -0.29, 2.1e-6
+    times = np.linspace(0, 14 / w, 15)
+    zeros = sorted((root + 2 * math.pi * n) / w for root in (math.asin(-o), math.pi - math.asin(-o)) for n in range(3))
+    kinks = [zero for zero in zeros if zero < times[-1]]
+    expected = scipy_gaps(lambda t: k * (o + math.sin(w * t)), 5.6, times, kinks)
+    scene = {"h": 5.6, "force": "k*(o + sin(w*t))", "constants": {"k": k, "o": o, "w": w}, "rtol": rtol}
+    scene |= {"until_h": None, "until_t": times[-1], "times": list(times)}
+    found = run(**scene)
+    error = np.max(np.abs(np.log(found.h / expected)))
+    # scipy's own error, 1e-12 at a step, grows as well
+    assert error <= min(10 * rtol, found.stats["error"]) + 1e-8
+    assert found.warnings == ()
+    monkeypatch.setattr(pair, "REPEATS", 0)
+    once = run(**scene)
+    error = np.max(np.abs(np.log(once.h / expected)))
+    assert error <= once.stats["error"] + 1e-8
+    assert once.stats["error"] > 10 * rtol
+    assert "known to" in once.warnings[0]
+    assert found.stats["rtol"] < once.stats["rtol"] == rtol
+
+
+def test_where_rounding_forbids_the_result_says_so_and_gaps_are_well_conditioned() -> None:
+    """From h/R = 1e-8 nearly all the time goes by at the start, 1e16 times what follows; t is rounded as much."""
+    gaps = np.geomspace(1e-8, 1.0, 9)
+    exact = run(h=1e-8, force=-1e-2, until_h=1.0, gaps=list(gaps), method="quadrature")
+    by_gap = run(h=1e-8, force=-1e-2, until_h=1.0, gaps=list(gaps))
+    np.testing.assert_allclose(by_gap.t[1:], exact.t[1:], rtol=1e-9)
+    assert by_gap.warnings == ()
+    at_times = run(h=1e-8, force=-1e-2, until_h=1.0, times=[0.0, *exact.t[1:-1].tolist()])
+    assert "a given time is known to" in at_times.warnings[0]
+    assert "output] gaps" in at_times.warnings[0]
+    assert np.max(np.abs(np.log(at_times.h / gaps[: len(at_times.h)]))) <= at_times.stats["error"]
 
 
 def test_pull_off_from_a_tiny_gap_retraces_the_approach() -> None:
