@@ -520,20 +520,19 @@ class _progress_bar:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from softdyn.particles.results import holds_particles, load_particles
-    from softdyn.results import load_result, written_whole
+    from softdyn.results import PairResult, load_result, written_whole
 
-    many = holds_particles(options.result)
+    result = load_result(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
     if picture.suffix not in (*PICTURES, *ANIMATIONS):
         endings = ", ".join((*PICTURES, *ANIMATIONS))
         raise SceneError(f"cannot draw to {picture}: the ending must be one of {endings}")
     if picture.suffix in ANIMATIONS:
-        if not many:
+        if isinstance(result, PairResult):
             raise SceneError(f"cannot draw to {picture}: animations are of many particles; {options.result} holds two")
-        load_particles(options.result).animate(picture)
+        result.animate(picture)
     else:
-        figure = load_particles(options.result).plot() if many else load_result(options.result).plot()
+        figure = result.plot()
         with written_whole(picture) as temporary:
             figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
@@ -541,11 +540,9 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from softdyn.particles.results import holds_particles, load_particles
     from softdyn.results import load_result
 
-    load = load_particles if holds_particles(options.result) else load_result
-    print(f"wrote {load(options.result).save(options.output)}")
+    print(f"wrote {load_result(options.result).save(options.output)}")
     return 0
 
 

@@ -20,6 +20,8 @@ from softdyn.errors import SceneError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from softdyn.particles.results import ParticleResult
+
 SUFFIXES = (".json", ".npz", ".csv")
 
 
@@ -162,7 +164,7 @@ class written_whole:
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
 
 
-def load_result(path: str | Path) -> PairResult:
+def load_result(path: str | Path) -> PairResult | ParticleResult:
     """Read a result saved as .json or .npz.
 
     Raises
@@ -180,19 +182,26 @@ def load_result(path: str | Path) -> PairResult:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 about = json.loads(str(stored["about"]))
                 arrays = {name: stored[name] for name in stored.files if name != "about"}
+            if about.get("kind") == "particles":
+                from softdyn.particles.results import result_from
+
+                return result_from(about, arrays)
         else:
-            data = json.loads(path.read_text(encoding="utf-8"))
+            about = json.loads(path.read_text(encoding="utf-8"))
             arrays = {
                 name: np.array([math.nan if v is None else v for v in values], dtype=float)
-                for name, values in data.items()
+                for name, values in about.items()
                 if isinstance(values, list) and name not in ("warnings", "events")
             }
-            about = data
+        arrays = {"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays}
+        for name, values in arrays.items():
+            if values.dtype.kind != "f" or values.ndim != 1 or len(values) != len(arrays["t"]) or not len(values):
+                raise ValueError(f"{name} has the shape {values.shape}, t the shape {arrays['t'].shape}")
         return PairResult(
-            law=about["law"],
-            target=about["target"],
-            parameters=about["parameters"],
-            arrays={"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays},
+            law=str(about["law"]),
+            target=str(about["target"]),
+            parameters={str(name): float(value) for name, value in about["parameters"].items()},
+            arrays=arrays,
             stopped_by=about["stopped_by"],
             stats=about["stats"],
             warnings=tuple(about["warnings"]),
@@ -200,5 +209,7 @@ def load_result(path: str | Path) -> PairResult:
         )
     except OSError as error:
         raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+    except KeyError as error:
+        raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): it has no {error}") from None
+    except (ValueError, TypeError, AttributeError, EOFError, BadZipFile) as error:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): {error}") from None

@@ -194,6 +194,7 @@ def test_a_changed_generated_file_is_a_difference(
         (["check", "missing.py"], "there is no file"),
         (["run", "missing.toml"], "cannot read the scene"),
         (["plot", "missing.npz"], "cannot read"),
+        (["plot", "."], "cannot read .: results are read back from .json and .npz"),
         (["run", "missing.toml", "-o", "result.xls"], "the ending must be one of .json, .npz, .csv"),
         (["generate", "--stock", "--target", "c"], "takes --check and nothing else"),
     ],

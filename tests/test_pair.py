@@ -5,6 +5,7 @@ import itertools
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -499,3 +500,21 @@ def test_what_is_no_result_is_refused(tmp_path: Path, content: str) -> None:
         (tmp_path / f"bad{suffix}").write_text(content)
         with pytest.raises(SceneError, match="is not a result saved by softdyn"):
             softdyn.load_result(tmp_path / f"bad{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"h": [1.0, 2.0]}, r"h has the shape \(2,\), t the shape \(5,\)"),
+        ({"X": [[1.0]] * 5}, r"X has the shape \(5, 1\)"),
+        ({"F": ["a"] * 5}, "could not convert"),
+        ({"t": None}, "it has no 't'"),
+        ({"parameters": [1]}, "'list' object has no attribute 'items'"),
+        ({"parameters": {"R": "a"}}, "could not convert"),
+    ],
+)
+def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    content = run(gaps=5).to_dict() | change
+    (tmp_path / "bad.json").write_text(json.dumps(content))
+    with pytest.raises(SceneError, match=rf"is not a result saved by softdyn.*: .*{words}"):
+        softdyn.load_result(tmp_path / "bad.json")

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from softdyn.particles import run
 from softdyn.particles.files import particle_scene_from, read_particle_scene, read_particles, stock_scenes
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
-from softdyn.particles.results import ParticleResult, load_particles
+from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
 
 EMULSION = """
@@ -268,6 +269,27 @@ def test_the_command_line_runs_and_draws(tmp_path: Path, capsys: pytest.CaptureF
     assert "npz" in capsys.readouterr().err
     assert main(["run", str(path), "--resume"]) == 2
     assert "--resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"t": None}, "it has no 't'"),
+        ({"x": np.zeros((3, 2, 1))}, r"x has the shape \(3, 2, 1\), which does not fit"),
+        ({"contact_h": np.zeros(2)}, "contact_h has the shape"),
+        ({"radii": np.array(["a", "b"])}, "radii is not an array of 1 dimensions of numbers"),
+        ({"contact_start": np.array([0, 1])}, "contact_start does not fit the contacts"),
+    ],
+)
+def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    result = simulate_particles(particle_scene_from(PAIR, tmp_path))
+    arrays = {name: value for name, value in {**result.arrays, **change}.items() if value is not None}
+    path = replace(result, arrays=arrays).save(tmp_path / "a.npz")
+    with pytest.raises(SceneError, match=words):
+        load_particles(path)
+    empty = {name: value[:0] if "f" in SHAPES.get(name, "") else value for name, value in result.arrays.items()}
+    with pytest.raises(SceneError, match="no frame to draw"):
+        replace(result, arrays=empty).plot()
 
 
 @pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion"])

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.step import WORKS, System, contact_state
-from softdyn.results import written_whole
+from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -150,7 +149,15 @@ class ParticleResult:
         return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
 
     def plot(self) -> Figure:
-        """Draw the contact network at the end, and what is measured on the run."""
+        """Draw the contact network at the end, and what is measured on the run.
+
+        Raises
+        ------
+        SceneError
+            If there is no frame, as after a run that failed before the first.
+        """
+        if not len(self):
+            raise SceneError("the result holds no frame to draw")
         from softdyn.particles.plots import plot_particles
 
         return plot_particles(self)
@@ -242,6 +249,37 @@ def gather(
     )
 
 
+#: Shapes of what every result holds, a letter for each size: f frames, N particles, w walls, c contacts, n steps.
+SHAPES = {
+    "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d", "shear_rate": "",
+    "cell": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
+    "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
+    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in ENERGIES},
+}  # fmt: skip
+
+
+def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:
+    """Result from the content of a file.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If an array is missing, or does not fit the others.
+    """
+    sizes: dict[str, int] = {}
+    for name, shape in SHAPES.items():
+        array = arrays[name]
+        if array.dtype.kind not in "fiub" or array.ndim != len(shape):
+            raise ValueError(f"{name} is not an array of {len(shape)} dimensions of numbers")
+        for letter, size in zip(shape, array.shape, strict=True):
+            if sizes.setdefault(letter, size) != size:
+                raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other arrays")
+    start = arrays["contact_start"]
+    if start.shape != (sizes["f"] + 1,) or start[0] != 0 or start[-1] != sizes["c"] or (np.diff(start) < 0).any():
+        raise ValueError("contact_start does not fit the contacts")
+    return ParticleResult(about["law"], about["target"], about["parameters"], arrays, about["energy"], about["stats"])
+
+
 def load_particles(path: str | Path) -> ParticleResult:
     """Read a result saved as .npz.
 
@@ -250,26 +288,7 @@ def load_particles(path: str | Path) -> ParticleResult:
     SceneError
         If the file is not such a result.
     """
-    path = Path(path)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            about = json.loads(str(stored["about"]))
-            arrays = {name: stored[name] for name in stored.files if name != "about"}
-        if about.get("kind") != "particles":
-            raise ValueError("it holds a run of two particles")
-        return ParticleResult(
-            about["law"], about["target"], about["parameters"], arrays, about["energy"], about["stats"]
-        )
-    except OSError as error:
-        raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
-        raise SceneError(f"{path} is not a result of many particles saved by softdyn: {error}") from None
-
-
-def holds_particles(path: str | Path) -> bool:
-    """Whether a file holds a run of many particles; False for any other file, or none."""
-    try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            return json.loads(str(stored["about"])).get("kind") == "particles"
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile):
-        return False
+    result = load_result(path)
+    if not isinstance(result, ParticleResult):
+        raise SceneError(f"{path} holds a run of two particles")
+    return result
