@@ -509,7 +509,7 @@ def test_what_is_no_result_is_refused(tmp_path: Path, content: str) -> None:
         ({"X": [[1.0]] * 5}, r"X has the shape \(5, 1\)"),
         ({"F": ["a"] * 5}, "could not convert"),
         ({"t": None}, "it has no 't'"),
-        ({"parameters": [1]}, "'list' object has no attribute 'items'"),
+        ({"parameters": [1]}, "parameters has the shape"),
         ({"parameters": {"R": "a"}}, "could not convert"),
     ],
 )
