@@ -201,7 +201,12 @@ def _parser() -> argparse.ArgumentParser:
         help="of the report on pairs; default: %(default)s",
     )
 
-    reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
+    reproduce = add(
+        "reproduce", _reproduce, "draw the papers' figures from runs: 3 and 4 of part 1; the duration of T1 processes"
+    )
+    reproduce.add_argument(
+        "what", nargs="?", choices=("pair", "t1"), default="pair", help="part 1, or the T1 (default: %(default)s)"
+    )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
     )
@@ -557,6 +562,10 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
+    if options.what == "t1":
+        from softdyn.particles.t1 import reproduce_t1
+
+        return reproduce_t1(options.folder, options.target)
     from softdyn.reproduce import reproduce
 
     return reproduce(options.folder, target=options.target)

@@ -125,7 +125,7 @@ def reproduce(folder: str | Path = DEFAULT_FOLDER, target: str = "auto", progres
     """
     start = time.perf_counter()
     folder = Path(folder)
-    _prepare(folder)
+    prepare_folder(folder)
     findings = derive()
     print("\n".join(derivation_lines(findings)), flush=True)
     study = run(target, progress)
@@ -136,7 +136,7 @@ def reproduce(folder: str | Path = DEFAULT_FOLDER, target: str = "auto", progres
     return 0 if proved and np.all(study.table["relative error"] <= study.allowed[:, None]) else 1
 
 
-def _prepare(folder: Path) -> None:
+def prepare_folder(folder: Path) -> None:
     """Make the folder, and see that it takes files, before any work is done."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

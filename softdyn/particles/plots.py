@@ -188,8 +188,9 @@ def draw_network(
     particles = PolyCollection(
         list(shapes[instance] + place[:, None]), facecolor="0.93", edgecolor="0.6", linewidth=0.5
     )
-    # points, of an axes some 5 inches wide: as much narrower than a particle whatever their number
-    widest = float(np.clip(0.35 * radii.mean() * 360 / np.ptp(window, axis=0).max(), 0.8, 6.0))
+    # in points: as much narrower than a particle whatever their number
+    scale = min(axes.bbox.width, axes.bbox.height) / axes.figure.dpi * 72 / float(np.ptp(window, axis=0).max())
+    widest = float(np.clip(0.3 * radii.mean() * scale, 0.8, 6.0))
     widths = widest * np.sqrt(np.clip(np.abs(F[end]) / largest, 0.02, 1.0))
     network = LineCollection(list(lines), colors=colours.to_rgba(F[end]), linewidths=list(widths))
     artists: list[Artist] = [axes.add_collection(particles), axes.add_collection(network)]
