@@ -168,6 +168,11 @@ def typical_values(law: ContactLaw) -> dict[Symbol, Rational]:
     return {symbol: Rational(S(value).subs(units)) for symbol, value in law.typical.items()}
 
 
+def without_typical(law: ContactLaw) -> tuple[Symbol, ...]:
+    """Own parameters that the law uses, and gives no typical value of."""
+    return tuple(symbol for symbol in parameters_of(law) if symbol not in (*law.typical, *COMMON_PARAMETERS))
+
+
 def sample_values(law: ContactLaw) -> dict[Symbol, Rational]:
     """Values of the law's own parameters, typical or at least allowed and different, in units R = E = eta = 1."""
     values, ranges = {}, ranges_of(law)

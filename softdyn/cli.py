@@ -290,11 +290,11 @@ def _regimes(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    law = _law(options.law)
-    from softdyn.report import write_report
+    with _patience(f"the report on {options.law}", 10 * PATIENCE):
+        law = _law(options.law)
+        from softdyn.report import write_report
 
-    path: Path = options.output or Path(f"{law.name}.html")
-    with _patience(f"the report on {law.name}", 10 * PATIENCE):
+        path: Path = options.output or Path(f"{law.name}.html")
         write_report(law, path)
     print(f"wrote {path}")
     return 0

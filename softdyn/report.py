@@ -195,7 +195,9 @@ def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) 
         lines.append(
             "Conservative." if diagram.conservative else "Not conservative: its elastic energy depends on the gap."
         )
-    if films is not None:
+    if films is not None and films.branches is None:
+        lines.append("Equilibrium films in numbers: unknown, since the law gives no typical values of all parameters.")
+    elif films is not None and films.branches is not None:
         stable = sum(branch.stable for branch in films.branches)
         lines.append(
             f"Families of equilibrium films at typical parameters: {stable} stable, "
@@ -520,7 +522,7 @@ def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
                     f"{decimal(values[0])} … {decimal(values[-1])}" for values in (branch.h, branch.force, branch.rate)
                 ],
             }
-            for branch in films.branches
+            for branch in films.branches or ()
         ],
     }
 

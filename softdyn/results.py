@@ -164,6 +164,22 @@ class written_whole:
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
 
 
+def require_folder(folder: Path) -> None:
+    """Make a folder, and see that it takes files, before any work is done.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise SceneError(f"cannot write to the folder {folder}: {error.strerror}") from None
+
+
 def load_result(path: str | Path) -> PairResult | ParticleResult:
     """Read a result saved as .json or .npz.
 

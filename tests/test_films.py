@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,10 +13,12 @@ from sympy import Expr, Rational, Symbol, exp, lambdify, sqrt
 from test_regimes import changed
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, h
-from softdyn.derive.films import GAPS, Films, branches, find_films
+from softdyn.derive.films import GAPS, Film, Films, branches, find_films
 from softdyn.derive.forms import force
 from softdyn.derive.law import typical_values
 from softdyn.derive.regimes import discover
+from softdyn.report import summary
+from softdyn.tables import regimes_text
 
 A, B, ell, far = (Symbol(name, positive=True) for name in ("strength", "pull", "ell", "far"))
 
@@ -134,3 +137,23 @@ def test_a_film_as_deep_as_the_model_reaches_is_found(side: int) -> None:
 
 def test_a_law_without_a_remote_force_has_no_film() -> None:
     assert find_films(discover(changed())) is None
+
+
+def test_nothing_is_said_in_numbers_of_a_law_that_gives_none() -> None:
+    """Neither in the text nor on the page."""
+    law = changed(**{**LAWS["exponential"], "typical": {A: E * R**2 / 10**4}})
+    diagram = discover(law)
+    found = find_films(diagram)
+    assert found is not None
+    assert found.branches is None
+    assert "in numbers: unknown, since the law gives no typical values of all of its parameters" in regimes_text(
+        diagram, found
+    )
+    assert "typical parameters" not in " ".join(summary([], diagram, found))
+
+
+def test_an_edge_without_a_force_is_told_as_one() -> None:
+    films = replace(films_of("power"), films=(Film("1", "2", "compression", None, None, None, None),))
+    text = regimes_text(discover(law_of("power")), films)
+    assert "1 (closing) | 2 (opening): no film beyond this line" in text
+    assert "None" not in text

@@ -143,9 +143,9 @@ def reproduce_t1(folder: Path, target: str = "auto") -> int:
     CompileError, IntegrationError
     """
     from softdyn import figures
-    from softdyn.reproduce import prepare_folder
+    from softdyn.results import require_folder
 
-    prepare_folder(folder)
+    require_folder(folder)
     swaps = measure(target=target, progress=True)
     print("\n".join(summary(swaps)))
     with written_whole(folder / "t1.csv") as temporary:
