@@ -184,7 +184,7 @@ def manifest_of(
 
 
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
-    """Derive a kernel: the one place of the runtime that imports the derivation stage."""
+    """Derive a kernel, which takes the derivation stage, and so sympy."""
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import is_dry, parameters_of, plain_ranges

@@ -340,7 +340,7 @@ def _what_happened(status: int, scene: Scene, rtol: float, state: Array) -> str:
     slow = "the gap settles on a film, where F_adh balances the force" if state[11] else slow
     why = f"{'the force moves the gap the other way' if away else slow}; {end_by_time}"
     reasons = {
-        3: f"the force table ends {where}{toward}; extend it, or end the run earlier",
+        3: f"the table ends {where}{toward}; extend it, or end the run earlier",
         -1: f"the step fell below the rounding of t {where}: the tolerance rtol={rtol:g} cannot be met, or the "
         "law or the force has a singularity there",
         -2: f"the time overflows {where}{toward}: {why}",

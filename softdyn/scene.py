@@ -248,21 +248,19 @@ def read_table(path: str | Path) -> Table:
                 except ValueError:
                     if not times and not any(_is_number(cell) for cell in row):
                         continue  # headings
-                    raise SceneError(
-                        f"force table {path}, line {number}: two numbers are expected, not {row}"
-                    ) from None
+                    raise SceneError(f"table {path}, line {number}: two numbers are expected, not {row}") from None
                 if not (math.isfinite(t) and math.isfinite(F)):
-                    raise SceneError(f"force table {path}, line {number}: {row} is not finite")
+                    raise SceneError(f"table {path}, line {number}: {row} is not finite")
                 if times and (t < times[-1] or times[-2:] == [t, t]):
-                    raise SceneError(f"force table {path}, line {number}: time {t} does not come after {times[-1]}")
+                    raise SceneError(f"table {path}, line {number}: time {t} does not come after {times[-1]}")
                 times.append(t)
                 forces.append(F)
     except OSError as error:
-        raise SceneError(f"cannot read the force table {path}: {error.strerror}") from None
+        raise SceneError(f"cannot read the table {path}: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"the force table {path} is not CSV in UTF-8: {error}") from None
+        raise SceneError(f"the table {path} is not CSV in UTF-8: {error}") from None
     if len(times) < 2:
-        raise SceneError(f"force table {path}: at least two rows of time, force are needed, and {len(times)} found")
+        raise SceneError(f"table {path}: at least two rows of time and value are needed, and {len(times)} found")
     return Table(np.array(times), np.array(forces))
 
 

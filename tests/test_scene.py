@@ -138,7 +138,7 @@ def test_force_tables_are_refused_with_the_line(tmp_path: Path, content: str, me
 def test_force_tables_may_have_headings_comments_and_blank_lines(tmp_path: Path) -> None:
     table = read_table(write(tmp_path, "time,force\n# a comment\n\n0,1e-2\n5,2e-2\n", "force.csv"))
     np.testing.assert_array_equal(table.t, [0.0, 5.0])
-    with pytest.raises(SceneError, match="cannot read the force table"):
+    with pytest.raises(SceneError, match="cannot read the table"):
         read_table(tmp_path / "missing.csv")
 
 

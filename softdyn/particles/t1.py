@@ -27,7 +27,7 @@ from softdyn.particles.observables import swap_time
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
 from softdyn.plots import BLUE, GREEN, ORANGE
-from softdyn.results import written_whole
+from softdyn.results import require_folder, written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -143,7 +143,6 @@ def reproduce_t1(folder: Path, target: str = "auto") -> int:
     CompileError, IntegrationError
     """
     from softdyn import figures
-    from softdyn.results import require_folder
 
     require_folder(folder)
     swaps = measure(target=target, progress=True)
