@@ -147,12 +147,13 @@ def test_a_jump_of_the_force_moves_delta_at_once_at_a_fixed_gap() -> None:
     assert [(event.what, event.t) for event in both.events] == [("a row of the table", 100.0)]
 
 
-def test_events_tell_when_the_force_crosses_zero() -> None:
+def test_events_tell_when_the_force_crosses_zero(tmp_path: Path) -> None:
     result = run(force="1e-3*cos(w*t)", constants={"w": 1e-2}, until_t=1000.0, rtol=1e-6)
     zeros = [event for event in result.events if event.what == "the force crosses zero"]
     np.testing.assert_allclose([event.t for event in zeros], [50 * math.pi, 150 * math.pi, 250 * math.pi], rtol=1e-12)
-    again = softdyn.PairResult(**{**vars(result)})
-    assert again.events == result.events
+    # and files keep them
+    for suffix in (".json", ".npz"):
+        assert softdyn.load_result(result.save(tmp_path / f"result{suffix}")).events == result.events
 
 
 @pytest.mark.parametrize(
