@@ -6,6 +6,7 @@ symbol at fault, what is allowed there and, where one suggests itself, the likel
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -20,6 +21,7 @@ from sympy import (
     Dummy,
     Expr,
     Float,
+    Interval,
     Max,
     Min,
     Mul,
@@ -151,9 +153,21 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
     for symbol, bounds in law.ranges.items():
         if symbol not in law.parameters:
             faults.append(f"ranges: {symbol} is not among the law's own parameters")
-        elif len(bounds) != 2 or not float(bounds[0]) < float(bounds[1]):
-            faults.append(f"ranges: {symbol} needs (low, high) with low < high, not {bounds}")
+        elif not _is_range(bounds):
+            faults.append(
+                f"ranges: {symbol} needs (low, high), finite numbers with low < high, or an Interval of such, "
+                f"not {bounds}"
+            )
     return faults
+
+
+def _is_range(bounds: object) -> bool:
+    """Whether these are two finite numbers, low and high, or an interval between such."""
+    ends = (bounds.start, bounds.end) if isinstance(bounds, Interval) else bounds
+    if not isinstance(ends, (tuple, list)) or len(ends) != 2:
+        return False
+    numbers = [isinstance(end, (int, float, Rational, Float)) and math.isfinite(float(end)) for end in ends]
+    return all(numbers) and bool(ends[0] < ends[1])
 
 
 def _symbol_faults(
@@ -295,7 +309,10 @@ def _sized(length: Expr) -> Expr:
 
 
 def _typical_faults(law: ContactLaw) -> list[str]:
+    from softdyn.derive.law import ranges_of
+
     faults = []
+    sound = ranges_of(law) if all(map(_is_range, law.ranges.values())) else {}
     for symbol, value in law.typical.items():
         if symbol not in law.parameters:
             faults.append(f"typical: {symbol} is not among the law's own parameters")
@@ -308,9 +325,12 @@ def _typical_faults(law: ContactLaw) -> list[str]:
         expected = law.parameters[symbol]
         if isinstance(value, Expr) and found is not None and found != expected and value.free_symbols:
             faults.append(f"typical: {symbol} = {value} has the dimension {found}; {expected} is expected")
-        low, high = law.ranges.get(symbol, (0, None)) if symbol.is_positive or symbol in law.ranges else (None, None)
-        if (low is not None and not number > low) or (high is not None and not number < high):
+        if (symbol.is_positive and not number > 0) or (symbol in sound and number not in sound[symbol]):
             faults.append(f"typical: {symbol} = {value} lies outside its range")
+        elif number == 0:
+            faults.append(
+                f"typical: {symbol} = 0 has no order of magnitude; leave it out, or give a number that is small"
+            )
     return faults
 
 
@@ -416,11 +436,13 @@ def _nonpositive_witness(
 
 
 def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:
-    if symbol in law.ranges:
-        low, high = (
-            mpmath.mpf(str(Rational(bound))) if isinstance(bound, (int, Rational)) else mpmath.mpf(float(bound))
-            for bound in law.ranges[symbol]
-        )
-        return [low + (high - low) * mpmath.mpf(part) / 10 for part in (1, 5, 9)]
+    from softdyn.derive.law import ranges_of
+
+    allowed = ranges_of(law).get(symbol)
+    if allowed is not None:
+        low, high = (mpmath.mpf(exact.p) / exact.q for exact in (Rational(allowed.start), Rational(allowed.end)))
+        parts = (0 if not allowed.left_open else 1, 5, 10 if not allowed.right_open else 9)
+        samples = [low + (high - low) * mpmath.mpf(part) / 10 for part in parts]
+        return [sample for sample in samples if sample > 0 or not symbol.is_positive]
     positive = [mpmath.mpf(10) ** k for k in (-3, 0, 3)]
     return positive if symbol.is_positive else [-positive[1], positive[0], positive[1]]

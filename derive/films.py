@@ -22,7 +22,7 @@ from softdyn.derive.balance import definitions, size
 from softdyn.derive.cones import Normal, dot
 from softdyn.derive.dynamics import F_a, a_delta, a_h
 from softdyn.derive.forms import force
-from softdyn.derive.law import sample_values
+from softdyn.derive.law import sample_values, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, is_simple
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
@@ -85,13 +85,14 @@ class Films:
         The film's gap in closed form, where F_adh depends on h alone and can be inverted.
     rate : Expr
         The relaxation rate, exact, in h (= h_eq) and delta.
-    branches : tuple of Branch
+    branches : tuple of Branch, or None
+        None if the law does not give typical values of all of its own parameters.
     """
 
     films: tuple[Film, ...]
     h_eq: Expr | None
     rate: Expr
-    branches: tuple[Branch, ...]
+    branches: tuple[Branch, ...] | None
 
 
 def find_films(diagram: Diagram) -> Films | None:
@@ -101,7 +102,7 @@ def find_films(diagram: Diagram) -> Films | None:
         return None
     closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a) else None
     films = tuple(film for crossover in diagram.crossovers if (film := _film(diagram, crossover, closed)) is not None)
-    return Films(films, closed, relaxation_rate(law), branches(law))
+    return Films(films, closed, relaxation_rate(law), None if without_typical(law) else branches(law))
 
 
 def relaxation_rate(law: ContactLaw) -> Expr:
@@ -224,7 +225,7 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
 
     At each gap, the force that F_adh carries there is the film's; where it falls with the gap the film is stable.
     """
-    numbers = {**dict.fromkeys(COMMON_PARAMETERS, S.One), **sample_values(law)}
+    numbers = {**dict.fromkeys(COMMON_PARAMETERS, S.One), **typical_values(law)}
     arguments = (a, h, delta)
     known = {s: e.subs(numbers) for s, e in definitions(law).items()}
     remote = lambdify(arguments, law.F_adh.subs(numbers), "math")
@@ -279,9 +280,9 @@ def _deflection(excess: object) -> float:
     sign = -1.0 if at_rest > 0 else 1.0
     low, high = 0.0, sign * 1e-18
     while (excess(high) > 0) == (at_rest > 0):  # type: ignore[operator]
-        low, high = high, 2 * high
-        if abs(high) > 1:
+        if high == sign:
             raise ValueError("no deflection below R")
+        low, high = high, sign * min(1.0, 2 * abs(high))
     for _ in range(60):
         middle = (low + high) / 2
         if (excess(middle) > 0) == (at_rest > 0):  # type: ignore[operator]

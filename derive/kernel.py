@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import sympy
 from sympy import Add, Expr, Integer, Mul, Rational, Symbol, diff, together
 
-from softdyn.derive.law import is_rigid, law_hash, parameters_of
+from softdyn.derive.law import is_rigid, law_hash, parameters_of, range_text, ranges_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.specialise import (
@@ -98,7 +98,8 @@ class KernelIR:
         Of the state: ln h, and delta unless the force is given.
     width : int
         Numbers that describe a step: its start, its length, what ends it; of each component its value and its stages.
-        Under a constant force there is room for a panel: the nodes' times, and its length in ln h.
+        Under a constant force there is room for a panel: the nodes' times, and its length in ln h. Last, the estimated
+        errors within the step, of ln h at a given time and of the time at a given gap.
     slope_names : tuple of str
         The Jacobian's entries in the code.
     terms : tuple of str
@@ -208,7 +209,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         output_variables=tuple(symbol.name for symbol in asked),
         inputs=tuple(symbol.name for symbol in ((F, dF_dt) if by_force else (dX_dt,)) if symbol.name in used),
         components=1 if by_force else 2,
-        width=5 + PANEL_NODES if by_force and needs.drive == "constant" else 3 + (STAGES + 1) * (1 if by_force else 2),
+        width=7 + PANEL_NODES if by_force and needs.drive == "constant" else 5 + (STAGES + 1) * (1 if by_force else 2),
         slope_names=tuple(symbol.name for symbol in entries),
         terms=terms,
         gap_terms=code(gap_terms),
@@ -299,9 +300,9 @@ def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], name
     faults = [
         f"{name!r} cannot be fixed: the parameters are {', '.join(names)}" for name in needs.fixed if name not in names
     ]
-    for symbol, (low, high) in law.ranges.items():
-        if symbol.name in needs.fixed and not float(low) < float(needs.fixed[symbol.name]) < float(high):
-            faults.append(f"{symbol} must lie between {low} and {high}, and is {needs.fixed[symbol.name]}")
+    for symbol, allowed in ranges_of(law).items():
+        if symbol.name in needs.fixed and Rational(needs.fixed[symbol.name]) not in allowed:
+            faults.append(f"{range_text(symbol, allowed)} must hold, and {symbol} is {needs.fixed[symbol.name]}")
     for symbol in parameters_of(law):
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
             faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
@@ -378,5 +379,5 @@ def _drive_expression(node: tuple, constants: list[Symbol]) -> Expr:
 
 
 def total_operations(ir: KernelIR | ContactIR) -> int:
-    """Count all operations of a kernel's law: balance, rate, outputs and force."""
+    """Count all operations of a kernel's law: balance, rate, slopes, outputs and force."""
     return sum(ir.operations[part][kind] for part in ir.operations for kind in KINDS)

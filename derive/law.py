@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
+from typing import Any
 
-from sympy import Expr, Integer, Rational, S, Symbol, oo, srepr
+from sympy import Expr, Integer, Interval, Rational, S, Symbol, oo, srepr
 
 from softdyn.derive.checks import faults_of
 from softdyn.derive.dimensions import Dimension
@@ -63,12 +64,12 @@ class ContactLaw:
         Remote force, a function of a and h; > 0 is repulsive.
     parameters : mapping from Symbol to Dimension
         The law's own parameters, besides R, E and eta, which any law may use.
-    ranges : mapping from Symbol to (low, high)
-        Open interval of values that a parameter may take, where that is not "any positive number" (or "any
-        number", for a symbol declared real).
+    ranges : mapping from Symbol to (low, high), or to Interval
+        Values that a parameter may take, where that is not "any positive number" (or "any number", for a symbol
+        declared real): between two finite numbers, without these; or a sympy ``Interval``, whose ends may belong to it.
     typical : mapping from Symbol to Expr
-        Typical values of the law's own parameters, numbers times powers of R, E and eta: their orders of magnitude tell
-        which regimes there are, and pictures are drawn for them.
+        Typical values of the law's own parameters, numbers other than 0 times powers of R, E and eta: their orders of
+        magnitude tell which regimes there are, and pictures are drawn for them.
     limits : tuple of Limit
         What the author claims of the law; ``softdyn check`` proves or disproves it.
     source : str
@@ -89,7 +90,7 @@ class ContactLaw:
     zeta: Expr
     F_adh: Expr = S.Zero
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
-    ranges: Mapping[Symbol, tuple[Expr | int, Expr | int]] = field(default_factory=dict)
+    ranges: Mapping[Symbol, Interval | tuple[Expr | int, Expr | int]] = field(default_factory=dict)
     typical: Mapping[Symbol, Expr | int] = field(default_factory=dict)
     limits: tuple[Limit, ...] = ()
     source: str = ""
@@ -121,6 +122,28 @@ def is_dry(law: ContactLaw) -> bool:
     return law.zeta == 0
 
 
+def ranges_of(law: ContactLaw) -> dict[Symbol, Interval]:
+    """Values that parameters may take, where the law declares a range."""
+    return {
+        symbol: bounds if isinstance(bounds, Interval) else Interval.open(*bounds)
+        for symbol, bounds in law.ranges.items()
+    }
+
+
+def range_text(symbol: object, allowed: Interval) -> str:
+    """Words for a range, as "-1 < nu <= 1/2"."""
+    signs = ["<" if is_open else "<=" for is_open in (allowed.left_open, allowed.right_open)]
+    return f"{allowed.start} {signs[0]} {symbol} {signs[1]} {allowed.end}"
+
+
+def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
+    """Ranges as plain data, by the parameters' names: low, high, and whether each of these is itself left out."""
+    return {
+        symbol.name: [float(one.start), float(one.end), bool(one.left_open), bool(one.right_open)]
+        for symbol, one in ranges_of(law).items()
+    }
+
+
 def parameters_of(law: ContactLaw) -> tuple[Symbol, ...]:
     """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
     used = {R}.union(*(expr.free_symbols for expr in expressions(law).values()))
@@ -145,17 +168,24 @@ def typical_values(law: ContactLaw) -> dict[Symbol, Rational]:
     return {symbol: Rational(S(value).subs(units)) for symbol, value in law.typical.items()}
 
 
+def without_typical(law: ContactLaw) -> tuple[Symbol, ...]:
+    """Own parameters that the law uses, and gives no typical value of."""
+    return tuple(symbol for symbol in parameters_of(law) if symbol not in (*law.typical, *COMMON_PARAMETERS))
+
+
 def sample_values(law: ContactLaw) -> dict[Symbol, Rational]:
     """Values of the law's own parameters, typical or at least allowed and different, in units R = E = eta = 1."""
-    values = {}
+    values, ranges = {}, ranges_of(law)
     for i, symbol in enumerate(law.parameters):
-        low, high = (Rational(bound) for bound in law.ranges.get(symbol, (0, 1)))
+        allowed = ranges.get(symbol, Interval(0, 1))
+        low, high = Rational(allowed.start), Rational(allowed.end)
         values[symbol] = low + (high - low) * Rational(3 + 2 * i, 7 + 2 * i)
     return {**values, **typical_values(law)}
 
 
 def law_hash(law: ContactLaw) -> str:
     """Fingerprint of what the law's kernels depend on: its name, source, expressions and parameters."""
-    own = [f"{srepr(symbol)}: {law.parameters[symbol]} {law.ranges.get(symbol)}" for symbol in law.parameters]
+    ranges = ranges_of(law)
+    own = [f"{srepr(symbol)}: {law.parameters[symbol]} {ranges.get(symbol)}" for symbol in law.parameters]
     text = "\n".join([law.name, law.source, *(srepr(expr) for expr in expressions(law).values()), *own])
     return sha256(text.encode()).hexdigest()[:16]

@@ -33,6 +33,8 @@ class Collocation:
         The inverse of the Runge-Kutta matrix, by columns: (A^-1)[i][j] at s*j + i.
     matrix : tuple of float
         The Runge-Kutta matrix A, by columns.
+    quadrature : tuple of float
+        The last row of A: weights of the nodes in an integral over the step.
     chebyshev : tuple of float
         Weights of the values at the s nodes, with 0 at 0, in the polynomial's coefficients by Chebyshev's polynomials
         T_k(2 theta - 1): by columns: that of value j in T_k at (s + 1)*j + k.
@@ -51,6 +53,7 @@ class Collocation:
     weights: tuple[float, ...]
     inverse: tuple[float, ...]
     matrix: tuple[float, ...]
+    quadrature: tuple[float, ...]
     chebyshev: tuple[float, ...]
     slope_start: tuple[float, ...]
     probe: float
@@ -85,6 +88,7 @@ def radau_iia(stages: int = STAGES) -> Collocation:
             weights=_floats([1 / mpmath.fprod(x - y for y in points if y != x) for x in points]),
             inverse=_floats([inverse[i, j] for j in range(stages) for i in range(stages)]),
             matrix=_floats([matrix[i, j] for j in range(stages) for i in range(stages)]),
+            quadrature=_floats([matrix[stages - 1, j] for j in range(stages)]),
             chebyshev=_floats([chebyshev[k, j + 1] for j in range(stages) for k in range(stages + 1)]),
             slope_start=_floats(_weights(points, mpmath.mpf(0), derivative=True)),
             probe=float(probe),

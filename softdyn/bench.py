@@ -28,7 +28,7 @@ import softdyn
 from softdyn.bench_reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair import integrate_steps, kernel_needs, kernel_parameters, states_at
-from softdyn.results import written_whole
+from softdyn.results import require_folder, written_whole
 from softdyn.scene import Scene, drive_of
 from softdyn.states import deflection, drive_at, initial_deflection
 
@@ -65,7 +65,13 @@ def bench(
     seconds : float
         CPU time that one measurement lasts at least.
     say : function of a line of text
+
+    Raises
+    ------
+    SceneError
+        If the folder cannot be written to, which is seen before anything is measured.
     """
+    require_folder(folder)
     runs: list[Run] = []
     missing: dict[str, str] = {}
     for case in cases():

@@ -31,6 +31,7 @@ examples:
   softdyn run scene.toml -o result.npz       simulate a scene
   softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv     the scene for a hundred forces
   softdyn plot result.npz                    draw the result
+  softdyn convert result.npz -o result.gsd   many particles, to be opened in OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
 
 exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
@@ -39,6 +40,8 @@ carried to its end, with the reason on stderr
 
 #: Endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
+#: Those of animations.
+ANIMATIONS = (".gif", ".mp4")
 
 Command = Callable[[argparse.Namespace], int]
 
@@ -131,14 +134,15 @@ def _parser() -> argparse.ArgumentParser:
 
     run = add("run", _run, "simulate a scene")
     run.add_argument(
-        "scene", metavar="SCENE", type=Path, help="a .toml file, or two, line, t1, emulsion: many particles"
+        "scene", metavar="SCENE", type=Path, help="a .toml file, or two, line, t1, emulsion, suspension: many particles"
     )
     run.add_argument(
         "-o",
         dest="output",
         metavar="FILE",
         type=Path,
-        help="save the result: .json, .npz (both can be plotted) or .csv",
+        help="save the result: .json, .npz (both can be plotted) or .csv; of many particles .npz, and beside it .gsd "
+        "(OVITO) or .pvd (ParaView) if that is the ending",
     )
     run.add_argument("--json", action="store_true", help="print the result as one JSON object")
     run.add_argument(
@@ -163,10 +167,25 @@ def _parser() -> argparse.ArgumentParser:
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
     )
 
+    convert = add("convert", _convert, "write a saved result in another format")
+    convert.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
+    convert.add_argument(
+        "-o",
+        dest="output",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help=".json, .npz or .csv; of many particles .gsd (OVITO) or .pvd (ParaView)",
+    )
+
     plot = add("plot", _plot, "draw a saved result")
     plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
     plot.add_argument(
-        "-o", dest="picture", metavar="PICTURE", type=Path, help=".png, .svg or .pdf (default: FILE with .png)"
+        "-o",
+        dest="picture",
+        metavar="PICTURE",
+        type=Path,
+        help=".png, .svg or .pdf (default: FILE with .png); .gif or .mp4: an animation of many particles",
     )
 
     bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
@@ -182,7 +201,12 @@ def _parser() -> argparse.ArgumentParser:
         help="of the report on pairs; default: %(default)s",
     )
 
-    reproduce = add("reproduce", _reproduce, "draw the paper's figures 3 and 4 from a run")
+    reproduce = add(
+        "reproduce", _reproduce, "draw the papers' figures from runs: 3 and 4 of part 1; the duration of T1 processes"
+    )
+    reproduce.add_argument(
+        "what", nargs="?", choices=("pair", "t1"), default="pair", help="part 1, or the T1 (default: %(default)s)"
+    )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
     )
@@ -266,11 +290,11 @@ def _regimes(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    law = _law(options.law)
-    from softdyn.report import write_report
+    with _patience(f"the report on {options.law}", 10 * PATIENCE):
+        law = _law(options.law)
+        from softdyn.report import write_report
 
-    path: Path = options.output or Path(f"{law.name}.html")
-    with _patience(f"the report on {law.name}", 10 * PATIENCE):
+        path: Path = options.output or Path(f"{law.name}.html")
         write_report(law, path)
     print(f"wrote {path}")
     return 0
@@ -379,13 +403,18 @@ def _generate_stock(options: argparse.Namespace) -> int:
     return 0
 
 
+def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
+    if output is not None and output.suffix not in endings:
+        raise SceneError(f"cannot save to {output}: the ending must be one of {', '.join(endings)}")
+
+
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair import simulate_pair
+    from softdyn.particles.export import WRITERS
     from softdyn.results import SUFFIXES
     from softdyn.scene import is_particle_scene, read_scene, read_toml
 
-    if options.output is not None and options.output.suffix not in SUFFIXES:
-        raise SceneError(f"cannot save to {options.output}: the ending must be one of {', '.join(SUFFIXES)}")
+    _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file: Path = options.scene
     if not file.suffix and not file.exists():
         from softdyn.particles.files import stock_scenes
@@ -397,6 +426,7 @@ def _run(options: argparse.Namespace) -> int:
         return run_particles(file, options.output, options.resume, options.json)
     if options.resume:
         raise SceneError("--resume is for scenes of many particles")
+    _require_ending(options.output, SUFFIXES)
     scene = read_scene(options.scene)
     with _progress_bar(scene) as progress:
         result = simulate_pair(scene, progress)
@@ -429,11 +459,11 @@ def _closure(stats: Any) -> str:
 
 def _sweep(options: argparse.Namespace) -> int:
     from softdyn.scene import read_scene
-    from softdyn.sweep import read_values, sweep
+    from softdyn.sweep import read_varied, sweep
 
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
-    vary = dict(read_values(text) for text in options.vary)
+    vary = read_varied(options.vary)
     parts = options.output.with_name(options.output.name + ".parts")
     scene = read_scene(options.scene)
     with _sweep_bar() as progress:
@@ -495,17 +525,29 @@ class _progress_bar:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from softdyn.particles.results import holds_particles, load_particles
-    from softdyn.results import load_result, written_whole
+    from softdyn.results import PairResult, load_result, written_whole
 
-    many = holds_particles(options.result)
+    result = load_result(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
-    if picture.suffix not in PICTURES:
-        raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
-    figure = load_particles(options.result).plot() if many else load_result(options.result).plot()
-    with written_whole(picture) as temporary:
-        figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
+    if picture.suffix not in (*PICTURES, *ANIMATIONS):
+        endings = ", ".join((*PICTURES, *ANIMATIONS))
+        raise SceneError(f"cannot draw to {picture}: the ending must be one of {endings}")
+    if picture.suffix in ANIMATIONS:
+        if isinstance(result, PairResult):
+            raise SceneError(f"cannot draw to {picture}: animations are of many particles; {options.result} holds two")
+        result.animate(picture)
+    else:
+        figure = result.plot()
+        with written_whole(picture) as temporary:
+            figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
+    return 0
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from softdyn.results import load_result
+
+    print(f"wrote {load_result(options.result).save(options.output)}")
     return 0
 
 
@@ -520,6 +562,10 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
+    if options.what == "t1":
+        from softdyn.particles.t1 import reproduce_t1
+
+        return reproduce_t1(options.folder, options.target)
     from softdyn.reproduce import reproduce
 
     return reproduce(options.folder, target=options.target)

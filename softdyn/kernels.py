@@ -24,6 +24,7 @@ import softdyn
 from softdyn import cache
 from softdyn.errors import SceneError
 from softdyn.laws import LawReference, digest, find
+from softdyn.scene import Range
 from softdyn.targets import Functions
 
 TARGETS = ("c", "numba")
@@ -53,8 +54,8 @@ class Kernel:
     functions : Functions
     dry : bool
         Whether the law is that of a dry contact: no gap, no friction.
-    ranges : dict
-        Open intervals within which some of the parameters must lie; others are positive, if ``positive`` names them.
+    ranges : mapping from str to (low, high, whether low is left out, whether high is)
+        Within which some of the parameters must lie; others are positive, if ``positive`` names them.
     """
 
     law: str
@@ -70,7 +71,7 @@ class Kernel:
     functions: Functions
     positive: tuple[str, ...]
     dry: bool
-    ranges: Mapping[str, tuple[float, float]]
+    ranges: Mapping[str, Range]
 
 
 def choose_target(target: str) -> str:
@@ -149,7 +150,7 @@ def get_kernel(
         functions=functions,
         positive=tuple(manifest["positive"]),
         dry=manifest["dry"],
-        ranges={name: (low, high) for name, (low, high) in manifest["ranges"].items()},
+        ranges=manifest["ranges"],
     )
 
 
@@ -191,10 +192,10 @@ def manifest_of(
 
 
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
-    """Derive a kernel: the one place of the runtime that imports the derivation stage."""
+    """Derive a kernel, which takes the derivation stage, and so sympy."""
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.kernel import kernel_ir
-    from softdyn.derive.law import is_dry, parameters_of
+    from softdyn.derive.law import is_dry, parameters_of, plain_ranges
     from softdyn.derive.specialise import Needs
     from softdyn.laws import load
 
@@ -211,7 +212,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "width": ir.width,
         "dry": is_dry(law),
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
-        "ranges": {symbol.name: [float(low), float(high)] for symbol, (low, high) in law.ranges.items()},
+        "ranges": plain_ranges(law),
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],
         "operations": ir.operations,
         "source": emit(ir, target),

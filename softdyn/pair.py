@@ -34,9 +34,16 @@ LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
 #: An expression of time is looked at in 8 points of each of at least so many steps, lest a pulse be missed.
 FEWEST_STEPS = 16
-
-#: Numbers of a step in time: its start, its length, what ends it, ln h and its 8 stages.
+#: Numbers of a step in time: its start, its length, what ends it, ln h and its 8 stages; its estimated errors come last.
 IN_TIME = 12
+
+#: An estimated error of an output is let pass up to so many times rtol; else the run is repeated at a tolerance so much
+#: tighter, and as much again: tighter than rounding there is nothing to gain.
+ALLOWED_ERROR = 10.0
+REPEATS = 2
+TIGHTEST = 1e-16
+#: Stands for an estimate that overflows.
+LARGEST_ERROR = 1e300
 
 #: What ends a step, by its number in the steps.
 WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to rest on a film")
@@ -85,8 +92,7 @@ def simulate_pair(
         steps = np.empty((0, kernel.width))
         t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, float(drive.constants[0]))
     else:
-        steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, progress)
-        t, h = _sample(scene, kernel, drive, steps, stopped_by)
+        steps, t, h, stopped_by, stats = _integrate_to_tolerance(scene, kernel, p, drive, delta0, progress)
     if kernel.dry:
         h = np.zeros(len(t))  # closed from the start, whatever h was given
     given, given_rate = drive_at(kernel, drive, t)
@@ -117,7 +123,7 @@ def simulate_pair(
             "kernel": kernel.key,
         },
         events=_events(kernel, drive, p, steps, stopped_by, t, h, delta),
-        warnings=(*_warnings(kernel, p, delta, largest, R), *_unreached(scene, t)),
+        warnings=(*_warnings(kernel, p, delta, largest, R), *_unreached(scene, t), *_ill_conditioned(scene, stats)),
     )
 
 
@@ -184,23 +190,71 @@ def _events(
     return tuple(found)
 
 
-def _integrate(
+def _integrate_to_tolerance(
     scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, progress: Progress | None
+) -> tuple[Array, Array, Array, str, dict[str, Any]]:
+    """Steps, times and gaps of the outputs, what stopped the run, and statistics; errors that grow on the way included.
+
+    A step is held to rtol, and what it errs may grow: where the estimate of that at an output exceeds ALLOWED_ERROR
+    times rtol, the run is repeated with steps held to less.
+    """
+    rtol = asked = float(scene.rtol)
+    steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, rtol, progress)
+    t, h = _sample(scene, kernel, drive, steps, stopped_by)
+    stats["error"] = error = _estimated_error(scene, steps, t)
+    for _ in range(REPEATS):
+        if error <= ALLOWED_ERROR * asked or rtol <= TIGHTEST:
+            break
+        # errors of the steps go as the tolerance; half of what would just do
+        rtol = max(rtol * 0.5 * min(ALLOWED_ERROR * asked / error, 0.2), TIGHTEST)
+        try:
+            again, stopped_again, stats_again = _integrate(scene, kernel, p, drive, delta0, rtol, progress)
+            t_again, h_again = _sample(scene, kernel, drive, again, stopped_again)
+        except IntegrationError:
+            break  # steps cannot be held to so little: the result says what its error is
+        error = _estimated_error(scene, again, t_again)
+        stats_again["evaluations"] += stats["evaluations"]
+        if error < stats["error"]:
+            steps, t, h, stopped_by, stats = again, t_again, h_again, stopped_again, stats_again | {"error": error}
+        else:
+            stats["evaluations"] = stats_again["evaluations"]
+    return steps, t, h, stopped_by, stats
+
+
+def _estimated_error(scene: Scene, steps: Array, t: Array) -> float:
+    """Largest estimated error of an output, relative.
+
+    Of h at a given time. Where the outputs are not at given times, an output is a point of the curve (t, h), and is as
+    far from it as the smaller of its error of h and of that of t: one of the two may be ill-conditioned.
+    """
+    at = np.searchsorted(steps[:, 0], t, side="right") - 1
+    error = steps[at, -2]
+    if scene.times is None:
+        duration = steps[at, 0] + steps[at, 1] - steps[0, 0]
+        error = np.minimum(error, steps[at, -1] / duration)
+    # written so that an overflow on the way is an error, too
+    largest = float(np.max(error, initial=0.0))
+    return largest if largest < LARGEST_ERROR else LARGEST_ERROR
+
+
+def _integrate(
+    scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, rtol: float, progress: Progress | None
 ) -> tuple[Array, str, dict[str, Any]]:
     """Run the kernel's integrator to the end; returns its steps, what stopped it, and statistics."""
     t_end = math.inf if scene.until_t is None else float(scene.until_t)
     u_stop = math.nan if scene.until_h is None else math.log(scene.until_h)
     start, ends = (float(scene.h), delta0), (t_end, u_stop)
-    steps, state = integrate_steps(kernel, drive, p, start, ends, float(scene.rtol), scene.method, progress)
+    steps, state = integrate_steps(kernel, drive, p, start, ends, rtol, scene.method, progress)
     status = int(state[-1])
     if status not in (0, 1):
-        raise IntegrationError(_what_happened(status, scene, drive, state))
+        raise IntegrationError(_what_happened(status, scene, rtol, state))
     stats = {
         "method": _method(drive, int(state[4]), int(state[14])),
         "steps": int(state[4]),
         "rejected": int(state[5]),
         "evaluations": int(8 * state[6] + state[7]),
         "stiffness": float(state[10]),
+        "rtol": rtol,
     }
     return steps, "h" if status == 1 else "t", stats
 
@@ -224,7 +278,7 @@ def integrate_steps(
         As the kernel left it, and last its status: 0 at the time, 1 past ln h, else why it ended.
     """
     t_end, u_stop = ends
-    state = np.zeros(15)
+    state = np.zeros(17)
     state[:3] = drive.start, math.log(start[0]), start[1]
     state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
     state[13] = float(method == "auto")
@@ -263,7 +317,7 @@ def _stuck(state: Array) -> int:
     return 2 if abs(state[1]) < 690 else RUNAWAY
 
 
-def _what_happened(status: int, scene: Scene, drive: Drive, state: Array) -> str:
+def _what_happened(status: int, scene: Scene, rtol: float, state: Array) -> str:
     t, u, delta = state[:3]
     h = math.exp(min(max(u, -745.0), 709.0))
     where = f"at t={t:.6g}, h={h:.6g}, delta={delta:.6g}"
@@ -283,8 +337,8 @@ def _what_happened(status: int, scene: Scene, drive: Drive, state: Array) -> str
     slow = "the gap settles on a film, where F_adh balances the force" if state[11] else slow
     why = f"{'the force moves the gap the other way' if away else slow}; {end_by_time}"
     reasons = {
-        3: f"the force table ends {where}{toward}; extend it, or end the run earlier",
-        -1: f"the step fell below the rounding of t {where}: the tolerance rtol={scene.rtol:g} cannot be met, or the "
+        3: f"the table ends {where}{toward}; extend it, or end the run earlier",
+        -1: f"the step fell below the rounding of t {where}: the tolerance rtol={rtol:g} cannot be met, or the "
         "law or the force has a singularity there",
         -2: f"the time overflows {where}{toward}: {why}",
         -3: f"the gap has no finite rate {where}: the force or the law has no value there",
@@ -344,9 +398,9 @@ def _passages(kernel: Kernel, steps: Array, index: Array, u: Array) -> Array:
 def _ends(kernel: Kernel, steps: Array) -> Array:
     """Return ln h at the start of each step, and at the end of the last."""
     last = steps[-1]
-    # of a panel of the gap its length comes last; of a step in time, the last stage is at its end
-    by_gap = kernel.components == 1 and kernel.width > IN_TIME and last[-1] != 0
-    return np.append(steps[:, 3], last[3] + (last[-1] if by_gap else last[IN_TIME - 1]))
+    # of a panel of the gap its length comes last but for the errors; of a step in time, the last stage is at its end
+    by_gap = kernel.components == 1 and kernel.width > IN_TIME + 2 and last[-3] != 0
+    return np.append(steps[:, 3], last[3] + (last[-3] if by_gap else last[IN_TIME - 1]))
 
 
 def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float, stopped_by: str) -> tuple[Array, Array]:
@@ -392,6 +446,17 @@ def _unreached(scene: Scene, t: Array) -> tuple[str, ...]:
     if scene.times is None or isinstance(scene.times, (int, np.integer)) or len(t) == len(scene.times):
         return ()
     return (f"{len(scene.times) - len(t)} of the {len(scene.times)} output times lie after the end of the run",)
+
+
+def _ill_conditioned(scene: Scene, stats: dict[str, Any]) -> tuple[str, ...]:
+    error = stats.get("error", 0.0)
+    if error <= ALLOWED_ERROR * scene.rtol:
+        return ()
+    known = f"the gap at a given time is known to {error:.1e} only, relative, and rtol is {scene.rtol:g}"
+    if scene.times is None:
+        known = f"the outputs are known to {error:.1e} only, in t and in h, relative, and rtol is {scene.rtol:g}"
+    aside = "; the times of given gaps may be better conditioned ([output] gaps)" if scene.times is not None else ""
+    return (f"{known}: on the way errors, of rounding if no other, grow by as much{aside}",)
 
 
 def _warnings(kernel: Kernel, p: Array, delta: Array, largest: float, R: float) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from sympy import Expr, S, Symbol, diff, lambdify, oo
 from softdyn.derive import dynamics as d
 from softdyn.derive.cones import cut, dot, primitive
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
-from softdyn.derive.law import parameters_of, typical_values
+from softdyn.derive.law import typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
 from softdyn.errors import SceneError
@@ -109,7 +109,7 @@ def parameter_values(law: ContactLaw) -> dict[Symbol, float]:
         If the law gives no typical value of one of its own.
     """
     typical = typical_values(law)
-    missing = [symbol for symbol in parameters_of(law) if symbol not in (*typical, *COMMON_PARAMETERS)]
+    missing = without_typical(law)
     if missing:
         names = ", ".join(map(str, missing))
         raise SceneError(

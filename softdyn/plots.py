@@ -1,4 +1,4 @@
-"""Pictures of a result; matplotlib is imported here and in :mod:`softdyn.figures` only."""
+"""Pictures of a run of two particles."""
 
 from __future__ import annotations
 

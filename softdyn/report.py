@@ -27,7 +27,16 @@ from softdyn.derive.emit import emit
 from softdyn.derive.films import Film, Films, find_films
 from softdyn.derive.forms import force, force_unit
 from softdyn.derive.kernel import kernel_ir, total_operations
-from softdyn.derive.law import dimensions_for, expressions, is_dry, is_rigid, law_hash, parameters_of
+from softdyn.derive.law import (
+    dimensions_for,
+    expressions,
+    is_dry,
+    is_rigid,
+    law_hash,
+    parameters_of,
+    range_text,
+    ranges_of,
+)
 from softdyn.derive.limits import Finding, chains, check_limits, ordering, side_of
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
@@ -186,7 +195,9 @@ def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) 
         lines.append(
             "Conservative." if diagram.conservative else "Not conservative: its elastic energy depends on the gap."
         )
-    if films is not None:
+    if films is not None and films.branches is None:
+        lines.append("Equilibrium films in numbers: unknown, since the law gives no typical values of all parameters.")
+    elif films is not None and films.branches is not None:
         stable = sum(branch.stable for branch in films.branches)
         lines.append(
             f"Families of equilibrium films at typical parameters: {stable} stable, "
@@ -204,10 +215,11 @@ def parameters(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
     rows = []
     dimensions = dimensions_for(law)
     for symbol in parameters_of(law):
-        bounds = law.ranges.get(symbol)
+        bounds = ranges_of(law).get(symbol)
         if bounds is not None:
-            low, high = (S(bound) for bound in bounds)
-            allowed = show(rf"{to_latex(low)} < {to_latex(symbol)} < {to_latex(high)}", f"{low} < {symbol} < {high}")
+            signs = ["<" if is_open else r"\leq" for is_open in (bounds.left_open, bounds.right_open)]
+            low, high = (to_latex(bound) for bound in (bounds.start, bounds.end))
+            allowed = show(f"{low} {signs[0]} {to_latex(symbol)} {signs[1]} {high}", range_text(symbol, bounds))
         else:
             allowed = Markup("positive") if symbol.is_positive else Markup("any number")
         typical = law.typical.get(symbol)
@@ -510,7 +522,7 @@ def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
                     f"{decimal(values[0])} … {decimal(values[-1])}" for values in (branch.h, branch.force, branch.rate)
                 ],
             }
-            for branch in films.branches
+            for branch in films.branches or ()
         ],
     }
 

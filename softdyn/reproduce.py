@@ -7,7 +7,6 @@ with exact quadrature. Units: R, E and eta are 1, so that F = kappa and t is in 
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,16 +21,15 @@ from tqdm import tqdm
 
 from softdyn import figures
 from softdyn.api import simulate
-from softdyn.derive.dynamics import generic_dynamics, law_quantities
+from softdyn.derive.dynamics import generic_dynamics
 from softdyn.derive.forms import force as F
 from softdyn.derive.forms import force_unit
 from softdyn.derive.laws.rognon_gay import law as LAW
 from softdyn.derive.limits import Finding, check_limits
 from softdyn.derive.regimes import Diagram, Regime, discover
 from softdyn.derive.symbols import E, R, eta, h
-from softdyn.errors import SceneError
 from softdyn.plane import length_ratios, monomial
-from softdyn.results import PairResult, written_whole
+from softdyn.results import PairResult, require_folder, written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +123,7 @@ def reproduce(folder: str | Path = DEFAULT_FOLDER, target: str = "auto", progres
     """
     start = time.perf_counter()
     folder = Path(folder)
-    _prepare(folder)
+    require_folder(folder)
     findings = derive()
     print("\n".join(derivation_lines(findings)), flush=True)
     study = run(target, progress)
@@ -136,20 +134,9 @@ def reproduce(folder: str | Path = DEFAULT_FOLDER, target: str = "auto", progres
     return 0 if proved and np.all(study.table["relative error"] <= study.allowed[:, None]) else 1
 
 
-def _prepare(folder: Path) -> None:
-    """Make the folder, and see that it takes files, before any work is done."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise SceneError(f"cannot write to the folder {folder}: {error.strerror}") from None
-
-
 def derive() -> list[Finding]:
-    """Derive eqs. 7 and 9, apply them to the law, and check what it claims of its limits."""
+    """Derive eqs. 7 and 9, and check what the law claims of its limits."""
     generic_dynamics()  # raises if C or D is not the paper's
-    law_quantities(LAW)
     return check_limits(LAW)
 
 

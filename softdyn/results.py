@@ -20,6 +20,8 @@ from softdyn.errors import SceneError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from softdyn.particles.results import ParticleResult
+
 SUFFIXES = (".json", ".npz", ".csv")
 
 
@@ -52,7 +54,9 @@ class PairResult:
         "h" or "t": which end was reached.
     stats : mapping
         ``method`` (what was done), ``steps``, ``rejected``, ``evaluations`` (of dh/dt), ``stiffness`` (largest step
-        times rate of decay), ``force_residual`` (largest abs(F_ela - F_ext) relative to the largest force) or ``drift``
+        times rate of decay), ``error`` (estimated, of h, relative, the largest of all outputs; where these are not at
+        given times, of t or of h, whichever is less), ``rtol`` (of the steps: below the scene's where errors grow on
+        the way), ``force_residual`` (largest abs(F_ela - F_ext) relative to the largest force) or ``drift``
         (largest distance of X from where a position or a spring has it, over R), ``wall_s``, ``compile_s`` (deriving,
         compiling and loading), ``kernel`` (its key).
     warnings : tuple of str
@@ -128,7 +132,7 @@ def _json_number(value: float) -> float | None:
 
 
 class written_whole:
-    """Context: a temporary file that takes the place of ``path`` once it is written without an error."""
+    """Context: a temporary file, of the same ending, that takes the place of ``path`` once it is written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -138,7 +142,7 @@ class written_whole:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.is_dir():
                 raise IsADirectoryError(21, "it is a folder")
-            handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
+            handle, name = tempfile.mkstemp(prefix=f".{self.path.stem}.", suffix=self.path.suffix, dir=self.path.parent)
         except OSError as error:
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
         os.close(handle)
@@ -160,7 +164,23 @@ class written_whole:
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
 
 
-def load_result(path: str | Path) -> PairResult:
+def require_folder(folder: Path) -> None:
+    """Make a folder, and see that it takes files, before any work is done.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise SceneError(f"cannot write to the folder {folder}: {error.strerror}") from None
+
+
+def load_result(path: str | Path) -> PairResult | ParticleResult:
     """Read a result saved as .json or .npz.
 
     Raises
@@ -178,19 +198,26 @@ def load_result(path: str | Path) -> PairResult:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 about = json.loads(str(stored["about"]))
                 arrays = {name: stored[name] for name in stored.files if name != "about"}
+            if about.get("kind") == "particles":
+                from softdyn.particles.results import result_from
+
+                return result_from(about, arrays)
         else:
-            data = json.loads(path.read_text(encoding="utf-8"))
+            about = json.loads(path.read_text(encoding="utf-8"))
             arrays = {
                 name: np.array([math.nan if v is None else v for v in values], dtype=float)
-                for name, values in data.items()
+                for name, values in about.items()
                 if isinstance(values, list) and name not in ("warnings", "events")
             }
-            about = data
+        arrays = {"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays}
+        for name, values in arrays.items():
+            if values.dtype.kind != "f" or values.ndim != 1 or len(values) != len(arrays["t"]) or not len(values):
+                raise ValueError(f"{name} has the shape {values.shape}, t the shape {arrays['t'].shape}")
         return PairResult(
-            law=about["law"],
-            target=about["target"],
-            parameters=about["parameters"],
-            arrays={"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays},
+            law=str(about["law"]),
+            target=str(about["target"]),
+            parameters={str(name): float(value) for name, value in about["parameters"].items()},
+            arrays=arrays,
             stopped_by=about["stopped_by"],
             stats=about["stats"],
             warnings=tuple(about["warnings"]),
@@ -198,5 +225,7 @@ def load_result(path: str | Path) -> PairResult:
         )
     except OSError as error:
         raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+    except KeyError as error:
+        raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): it has no {error}") from None
+    except (ValueError, TypeError, AttributeError, EOFError, BadZipFile) as error:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): {error}") from None

@@ -39,6 +39,8 @@ KEYS: dict[str, tuple[str, ...]] = {
 #: What can drive a pair; exactly one of them does.
 DRIVES = ("force", "position", "velocity", "spring")
 TOP_LEVEL = ("law", "target", "parameters", *KEYS)
+#: What a parameter may be: low, high, and whether each of these is itself left out.
+Range = tuple[float, float, bool, bool]
 
 
 @dataclass(frozen=True)
@@ -246,21 +248,19 @@ def read_table(path: str | Path) -> Table:
                 except ValueError:
                     if not times and not any(_is_number(cell) for cell in row):
                         continue  # headings
-                    raise SceneError(
-                        f"force table {path}, line {number}: two numbers are expected, not {row}"
-                    ) from None
+                    raise SceneError(f"table {path}, line {number}: two numbers are expected, not {row}") from None
                 if not (math.isfinite(t) and math.isfinite(F)):
-                    raise SceneError(f"force table {path}, line {number}: {row} is not finite")
+                    raise SceneError(f"table {path}, line {number}: {row} is not finite")
                 if times and (t < times[-1] or times[-2:] == [t, t]):
-                    raise SceneError(f"force table {path}, line {number}: time {t} does not come after {times[-1]}")
+                    raise SceneError(f"table {path}, line {number}: time {t} does not come after {times[-1]}")
                 times.append(t)
                 forces.append(F)
     except OSError as error:
-        raise SceneError(f"cannot read the force table {path}: {error.strerror}") from None
+        raise SceneError(f"cannot read the table {path}: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"the force table {path} is not CSV in UTF-8: {error}") from None
+        raise SceneError(f"the table {path} is not CSV in UTF-8: {error}") from None
     if len(times) < 2:
-        raise SceneError(f"force table {path}: at least two rows of time, force are needed, and {len(times)} found")
+        raise SceneError(f"table {path}: at least two rows of time and value are needed, and {len(times)} found")
     return Table(np.array(times), np.array(forces))
 
 
@@ -351,7 +351,7 @@ def _checked(drive: Drive) -> Drive:
 
 def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
     if isinstance(value, str):
-        constants = _numbers("[drive] constants", named)
+        constants = named_numbers("[drive] constants", named)
         taken = [constant for constant in constants if constant in ("t", "pi", *FUNCTIONS)]
         if taken:
             raise SceneError(f"[drive] constants: {', '.join(taken)} has a meaning of its own in an expression")
@@ -391,7 +391,13 @@ def _table_from(name: str, t: Any, F: Any) -> Table:
     return table
 
 
-def _numbers(where: str, values: Any) -> dict[str, float]:
+def named_numbers(where: str, values: Any) -> dict[str, float]:
+    """Finite numbers by name.
+
+    Raises
+    ------
+    SceneError
+    """
     if not isinstance(values, Mapping):
         raise SceneError(f"{where} must map names to numbers, not {values!r}")
     return {str(name): _finite(f"{where}: {name}", value) for name, value in values.items()}
@@ -464,7 +470,7 @@ def check_scene(scene: Scene) -> None:
         faults.append(f"[accuracy] unknown method {scene.method!r}{suggestion(scene.method, METHODS)}")
     if scene.target not in TARGETS:
         faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
-    attempt(_numbers, "[parameters]", scene.parameters)
+    attempt(named_numbers, "[parameters]", scene.parameters)
     if faults:
         raise SceneError(_listed(faults))
 
@@ -494,7 +500,18 @@ def _outputs(name: str, value: Any, check: Any) -> Any:
     return values
 
 
-def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str], ranges: Mapping[str, Any]) -> NDArray:
+def range_fault(name: str, value: float, allowed: Range) -> str | None:
+    """What is wrong with a parameter's value, if it is outside of its range."""
+    low, high, above, below = allowed
+    if (low < value if above else low <= value) and (value < high if below else value <= high):
+        return None
+    signs = ["<" if is_open else "<=" for is_open in (above, below)]
+    return f"[parameters] {name} = {value:g} lies outside of its range, {low:g} {signs[0]} {name} {signs[1]} {high:g}"
+
+
+def parameter_values(
+    scene: Scene, names: Sequence[str], positive: Sequence[str], ranges: Mapping[str, Range]
+) -> NDArray:
     """Values of a law's parameters, in its order.
 
     Raises
@@ -502,7 +519,7 @@ def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str]
     SceneError
         Listing missing, unknown, non-positive and out-of-range parameters.
     """
-    given = _numbers("[parameters]", scene.parameters)
+    given = named_numbers("[parameters]", scene.parameters)
     faults = [
         f"[parameters] {name!r} is not a parameter of the law{suggestion(name, names)}"
         for name in given
@@ -511,10 +528,8 @@ def parameter_values(scene: Scene, names: Sequence[str], positive: Sequence[str]
     for name in names:
         if name not in given:
             faults.append(f"[parameters] {name} is missing; the law needs {', '.join(names)}")
-        elif name in ranges and not ranges[name][0] < given[name] < ranges[name][1]:
-            faults.append(
-                f"[parameters] {name} = {given[name]:g} lies outside {ranges[name][0]:g} .. {ranges[name][1]:g}"
-            )
+        elif name in ranges and (fault := range_fault(name, given[name], ranges[name])):
+            faults.append(fault)
         elif name in positive:
             try:
                 _positive(f"[parameters] {name}", given[name])

@@ -25,10 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError, SoftdynError
-from softdyn.kernels import Kernel, get_kernel
+from softdyn.kernels import Kernel, get_kernel, tool_digest
+from softdyn.laws import find, load
 from softdyn.pair import simulate_pair
 from softdyn.results import written_whole
-from softdyn.scene import LARGEST_COUNT, Scene, suggestion
+from softdyn.scene import LARGEST_COUNT, Scene, Table, named_numbers, suggestion
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -57,7 +58,15 @@ class Sweep:
     errors: Mapping[int, str]
 
     def save(self, path: Path) -> Path:
-        """Write to .npz, or to .csv as one table with a line for each output of each run."""
+        """Write to .npz, or to .csv as one table with a line for each output of each run.
+
+        Names of what was varied start with "varied_" in both.
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, or the file cannot be written.
+        """
         if path.suffix not in (".npz", ".csv"):
             raise SceneError(f"cannot save to {path}: the ending of a sweep's table must be .npz or .csv")
         with written_whole(path) as temporary:
@@ -70,7 +79,7 @@ class Sweep:
                 outputs = next(iter(self.arrays.values())).shape[1]
                 columns = [np.repeat(values, outputs) for values in self.varied.values()]
                 table = np.column_stack([*columns, *(values.ravel() for values in self.arrays.values())])
-                heads = ",".join([*self.varied, *self.arrays])
+                heads = ",".join([*(f"varied_{name}" for name in self.varied), *self.arrays])
                 np.savetxt(temporary, table, delimiter=",", header=heads, comments="", fmt="%.17g")
         return path
 
@@ -99,6 +108,21 @@ def read_values(text: str) -> tuple[str, Array]:
         ) from None
 
 
+def read_varied(texts: Sequence[str]) -> dict[str, Array]:
+    """Read several of these, each for a name of its own.
+
+    Raises
+    ------
+    SceneError
+    """
+    pairs = [read_values(text) for text in texts]
+    names = [name for name, _ in pairs]
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise SceneError(f"--vary {twice[0]} is given twice; list all of its values in one: {twice[0]}=x,y,...")
+    return dict(pairs)
+
+
 def sweep(
     scene: Scene,
     vary: Mapping[str, Sequence[float] | Array],
@@ -125,8 +149,11 @@ def sweep(
     Raises
     ------
     SceneError
-        If a name cannot be varied, or ``folder`` holds the parts of another sweep.
+        If a name cannot be varied, ``folder`` holds the parts of another sweep or damaged ones, or the scheduler cannot
+        be reached.
     """
+    named_numbers("[parameters]", scene.parameters)
+    named_numbers("[drive] constants", scene.constants)
     values = {name: np.atleast_1d(np.asarray(given, dtype=float)) for name, given in vary.items()}
     for name in values:
         varied_scene(scene, {name: float(values[name].flat[0])})
@@ -171,6 +198,8 @@ def varied_scene(scene: Scene, point: Mapping[str, float]) -> Scene:
         elif name == "kappa" and scene.force is not None and {"E", "R"} <= set(scene.parameters):
             force = value * float(scene.parameters["E"]) * float(scene.parameters["R"]) ** 2
             scene = replace(scene, force=force, constants={})
+        elif name == "kappa":
+            raise SceneError("kappa stands for a force kappa E R^2: give the scene a force, E and R, or vary another")
         else:
             known = [*scene.parameters, *scene.constants, "h", "delta", "force", "velocity", "kappa"]
             raise SceneError(f"{name!r} cannot be varied in this scene{suggestion(name, known)}")
@@ -218,7 +247,11 @@ def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, di
             from distributed import as_completed as dask_completed
         except ImportError:
             raise SceneError("--scheduler needs Dask: pip install 'softdyn[cluster]'") from None
-        with Client(scheduler) as client:
+        try:
+            client = Client(scheduler)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"--scheduler {scheduler}: no Dask scheduler is reached there: {error}") from None
+        with client:
             futures = {client.submit(run_part, task, pure=False, retries=3): task[2] for task in tasks}
             for future in dask_completed(futures):
                 yield futures[future], future.result()
@@ -238,10 +271,20 @@ def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, di
 
 
 def _identity(scene: Scene, values: Mapping[str, Array]) -> str:
-    """Digest of what a sweep is, so that parts of one are not taken for those of another."""
-    law = scene.law if isinstance(scene.law, (str, Path)) else repr(scene.law)
-    content = [str(law), {**vars(scene), "law": None}, {name: given.tolist() for name, given in values.items()}, PART]
-    return sha256(json.dumps(content, default=repr, sort_keys=True).encode()).hexdigest()
+    """Digest of what a sweep is, with its law, so that parts of one are not taken for those of another."""
+    from softdyn.derive.law import law_hash
+
+    law = law_hash(load(find(scene.law))[0])
+    given = {name: array.tolist() for name, array in values.items()}
+    content = [law, tool_digest(), {**vars(scene), "law": None}, given, PART]
+    return sha256(json.dumps(content, default=_as_data, sort_keys=True).encode()).hexdigest()
+
+
+def _as_data(value: Any) -> Any:
+    """Tables and arrays as lists; their representations leave numbers out."""
+    if isinstance(value, Table):
+        return [value.t.tolist(), value.F.tolist()]
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else repr(value)
 
 
 def _found(folder: Path, identity: str, parts: set[int]) -> dict[int, dict[str, Any]]:
@@ -251,10 +294,25 @@ def _found(folder: Path, identity: str, parts: set[int]) -> dict[int, dict[str, 
         with written_whole(note) as temporary:
             temporary.write_text(json.dumps({"identity": identity}), encoding="utf-8")
         return {}
-    if json.loads(note.read_text(encoding="utf-8")).get("identity") != identity:
-        raise SceneError(f"{folder} holds parts of another sweep; finish that one, delete the folder, or name another")
+    if _read_part(note, ("identity",))["identity"] != identity:
+        raise SceneError(
+            f"{folder} holds parts of another sweep, or of this one before its scene, its law or softdyn itself "
+            "changed: finish that one, delete the folder, or name another"
+        )
     files = {int(path.stem): path for path in folder.glob("*.json") if path.stem.isdigit()}
-    return {first: json.loads(path.read_text(encoding="utf-8")) for first, path in files.items() if first in parts}
+    return {first: _read_part(path, ("rows", "errors")) for first, path in files.items() if first in parts}
+
+
+def _read_part(path: Path, keys: Sequence[str]) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SceneError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError:  # neither UTF-8 nor JSON
+        content = None
+    if not isinstance(content, dict) or not set(keys) <= set(content):
+        raise SceneError(f"{path} is damaged: delete the folder {path.parent}, and run the sweep again")
+    return content
 
 
 def _joined(values: Mapping[str, Array], parts: Sequence[Mapping[str, Any]]) -> Sweep:

@@ -201,14 +201,16 @@ def _film_lines(films: Films, unit: Expr) -> Iterator[str]:
     for film in films.films:
         between = f"  {film.side}, {film.closing} (closing) | {film.opening} (opening): "
         if film.stable is None:
-            yield f"{between}no film beyond F = {film.edge}"
+            yield f"{between}no film beyond {'this line' if film.edge is None else f'F = {film.edge}'}"
             continue
         gap = f", h_eq ~ {plain(film.h_eq, unit)}" if film.h_eq is not None and films.h_eq is None else ""
         rate = f", rate ~ {plain(film.rate, unit)}" if film.rate is not None else ""
         yield f"{between}{'stable' if film.stable else 'unstable'}{gap}{rate}"
-    if films.branches:
+    if films.branches is None:
+        yield "  in numbers: unknown, since the law gives no typical values of all of its parameters"
+    elif films.branches:
         yield "  at typical parameters, in units of R, E and eta:"
-    for branch in films.branches:
+    for branch in films.branches or ():
         yield (
             f"    {'stable' if branch.stable else 'unstable':9} h_eq {branch.h[0]:.3g} to {branch.h[-1]:.3g}, "
             f"F {branch.force[0]:.3g} to {branch.force[-1]:.3g}, rate {branch.rate[0]:.3g} to {branch.rate[-1]:.3g}"

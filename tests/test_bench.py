@@ -12,6 +12,7 @@ import pytest
 import softdyn
 from softdyn import bench
 from softdyn.bench_reference import Case, cases
+from softdyn.errors import SceneError
 
 STORED = Path(bench.__file__).parent / "generated" / "bench" / "bench.json"
 
@@ -101,3 +102,12 @@ def test_the_stored_report_is_of_the_cases_there_are() -> None:
     assert stored["cases"] == {case.name: case.about for case in cases()}
     text = STORED.with_name("bench.txt").read_text(encoding="utf-8")
     assert text == bench.report_text(stored)
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_before_anything_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setattr(bench, "cases", lambda: pytest.fail("something was measured"))
+    with pytest.raises(SceneError, match="cannot write to the folder"):
+        bench.bench(tmp_path / "file")

@@ -12,6 +12,7 @@ import pytest
 
 import softdyn
 from softdyn.cli import main
+from softdyn.particles.files import stock_scenes
 
 SCENE = """
 law = "rognon_gay"
@@ -194,6 +195,7 @@ def test_a_changed_generated_file_is_a_difference(
         (["check", "missing.py"], "there is no file"),
         (["run", "missing.toml"], "cannot read the scene"),
         (["plot", "missing.npz"], "cannot read"),
+        (["plot", "."], "cannot read .: results are read back from .json and .npz"),
         (["run", "missing.toml", "-o", "result.xls"], "the ending must be one of .json, .npz, .csv"),
         (["generate", "--stock", "--target", "c"], "takes --check and nothing else"),
     ],
@@ -367,5 +369,7 @@ def test_help_shows_every_command_with_examples() -> None:
         "exit status",
     ):
         assert word in done.stdout
-    assert shell("run", "--help").returncode == 0
+    of_run = shell("run", "--help")
+    assert of_run.returncode == 0
+    assert all(name in of_run.stdout for name in stock_scenes())
     assert shell("--version").stdout == f"softdyn {softdyn.__version__}\n"

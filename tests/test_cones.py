@@ -76,7 +76,9 @@ def test_cutting_loses_no_point_and_counts_none_twice(drawn: tuple[Cone, tuple[i
     for parts, sign in ((above, 1), (below, -1)):
         assert all(sign * dot(normal, ray) >= 0 for part in parts for ray in part)
         assert sum(inside(part, point) for part in parts) <= 1
-        assert any(on(part, point) for part in parts) == (bool(parts) and sign * dot(normal, point) >= 0)
+        if dot(normal, point) != 0:
+            assert any(on(part, point) for part in parts) == (sign * dot(normal, point) > 0)
+    assert any(on(part, point) for part in above + below)
     assert all(on(cone, ray) for part in above + below for ray in part)
 
 
@@ -134,6 +136,28 @@ def test_joined_regions_are_convex_and_lose_no_point(
         for region, _ in joined:
             in_hull = all(dot(normal, point) >= 0 for normal in hull_normals(region))
             assert in_hull == any(on(cone, point) for cone in region)
+    # nothing is left to join: between two regions of one label there is some of another
+    for i, (one, label) in enumerate(joined):
+        for other, same in joined[i + 1 :]:
+            if same == label:
+                rest = [cone for region, _ in joined for cone in region if region is not one and region is not other]
+                assert cut(rest, hull_normals([*one, *other]))
+
+
+def test_neighbours_of_one_label_are_joined() -> None:
+    """Four quadrants: two and two, three that make no convex region, all."""
+    quadrants = orthants(2)
+
+    def sizes(*labels: int) -> list[int]:
+        return sorted(len(cones) for cones, _ in merged([([q], k) for q, k in zip(quadrants, labels, strict=True)]))
+
+    beside = [i for i in range(1, 4) if set(quadrants[0]) & set(quadrants[i])]
+    assert len(beside) == 2
+    assert sizes(*(0 if i in (0, beside[0]) else 1 for i in range(4))) == [2, 2]
+    (across,) = {1, 2, 3} - set(beside)
+    assert sizes(*(0 if i in (0, across) else i for i in range(4))) == [1, 1, 1, 1]
+    assert sizes(*(int(i == across) for i in range(4))) == [1, 1, 2]
+    assert sizes(0, 0, 0, 0) == [4]
 
 
 @settings(max_examples=60, deadline=None)
@@ -162,6 +186,6 @@ def test_what_only_touches_a_half_space_is_left_out(drawn: tuple[Cone, tuple[int
     cone, normal, point = drawn
     assume(any(normal))
     kept = cut([cone], [normal])
-    assert any(on(part, point) for part in kept) == (dot(normal, point) >= 0 and bool(kept))
+    assert any(on(part, point) for part in kept) == (dot(normal, point) >= 0)
     touching = cut([cone], [tuple(-x for x in normals(cone)[0])])
     assert touching == []

@@ -188,9 +188,12 @@ def test_varying_parameters_are_those_of_each_contact() -> None:
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_text_stands_alone(target: str, tmp_path: Any) -> None:
     """It compiles by itself, says where it comes from, and holds no remote force where the law has none."""
-    text = emit_contacts(contact_ir(rognon_gay, ContactNeeds(varying=("R",), fading=True)), target)
+    needs = ContactNeeds(varying=("R",), fading=True)
+    text, remote = (emit_contacts(contact_ir(law, needs), target) for law in (rognon_gay, LAWS["screened"]))
     assert "arXiv:0803.1573" in text
-    assert "F_adh " not in text.split("#include" if target == "c" else "import numba")[1]
+    code, with_remote = (one.split("#include" if target == "c" else "import numba", 1)[1] for one in (text, remote))
+    assert "F_adh" not in code
+    assert "F_adh" in with_remote
     library = compile_c(text, tmp_path) if target == "c" else import_text(text, tmp_path)
     assert library.rognon_gay_contacts
     assert contact_ir(rognon_gay, ContactNeeds()).savings[0].rule == "no range"

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import mpmath
 import pytest
 from exactly import deflection, quantities
-from sympy import Expr, Symbol, exp, lambdify
+from sympy import Expr, Rational, Symbol, exp, lambdify, sqrt
 from test_regimes import changed
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, h
-from softdyn.derive.films import Films, find_films
+from softdyn.derive.films import GAPS, Film, Films, branches, find_films
 from softdyn.derive.forms import force
 from softdyn.derive.law import typical_values
 from softdyn.derive.regimes import discover
+from softdyn.report import summary
+from softdyn.tables import regimes_text
 
 A, B, ell, far = (Symbol(name, positive=True) for name in ("strength", "pull", "ell", "far"))
 
@@ -80,8 +83,6 @@ def test_each_branch_is_a_film_with_its_rate(name: str) -> None:
         assert all((rate > 0) == branch.stable for rate in branch.rate)
         for i in (len(branch.h) // 3, 2 * len(branch.h) // 3):
             gap, pressed, rate = branch.h[i], branch.force[i], branch.rate[i]
-            if abs(pressed) < 1e-200:
-                continue
             with mpmath.workdps(60):
                 off = mpmath.mpf(10) ** -4
                 up, down = (speed(law, mpmath.mpf(gap) * (1 + s * off), mpmath.mpf(pressed)) for s in (1, -1))
@@ -113,11 +114,46 @@ def number(form: Expr, at: dict[Symbol, Any]) -> float:
 
 
 def test_a_saddle_parts_stable_films_from_unstable_ones() -> None:
-    """A exp(-h/ell) - B (R/h)^2 rises, then falls, then is attractive: unstable near, stable beyond."""
-    kinds = [branch.stable for branch in films_of("two films").branches]
-    assert True in kinds
-    assert False in kinds
+    """A exp(-h/ell) - B (R/h)^2 is attractive up to 1e-4 R and beyond about 9 ell, and largest in between.
+
+    With the gap, unstable where it grows (pulled, then pressed), stable where it falls (pressed, then pulled), and
+    unstable where the attraction fades.
+    """
+    found = [(branch.stable, branch.force[0] > 0) for branch in films_of("two films").branches]
+    assert found == [(False, False), (False, True), (True, True), (True, False), (False, False)]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_film_as_deep_as_the_model_reaches_is_found(side: int) -> None:
+    """At gaps far below its range, F_adh is that of delta = 0.9 R: (4/9) E a delta with a = sqrt(2 R delta)."""
+    strength = side * Rational(4, 9) * sqrt(Rational(18, 10)) * Rational(9, 10)
+    law = changed(F_adh=strength * E * R**2 * exp(-h / ell), parameters={ell: LENGTH}, typical={ell: R / 1000})
+    (branch,) = branches(law)
+    assert branch.h[0] == GAPS[0]
+    # h/ell = 1e-7 there
+    assert branch.force[0] == pytest.approx(float(strength), rel=2e-7)
+    assert branch.stable is (side > 0)
 
 
 def test_a_law_without_a_remote_force_has_no_film() -> None:
     assert find_films(discover(changed())) is None
+
+
+def test_nothing_is_said_in_numbers_of_a_law_that_gives_none() -> None:
+    """Neither in the text nor on the page."""
+    law = changed(**{**LAWS["exponential"], "typical": {A: E * R**2 / 10**4}})
+    diagram = discover(law)
+    found = find_films(diagram)
+    assert found is not None
+    assert found.branches is None
+    assert "in numbers: unknown, since the law gives no typical values of all of its parameters" in regimes_text(
+        diagram, found
+    )
+    assert "typical parameters" not in " ".join(summary([], diagram, found))
+
+
+def test_an_edge_without_a_force_is_told_as_one() -> None:
+    films = replace(films_of("power"), films=(Film("1", "2", "compression", None, None, None, None),))
+    text = regimes_text(discover(law_of("power")), films)
+    assert "1 (closing) | 2 (opening): no film beyond this line" in text
+    assert "None" not in text

@@ -17,6 +17,7 @@ from sympy import (
     Function,
     Heaviside,
     I,
+    Interval,
     Max,
     Min,
     Piecewise,
@@ -48,7 +49,7 @@ from softdyn.derive import (
     h,
     kappa,
 )
-from softdyn.derive.law import law_hash, parameters_of
+from softdyn.derive.law import law_hash, parameters_of, plain_ranges
 from softdyn.errors import LawError
 
 hbar = R * h / (R + h)
@@ -60,6 +61,7 @@ GOOD: dict[str, Any] = {
 }
 sigma = Symbol("sigma", positive=True)
 q = Symbol("q", positive=True)
+number = Symbol("q", real=True)
 
 
 def law_with(**changes: Any) -> ContactLaw:
@@ -294,10 +296,34 @@ def test_a_law_is_named_by_an_identifier(name: Any) -> None:
     )
 
 
-@pytest.mark.parametrize("bounds", [(2, 1), (1, 1), (0, 1, 2)])
-def test_a_range_must_be_one(bounds: tuple[int, ...]) -> None:
-    assert the_fault(parameters={sigma: DIMENSIONLESS}, ranges={sigma: bounds}) == (
-        f"ranges: sigma needs (low, high) with low < high, not {bounds}"
+@pytest.mark.parametrize(
+    "bounds",
+    [(2, 1), (1, 1), (0, 1, 2), (1, oo), (1, float("inf")), (float("nan"), 1), (0, sigma), ("0", "1"), 3, None,
+     Interval(1, oo), Interval(2, 1)],
+    ids=str,
+)  # fmt: skip
+@pytest.mark.parametrize("typical", [{}, {sigma: 3}])
+def test_a_range_must_be_one(bounds: Any, typical: Any) -> None:
+    assert the_fault(parameters={sigma: DIMENSIONLESS}, ranges={sigma: bounds}, typical=typical) == (
+        f"ranges: sigma needs (low, high), finite numbers with low < high, or an Interval of such, not {bounds}"
+    )
+
+
+def test_a_range_may_hold_its_ends() -> None:
+    """1 - q is positive at q = 0, and nowhere beyond q = 1: only an end that is left out may be where it vanishes."""
+    changes = {"zeta": eta * R * (1 - number), "parameters": {number: DIMENSIONLESS}}
+    law = law_with(**changes, ranges={number: Interval.Ropen(0, 1)}, typical={number: Rational(1, 10**6)})
+    assert plain_ranges(law) == {"q": [0.0, 1.0, False, True]}
+    assert law_hash(law) != law_hash(law_with(**changes, ranges={number: (0, 1)}))
+    assert witness_of(the_fault(**changes, ranges={number: Interval(0, 1)}))["q"] == 1
+    assert the_fault(**changes, ranges={number: Interval.Ropen(0, 1)}, typical={number: 1}) == (
+        "typical: q = 1 lies outside its range"
+    )
+
+
+def test_a_typical_value_has_an_order_of_magnitude() -> None:
+    assert the_fault(parameters={number: DIMENSIONLESS}, typical={number: 0}) == (
+        "typical: q = 0 has no order of magnitude; leave it out, or give a number that is small"
     )
 
 

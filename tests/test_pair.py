@@ -5,6 +5,7 @@ import itertools
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.optimize import brentq
 from sympy import Abs, Symbol, exp, pi, sqrt
 
 import softdyn
+from softdyn import pair
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, R, a, delta, eta, h
 from softdyn.derive.laws.rognon_gay import hbar, law
 from softdyn.errors import IntegrationError, SceneError
@@ -325,6 +327,46 @@ def test_the_energy_balance_of_the_four_terms(force: object) -> None:
     assert abs(without_U_h / work - 1) > 1e-5  # the term is there: the law is not conservative
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4])
+def test_errors_that_grow_on_the_way_are_told_and_mended(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pressed to 2e-3 and pulled to 400 R: d(ln h)/dt rises a thousandfold with h, and what a step errs with it.
+
+    Held to rtol at each step alone, this run erred by 150 times that at rtol = 1e-3, and said nothing.
+    """
+    k, o, w = 5.9e-3, -0.29, 2.1e-6
+    times = np.linspace(0, 14 / w, 15)
+    zeros = sorted((root + 2 * math.pi * n) / w for root in (math.asin(-o), math.pi - math.asin(-o)) for n in range(3))
+    kinks = [zero for zero in zeros if zero < times[-1]]
+    expected = scipy_gaps(lambda t: k * (o + math.sin(w * t)), 5.6, times, kinks)
+    scene = {"h": 5.6, "force": "k*(o + sin(w*t))", "constants": {"k": k, "o": o, "w": w}, "rtol": rtol}
+    scene |= {"until_h": None, "until_t": times[-1], "times": list(times)}
+    found = run(**scene)
+    error = np.max(np.abs(np.log(found.h / expected)))
+    # scipy's own error, 1e-12 at a step, grows as well
+    assert error <= min(10 * rtol, found.stats["error"]) + 1e-8
+    assert found.warnings == ()
+    monkeypatch.setattr(pair, "REPEATS", 0)
+    once = run(**scene)
+    error = np.max(np.abs(np.log(once.h / expected)))
+    assert error <= once.stats["error"] + 1e-8
+    assert once.stats["error"] > 10 * rtol
+    assert "known to" in once.warnings[0]
+    assert found.stats["rtol"] < once.stats["rtol"] == rtol
+
+
+def test_where_rounding_forbids_the_result_says_so_and_gaps_are_well_conditioned() -> None:
+    """From h/R = 1e-8 nearly all the time goes by at the start, 1e16 times what follows; t is rounded as much."""
+    gaps = np.geomspace(1e-8, 1.0, 9)
+    exact = run(h=1e-8, force=-1e-2, until_h=1.0, gaps=list(gaps), method="quadrature")
+    by_gap = run(h=1e-8, force=-1e-2, until_h=1.0, gaps=list(gaps))
+    np.testing.assert_allclose(by_gap.t[1:], exact.t[1:], rtol=1e-9)
+    assert by_gap.warnings == ()
+    at_times = run(h=1e-8, force=-1e-2, until_h=1.0, times=[0.0, *exact.t[1:-1].tolist()])
+    assert "a given time is known to" in at_times.warnings[0]
+    assert "output] gaps" in at_times.warnings[0]
+    assert np.max(np.abs(np.log(at_times.h / gaps[: len(at_times.h)]))) <= at_times.stats["error"]
+
+
 def test_pull_off_from_a_tiny_gap_retraces_the_approach() -> None:
     """Zeta is even in delta: under -F the gap opens along the path that it closed along under F, backwards in time."""
     gaps = np.geomspace(1e-8, 1.0, 30)
@@ -358,7 +400,7 @@ def test_no_force_no_motion() -> None:
             IntegrationError,
             r"at t=(1|0\.99).*singularity|no value",
         ),
-        ({"force": ([0.0, 10.0], [1e-2, 1e-2])}, IntegrationError, r"the force table ends at t=10.*extend it"),
+        ({"force": ([0.0, 10.0], [1e-2, 1e-2])}, IntegrationError, r"the table ends at t=10.*extend it"),
         ({"gaps": [1.0, 10.0]}, SceneError, r"h = 10 is not passed, in this order"),
         ({"gaps": [1e-9]}, SceneError, r"h = 1e-09 is not passed.*within 0\.001 \.\. 100"),
         ({"times": [-1.0, 1.0]}, SceneError, r"times must lie within the run"),
@@ -458,3 +500,21 @@ def test_what_is_no_result_is_refused(tmp_path: Path, content: str) -> None:
         (tmp_path / f"bad{suffix}").write_text(content)
         with pytest.raises(SceneError, match="is not a result saved by softdyn"):
             softdyn.load_result(tmp_path / f"bad{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"h": [1.0, 2.0]}, r"h has the shape \(2,\), t the shape \(5,\)"),
+        ({"X": [[1.0]] * 5}, r"X has the shape \(5, 1\)"),
+        ({"F": ["a"] * 5}, "could not convert"),
+        ({"t": None}, "it has no 't'"),
+        ({"parameters": [1]}, "parameters has the shape"),
+        ({"parameters": {"R": "a"}}, "could not convert"),
+    ],
+)
+def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    content = run(gaps=5).to_dict() | change
+    (tmp_path / "bad.json").write_text(json.dumps(content))
+    with pytest.raises(SceneError, match=rf"is not a result saved by softdyn.*: .*{words}"):
+        softdyn.load_result(tmp_path / "bad.json")

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,10 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import run
-from softdyn.particles.files import read_particle_scene, read_particles, stock_scenes
+from softdyn.particles.files import particle_scene_from, read_particle_scene, read_particles, stock_scenes
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
-from softdyn.particles.results import ParticleResult, load_particles
+from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
 
 EMULSION = """
@@ -77,8 +78,15 @@ def test_an_emulsion_from_a_file(tmp_path: Path) -> None:
     assert first.shape == second.shape == (5,)
     # isostatic at least, as a jammed packing must be
     assert np.all(coordination(result) > 3)
-    figure = result.plot()
-    assert len(figure.axes) == 5
+    labels = [axes.get_ylabel() for axes in result.plot().axes]
+    for label in (
+        "stress",
+        "relative viscosity",
+        "normal stress differences",
+        "pressed contacts per particle",
+        "energy",
+    ):
+        assert label in labels
 
 
 def test_particles_from_a_table(tmp_path: Path) -> None:
@@ -138,6 +146,53 @@ def test_faults_of_a_scene_file_are_named(tmp_path: Path, old: str, new: str, wo
     with pytest.raises(SceneError, match=words) as error:
         read_particle_scene(written(tmp_path, EMULSION.replace(old, new, 1)))
     assert str(tmp_path / "scene.toml") in str(error.value)
+
+
+PAIR: dict[str, Any] = {
+    "law": "rognon_gay",
+    "parameters": {"E": 1.0, "eta": 1.0},
+    "particles": {"positions": [[0.0, 0.0], [2.1, 0.0]], "radii": 1.0},
+    "flow": {"drag": 1.0},
+    "until": {"t": 1.0},
+}
+SQUARE = {"kind": "square", "cells": [4, 4], "spacing": 2.1}
+
+
+def held(**entry: Any) -> dict[str, Any]:
+    return {"hold": [{"particles": [0], "axes": "x", **entry}]}
+
+
+def walled(**entry: Any) -> dict[str, Any]:
+    return {"wall": [{"point": [0, -3], "normal": [0, -1], **entry}]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"particles": PAIR["particles"] | {"species": 3}}, "species must be a list of names, one for each"),
+        ({"particles": PAIR["particles"] | {"species": "ab"}}, "species must be a list of names, one for each"),
+        ({"particles": PAIR["particles"] | {"species": [1, [2]]}}, "species must be a list of names, one for each"),
+        ({"particles": PAIR["particles"] | {"radii": []}}, "0 radii for 2 particles"),
+        (held(velocity=3), "velocity needs one component for each of the axes 'x'"),
+        (held(axes="xy", velocity="t1"), "velocity needs one component for each of the axes 'xy'"),
+        (held(particles=[0.5]), r"must be a list of whole numbers, not \[0\.5\]"),
+        (held(particles=[True]), r"must be a list of whole numbers, not \[True\]"),
+        (held(particles=[10**30]), "there is no particle 1000000"),
+        (walled(point=["a", 0]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(normal="up"), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(normal=[[0, -1], [1]]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(normal=[0, 0]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
+        (walled(rigid="no"), "wall 0: rigid must be true or false, not 'no'"),
+        ({"mixing": {"A": ["x"]}}, r"\[mixing\] A: unknown rule \['x'\]"),
+        ({"packing": SQUARE | {"radii": []}}, "two ways to say where the particles are"),
+        ({"packing": SQUARE | {"radii": []}, "particles": None}, "radii must be a number, or a list of some"),
+        ({"particles": None}, r"\[particles\] and \[packing\] are two ways to say .*: give one of them"),
+    ],
+)
+def test_what_is_not_of_its_kind_is_refused(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+    data = {name: value for name, value in {**PAIR, **changes}.items() if value is not None}
+    with pytest.raises(SceneError, match=words):
+        simulate_particles(particle_scene_from(data, tmp_path))
 
 
 def test_a_run_resumes_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,6 +271,27 @@ def test_the_command_line_runs_and_draws(tmp_path: Path, capsys: pytest.CaptureF
     assert "--resume" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"t": None}, "it has no 't'"),
+        ({"x": np.zeros((3, 2, 1))}, r"x has the shape \(3, 2, 1\), which does not fit"),
+        ({"contact_h": np.zeros(2)}, "contact_h has the shape"),
+        ({"radii": np.array(["a", "b"])}, "radii is not an array of 1 dimensions of numbers"),
+        ({"contact_start": np.array([0, 1])}, "contact_start does not fit the contacts"),
+    ],
+)
+def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    result = simulate_particles(particle_scene_from(PAIR, tmp_path))
+    arrays = {name: value for name, value in {**result.arrays, **change}.items() if value is not None}
+    path = replace(result, arrays=arrays).save(tmp_path / "a.npz")
+    with pytest.raises(SceneError, match=words):
+        load_particles(path)
+    empty = {name: value[:0] if "f" in SHAPES.get(name, "") else value for name, value in result.arrays.items()}
+    with pytest.raises(SceneError, match="no frame to draw"):
+        replace(result, arrays=empty).plot()
+
+
 @pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion"])
 def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each with its forces and its energy in balance."""
@@ -235,7 +311,7 @@ def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize("name", ["two", "line", "t1"])
 def test_each_of_a_few_contacts_is_drawn_over_time(name: str) -> None:
     result = simulate_particles(read_particle_scene(stock_scenes()[name]))
-    gaps = result.plot().axes[3]
+    gaps = next(axes for axes in result.plot().axes if axes.get_ylabel() == "gap $h$")
     frames = [result.contacts(frame) for frame in range(len(result))]
     pairs = {pair for frame in frames for pair in zip(frame["i"], frame["j"], strict=True)}
     assert len(gaps.get_lines()) == len(pairs) > 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -327,6 +328,25 @@ def test_contacts_come_and_go_without_a_jump_in_force() -> None:
     assert abs(result.energy["imbalance"]) < 1e-3
 
 
+def test_a_wall_does_not_move_along_with_all_particles() -> None:
+    """Two that fall on it side by side, from beyond its range: they stop there."""
+    falling = simulate_particles(
+        scene(
+            positions=[[0.0, 3.0], [5.0, 3.0]],
+            walls=[Wall(np.zeros(2), np.array([0.0, -1.0]))],
+            pushes=[Push([0, 1], [0.0, -0.1])],
+            gap=None,
+            reach=0.4,
+            drag=1.0,
+            until=1000.0,
+        )
+    )
+    assert falling.stats["made"] == 2
+    assert np.all(falling.contacts(-1)["h"] > 0)
+    # it carries what the drag does not
+    np.testing.assert_allclose(falling.contacts(-1)["F"], 0.1 + 6 * np.pi * falling.v[-1, :, 1], rtol=1e-6)
+
+
 def test_the_result_is_read_back(tmp_path: Any) -> None:
     result = simulate_particles(scene(until=10.0))
     again = load_particles(result.save(tmp_path / "two.npz"))
@@ -398,11 +418,24 @@ def test_bad_scenes_are_refused(changes: dict[str, Any], words: str) -> None:
         simulate_particles(scene(**changes))
 
 
-def test_a_run_that_cannot_go_on_hands_over_its_last_good_state() -> None:
+def test_a_run_that_cannot_go_on_hands_over_its_last_good_state(tmp_path: Path) -> None:
     """The force has no finite value from t = 5 on."""
     pushes = [Push([0], ["1e-2*sqrt(5-t)", 0]), Push([1], ["-1e-2*sqrt(5-t)", 0])]
-    with pytest.raises((IntegrationError, SceneError), match="no finite value"):
-        simulate_particles(scene(pushes=pushes, until=10.0))
+    bad = scene(pushes=pushes, until=10.0, times=11)
+    with pytest.raises(IntegrationError, match="no finite value") as error:
+        simulate_particles(bad)
+    partial = error.value.partial
+    assert isinstance(partial, ParticleResult)
+    assert 0 < partial.step_t[-1] <= 5
+    assert np.array_equal(partial.t, np.arange(1 + np.floor(partial.step_t[-1])))
+    # and leaves it behind, for another try
+    checkpoint = tmp_path / "a.checkpoint.npz"
+    with pytest.raises(IntegrationError, match=r"the last good state, at t=.*, is in .*a\.checkpoint\.npz"):
+        simulate_particles(bad, checkpoint=checkpoint)
+    kept = simulate_particles(
+        scene(pushes=pushes, until=partial.step_t[-1], times=2), checkpoint=checkpoint, resume=True
+    )
+    assert np.array_equal(kept.step_t, partial.step_t)
 
 
 def test_numbers_are_the_same_on_both_targets() -> None:

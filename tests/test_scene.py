@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from softdyn import simulate
 from softdyn.errors import SceneError
 from softdyn.scene import Table, check_scene, drive_of, parameter_values, read_scene, read_table, scene_from
 
@@ -137,7 +138,7 @@ def test_force_tables_are_refused_with_the_line(tmp_path: Path, content: str, me
 def test_force_tables_may_have_headings_comments_and_blank_lines(tmp_path: Path) -> None:
     table = read_table(write(tmp_path, "time,force\n# a comment\n\n0,1e-2\n5,2e-2\n", "force.csv"))
     np.testing.assert_array_equal(table.t, [0.0, 5.0])
-    with pytest.raises(SceneError, match="cannot read the force table"):
+    with pytest.raises(SceneError, match="cannot read the table"):
         read_table(tmp_path / "missing.csv")
 
 
@@ -156,3 +157,12 @@ def test_force_tables_may_have_headings_comments_and_blank_lines(tmp_path: Path)
 def test_the_drive_tells_the_sign_of_the_deflection(force: object, deflection: str, tmp_path: Path) -> None:
     scene = read_scene(write(tmp_path, GOOD))
     assert drive_of(scene.__class__(**{**vars(scene), "force": force})).deflection == deflection
+
+
+def test_a_parameter_keeps_to_its_range_whose_ends_may_belong_to_it(tmp_path: Path) -> None:
+    """Poisson's ratio of an isotropic solid: -1 < nu <= 1/2, by the stock law that has one."""
+    text = GOOD.replace("rognon_gay", "equal_spheres").replace("eta = 1.0", "eta = 1.0\nnu = 0.5")
+    assert simulate(read_scene(write(tmp_path, text))).h[-1] == pytest.approx(1e-3)
+    for nu in ("0.51", "-1"):
+        with pytest.raises(SceneError, match=rf"nu = {nu} lies outside of its range, -1 < nu <= 0\.5"):
+            simulate(read_scene(write(tmp_path, text.replace("nu = 0.5", f"nu = {nu}"))))

@@ -29,6 +29,7 @@ from softdyn.derive import emit as emit_module
 from softdyn.derive.emit import emit, header
 from softdyn.derive.kernel import Code, KernelIR, kernel_ir, total_operations
 from softdyn.derive.law import law_hash
+from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.printing import KINDS, operations, straight_line
 from softdyn.derive.specialise import OUTPUTS, RULES, Needs
@@ -241,6 +242,9 @@ def test_what_is_not_the_laws_cannot_be_fixed_or_asked_for() -> None:
         "'ell' cannot be fixed: the parameters are R, E, eta",
         f"'speed' is no output; there are {', '.join(OUTPUTS)}",
     )
+    with pytest.raises(LawError, match=r"-1 < nu <= 1/2 must hold, and nu is 0\.6"):
+        kernel_ir(equal_spheres, Needs(fixed={"nu": "0.6"}))
+    assert "nu" not in kernel_ir(equal_spheres, Needs(fixed={"nu": "0.5"})).parameters
 
 
 # ---------------------------------------------------------------- operations

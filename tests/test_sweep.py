@@ -7,8 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ import pytest
 import softdyn
 from softdyn import sweep as module
 from softdyn.errors import SceneError
-from softdyn.scene import Scene
-from softdyn.sweep import read_values, sweep
+from softdyn.scene import Scene, Table
+from softdyn.sweep import read_values, read_varied, sweep
 
 SCENE = Scene(
     law="rognon_gay", parameters={"R": 2.0, "E": 3.0, "eta": 0.5}, h=10.0, force=1e-2, until_h=0.1, gaps=[1.0, 0.1]
@@ -48,7 +48,7 @@ def test_a_run_that_fails_leaves_a_reason_and_the_others(tmp_path: Path) -> None
     assert np.isnan(found.arrays["t"][1]).all()
     assert "moves the gap the other way" in found.errors[1]
     table = np.genfromtxt(found.save(tmp_path / "table.csv"), delimiter=",", names=True)
-    assert table.dtype.names == ("force", "t", "h", "delta", "X", "a", "F")
+    assert table.dtype.names == ("varied_force", "t", "h", "delta", "X", "a", "F")
     np.testing.assert_array_equal(table["t"][:2], found.arrays["t"][0])
 
 
@@ -77,6 +77,60 @@ def test_an_interrupted_sweep_goes_on_from_what_is_done(tmp_path: Path, monkeypa
         np.testing.assert_array_equal(found.arrays["t"][i], alone(kappa, 10.0).t)
 
 
+LAW = """
+from sympy import Rational
+from softdyn.derive import ContactLaw
+from softdyn.derive.laws.rognon_gay import law as paper
+
+law = ContactLaw(name="changing", a=paper.a, F_ela=Rational(4, 9) * paper.F_ela, zeta=paper.zeta)
+"""
+
+
+def test_parts_of_a_law_that_changed_since_are_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PART", 1)
+    file = tmp_path / "law.py"
+    file.write_text(LAW)
+    scene, values = replace(SCENE, law=file), {"kappa": [1e-3, 1e-2]}
+
+    def interrupt(done: int, runs: int) -> None:
+        raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with pytest.raises(KeyboardInterrupt):
+            sweep(scene, values, folder=tmp_path / "parts", progress=interrupt)
+
+    interrupted()
+    file.write_text(LAW.replace("4, 9", "5, 9"))
+    with pytest.raises(SceneError, match="before its scene, its law or softdyn itself changed"):
+        sweep(scene, values, folder=tmp_path / "parts")
+    file.write_text("# the same law\n" + LAW)
+    assert sweep(scene, values, folder=tmp_path / "parts").errors == {}
+
+
+def test_parts_of_another_table_of_forces_are_not_taken(tmp_path: Path) -> None:
+    """Two tables that differ in one of many numbers, which their representations leave out."""
+    t = np.arange(2001.0)
+    one, other = (replace(SCENE, force=Table(t, np.where(t == 1000, F, 1e-2))) for F in (1e-2, 2e-2))
+    assert module._identity(one, {"h": np.ones(1)}) != module._identity(other, {"h": np.ones(1)})
+
+
+@pytest.mark.parametrize("name", ["sweep.json", "0.json"])
+@pytest.mark.parametrize("content", ["", "{}", "[1]", "\x00"])
+def test_damaged_parts_are_told(tmp_path: Path, name: str, content: str) -> None:
+    values = {"kappa": np.array([1e-2])}
+    module._found(tmp_path / "parts", module._identity(SCENE, values), {0})
+    (tmp_path / "parts" / name).write_text(content)
+    with pytest.raises(SceneError, match=rf"{name} is damaged: delete the folder"):
+        sweep(SCENE, values, folder=tmp_path / "parts")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("address", ["nonsense", "foo://x:1"])
+def test_a_scheduler_that_is_none_is_told(address: str) -> None:
+    with pytest.raises(SceneError, match=f"--scheduler {address}: no Dask scheduler"):
+        sweep(SCENE, {"kappa": [1e-2]}, scheduler=address)
+
+
 @pytest.mark.parametrize(
     ("text", "name", "values"),
     [
@@ -95,6 +149,22 @@ def test_values_are_read(text: str, name: str, values: list[float]) -> None:
 def test_what_is_no_list_of_values_is_refused(text: str) -> None:
     with pytest.raises(SceneError, match="is expected"):
         read_values(text)
+
+
+def test_a_name_is_varied_once() -> None:
+    assert list(read_varied(["h=1", "E=2"])) == ["h", "E"]
+    with pytest.raises(SceneError, match="--vary h is given twice"):
+        read_varied(["h=1", "E=2", " h = 3"])
+
+
+def test_a_scene_whose_parameters_have_no_names_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"\[parameters\] must map names to numbers, not \[1, 2\]"):
+        sweep(replace(SCENE, parameters=[1, 2]), {"kappa": [1e-2]})  # type: ignore[arg-type]
+
+
+def test_kappa_is_varied_where_there_is_a_force() -> None:
+    with pytest.raises(SceneError, match=r"kappa stands for a force kappa E R\^2: give the scene a force"):
+        sweep(replace(SCENE, force=None, velocity=-1e-3), {"kappa": [1e-2]})
 
 
 def test_what_a_scene_does_not_have_cannot_be_varied() -> None:
@@ -137,7 +207,8 @@ def worker_processes(address: str) -> dict[str, int]:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_worker_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed: Any = pytest.importorskip("distributed")
+    import distributed
+
     monkeypatch.setattr(module, "PART", 50)
     values = {"kappa": np.geomspace(1e-6, 0.3, 2000)}
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:

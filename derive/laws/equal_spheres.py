@@ -18,12 +18,11 @@ held in their deflected shape (0.8035 by quadrature); at constant force, where t
 closes, it is 1.51. Nothing is claimed of the elasticity beyond h ~ R, where delta/R ~ F/(E R^2) up to a constant, nor
 of tension, where only the terms of delta << h are those of spheres; D at h << delta follows from the interpolation.
 
-Valid for delta << R, which Hertz's law and half-spaces suppose, in Stokes flow, for no-slip surfaces. The Poisson
-ratio of an isotropic solid lies in -1 < nu <= 1/2. The range declared is open, and must contain 1/2, which most soft
-solids have: it is that in which the law has a meaning.
+Valid for delta << R, which Hertz's law and half-spaces suppose, in Stokes flow, for no-slip surfaces, and for the
+Poisson ratios of isotropic solids, -1 < nu <= 1/2; most soft solids are incompressible, nu = 1/2.
 """
 
-from sympy import Abs, Rational, Symbol, log, pi, sqrt
+from sympy import Abs, Interval, Rational, Symbol, log, pi, sqrt
 
 from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, eta, h
 
@@ -46,7 +45,7 @@ law = ContactLaw(
     zeta=8 * pi * eta * brenner * a**4 / (R * hbar**2 * (1 + Rational(25, 2) * (a0 / a) ** 6)),
     F_adh=0,
     parameters={nu: DIMENSIONLESS},
-    ranges={nu: (-1, 1)},
+    ranges={nu: Interval.Lopen(-1, Rational(1, 2))},
     typical={nu: Rational(1, 2)},
     limits=(
         Limit(

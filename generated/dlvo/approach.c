@@ -1,7 +1,7 @@
 /* Contact law dlvo: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Derjaguin-Landau-Verwey-Overbeek (Israelachvili 2011, chs. 11-14); equal_spheres
- * Law 3d825b23e880db37:
+ * Law 9810adb843c12266:
  *     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
  *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
  *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
@@ -106,6 +106,10 @@ static const double _POWERS[72] = {
     -10.321215410147214, 11.975905492175219, -10.666892227063347, 4.6083984375,
     -40.116295451118646, 26.22500010247347, -20.3094615947408, 16.528142496796022,
     -13.555269004180428, 10.826310631803098, -7.8772357747827195, 3.14208984375,
+};
+static const double _QUADRATURE[8] = {
+    0.0572544073721286, 0.12482395066493249, 0.17350739781725064, 0.19578608372624678,
+    0.1882587726945593, 0.15206531032339257, 0.09267907740148965, 0.015625,
 };
 static const double _SLOPE_START[9] = {
     -64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437,
@@ -442,6 +446,17 @@ static inline void _invert(double *restrict m)
     }
 }
 
+/* The part of the error within a step that is left at its end.
+
+   If the coefficients of the solution fall by a factor r from one order to the next, the end, of order 15, errs by r^7
+   of what the polynomial, of order 9, does on the way; the two probes of the defect differ by some r. Where they do,
+   or the step is long, r^7 is not reached: bounds that measured steps keep to. */
+static inline double _left(double apart, double error)
+{
+    const double left = apart * apart * apart + 30.0 * sqrt(error);
+    return left < 1.0 ? left : 1.0;
+}
+
 /* Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once. */
 static inline void _deflections(const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict force, double *restrict stiffness)
 {
@@ -475,7 +490,7 @@ void dlvo_passages(int64_t n, const double *restrict u, const double *restrict a
 {
     double z[8];
     for (int64_t i = 0; i < n; i++) {
-        const int64_t base = 13 * (int64_t)at[i];
+        const int64_t base = 15 * (int64_t)at[i];
         if (steps[base + 12] != 0.0) {
             for (int64_t j = 0; j < 8; j++) {
                 z[j] = steps[base + 4 + j];
@@ -543,7 +558,7 @@ static inline double _gap_at(double t, const double *restrict z, const double *r
     return 0.5 * (1.0 + x);
 }
 
-/* The state at n times, in increasing order, from the 13 numbers of each of the steps stored: out[k*n + i] is component k. */
+/* The state at n times, in increasing order, from the 15 numbers of each of the steps stored: out[k*n + i] is component k. */
 void dlvo_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
 {
     double z[8];
@@ -551,14 +566,14 @@ void dlvo_sample(int64_t n, const double *restrict t, int64_t stored, const doub
     int64_t known = -1;
     int64_t at = 0;
     for (int64_t i = 0; i < n; i++) {
-        while (at < stored - 1 && t[i] >= steps[13 * (at + 1)]) {
+        while (at < stored - 1 && t[i] >= steps[15 * (at + 1)]) {
             at += 1;
         }
-        if (steps[13 * at + 12] != 0.0) {
+        if (steps[15 * at + 12] != 0.0) {
             if (known != at) {
                 known = at;
                 for (int64_t j = 0; j < 8; j++) {
-                    z[j] = steps[13 * at + 4 + j];
+                    z[j] = steps[15 * at + 4 + j];
                 }
                 for (int64_t k = 0; k < 9; k++) {
                     powers[k] = 0.0;
@@ -567,15 +582,15 @@ void dlvo_sample(int64_t n, const double *restrict t, int64_t stored, const doub
                     }
                 }
             }
-            const double part = _gap_at(t[i] - steps[13 * at], z, powers);
-            out[i] = steps[13 * at + 3] + part * steps[13 * at + 12];
+            const double part = _gap_at(t[i] - steps[15 * at], z, powers);
+            out[i] = steps[15 * at + 3] + part * steps[15 * at + 12];
             continue;
         }
-        const double theta = (t[i] - steps[13 * at]) / steps[13 * at + 1];
+        const double theta = (t[i] - steps[15 * at]) / steps[15 * at + 1];
         for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[13 * at + 4 + j];
+            z[j] = steps[15 * at + 4 + j];
         }
-        out[0 * n + i] = steps[13 * at + 3] + _between(theta, z);
+        out[0 * n + i] = steps[15 * at + 3] + _between(theta, z);
     }
 }
 
@@ -584,12 +599,14 @@ void dlvo_sample(int64_t n, const double *restrict t, int64_t stored, const doub
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-   longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
-   steps, of 13*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
-   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the length of the step in ln h if that
-   is the independent variable, when the stages are times, or 0.
+   longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
+   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
+   call goes on from it.
+   steps, of 15*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Then, the length of the step in ln h if that
+   is the independent variable, when the stages are times, or 0. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
    -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
@@ -600,9 +617,13 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
     double u_defect;
     double u_late;
     double h_probe;
+    double d1;
+    double d2;
     double error;
-    double other;
+    double late;
     double factor;
+    double moves;
+    double contraction;
     double w[4];
     double given[8];
     double h[8];
@@ -625,6 +646,7 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
     double rejected = state[5];
     double passes = state[6];
     double singles = state[7];
+    double u_astray = state[15];
     double stiffest = state[10];
     double settled = state[11];
     /* the last step, of which the next one is predicted; 0 after what cannot be extrapolated */
@@ -732,11 +754,12 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
             h_probe = exp(u + 0.5501108282781375 * step);
             _gap_rate(0, h_probe, _solve_delta(h_probe, c[0], deflection[4], p, w), c[0], p, below, w);
             singles += 1.0;
-            error = 0.014424143230897014 * fabs(u_defect);
-            other = 0.07596008870469767 * fabs(u_late - step / below[0]);
-            error = error > other ? error : other;
+            d1 = 0.014424143230897014 * u_defect;
+            d2 = 0.07596008870469767 * (u_late - step / below[0]);
+            error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
             /* an error of the time is one of ln h by the rate */
             const double fastest = fabs(u_dot) > fabs(u_rate[7]) ? fabs(u_dot) : fabs(u_rate[7]);
+            late = error;
             error = error * fastest / (rtol + 4.5e-16 * (1.0 + fabs(u)));
             factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
             if (astray > 0 || !(error <= 1.0)) {
@@ -750,7 +773,7 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
                 status = -2;
                 break;
             }
-            const int64_t here = 13 * stored;
+            const int64_t here = 15 * stored;
             steps[here] = t;
             steps[here + 1] = u_z[7];
             steps[here + 2] = 0.0;
@@ -759,6 +782,11 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
                 steps[here + 4 + i] = u_z[i];
             }
             steps[here + 12] = step;
+            /* trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows */
+            const double earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + u_z[7]));
+            u_astray = (earlier + late * _left(fabs(d1 - d2) / late, late * fastest)) * fabs(u_rate[7]);
+            steps[here + 13] = (earlier + late) * fastest;
+            steps[here + 14] = earlier + late;
             stored += 1;
             accepted += 1.0;
             state[14] += 1.0;
@@ -886,9 +914,9 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
             for (int64_t i = 0; i < 8; i++) {
                 total += change[i] * change[i];
             }
-            const double moves = sqrt(total);
+            moves = sqrt(total);
             renew = moves > 0.03 ? 1 : 0;
-            const double contraction = moves / moved;
+            contraction = moves / moved;
             /* 1e-2 of what a step may err, or what rounding leaves */
             if (moves <= 0.01 * rtol || moves <= rounding) {
                 done = 1;
@@ -900,6 +928,8 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
             moved = moves;
         }
         passes += (double)turn;
+        /* what a further pass would correct */
+        const double unsolved = contraction < 1.0 ? moves * contraction : moves;
         if (done == 0) {
             rejected += 1.0;
             last = 0.0;
@@ -922,13 +952,15 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
         const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
         singles += 1.0;
-        error = 0.014424143230897014 * fabs(u_defect);
-        other = 0.07596008870469767 * fabs(u_late - step * above[0]);
+        d1 = 0.014424143230897014 * u_defect;
+        d2 = 0.07596008870469767 * (u_late - step * above[0]);
         /* written so that nan rejects the step */
-        error = error > other ? error : other;
+        error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
+        const double left = _left(fabs(d1 - d2) / error, error);
         const double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
-        error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0) / (rtol + rounding);
+        const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
+        error = u_error / (rtol + rounding);
         factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
         if (!(error <= 1.0)) {
             rejected += 1.0;
@@ -938,7 +970,7 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
             continue;
         }
         /* the step stands */
-        const int64_t base = 13 * stored;
+        const int64_t base = 15 * stored;
         steps[base] = t;
         steps[base + 1] = step;
         steps[base + 2] = landing == 1.0 ? ending : 0.0;
@@ -951,6 +983,17 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
             before[i] = deflection[i] - delta;
         }
         steps[base + 12] = 0.0;
+        /* the errors so far grow, or decay, as a perturbation of the start of the step does, and its own joins them */
+        double growth = 0.0;
+        for (int64_t i = 0; i < 8; i++) {
+            growth += _QUADRATURE[i] * slopes[i];
+        }
+        growth = exp(step * growth);
+        late = u_astray * (growth > 1.0 ? growth : 1.0) + u_error;
+        u_astray = u_astray * growth + u_error * left + unsolved + 0.25 * rounding + 1.1e-16 * fabs((t + step) * u_dot);
+        const double slowest = fabs(u_dot) < fabs(u_rate[7]) ? fabs(u_dot) : fabs(u_rate[7]);
+        steps[base + 13] = late;
+        steps[base + 14] = slowest > 0.0 ? late / slowest : INFINITY;
         accepted += 1.0;
         const double u_new = u + u_z[7];
         if ((u - u_stop) * (u_new - u_stop) <= 0.0) {
@@ -997,5 +1040,6 @@ int64_t dlvo_integrate(double t_end, double u_stop, double rtol, const double *r
     state[9] = (double)stored;
     state[10] = stiffest;
     state[11] = settled;
+    state[15] = u_astray;
     return status;
 }

@@ -1,7 +1,7 @@
 """Contact law dlvo: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Derjaguin-Landau-Verwey-Overbeek (Israelachvili 2011, chs. 11-14); equal_spheres
-Law 3d825b23e880db37:
+Law 9810adb843c12266:
     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
     F_ela = 4*E*a*delta/(3*(1 - nu**2))
     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
@@ -357,6 +357,7 @@ def dlvo_drive(n: int, t: array, table_t: array, table_F: array, rows: int, valu
 _NODES = table((0.0, 0.022479386438712497, 0.11467905316090424, 0.26578982278458946, 0.45284637366944464, 0.6473752828868303, 0.8197593082631076, 0.9437374394630779, 1.0))
 _WEIGHTS = table((6435.0, -10269.771635486373, 6713.600026233208, -5199.222168253645, 4231.204479179782, -3470.1488650701895, 2771.535521741593, -2016.5723583443762, 804.375))
 _INVERSE = table((22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978, 4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576, 7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715, -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559, -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823, 3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228, 0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856, -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752, -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231, 0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493, 0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161, 4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454, -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415, -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456, 0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409, 0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5))
+_QUADRATURE = table((0.0572544073721286, 0.12482395066493249, 0.17350739781725064, 0.19578608372624678, 0.1882587726945593, 0.15206531032339257, 0.09267907740148965, 0.015625))
 _SLOPE_START = table((-64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437, -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375, -0.125))
 _VALUE_PROBE = table((0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314, 0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917, -0.029024131248411467))
 _SLOPE_PROBE = table((-0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966, -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628, -0.09513499620264546))
@@ -411,6 +412,18 @@ def _invert(m: array) -> None:
 
 
 @jit
+def _left(apart: float, error: float) -> float:
+    """The part of the error within a step that is left at its end.
+
+    If the coefficients of the solution fall by a factor r from one order to the next, the end, of order 15, errs by r^7
+    of what the polynomial, of order 9, does on the way; the two probes of the defect differ by some r. Where they do,
+    or the step is long, r^7 is not reached: bounds that measured steps keep to.
+    """
+    left = apart * apart * apart + 30.0 * sqrt(error)
+    return left if left < 1.0 else 1.0
+
+
+@jit
 def _deflections(h: array, F: array, delta: array, p: array, w: array, force: array, stiffness: array) -> None:
     """Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once."""
     for iteration in range(6):
@@ -435,7 +448,7 @@ def dlvo_passages(n: int, u: array, at: array, steps: array, out: array) -> None
     """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
     z = empty(8)
     for i in range(n):
-        base: int = 12 * int(at[i])
+        base: int = 14 * int(at[i])
         for j in range(8):
             z[j] = steps[base + 4 + j]
         target = u[i] - steps[base + 3]
@@ -453,16 +466,16 @@ def dlvo_passages(n: int, u: array, at: array, steps: array, out: array) -> None
 
 @jit
 def dlvo_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
-    """The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k."""
+    """The state at n times, in increasing order, from the 14 numbers of each of the steps stored: out[k*n + i] is component k."""
     z = empty(8)
     at: int = 0
     for i in range(n):
-        while at < stored - 1 and t[i] >= steps[12 * (at + 1)]:
+        while at < stored - 1 and t[i] >= steps[14 * (at + 1)]:
             at += 1
-        theta = (t[i] - steps[12 * at]) / steps[12 * at + 1]
+        theta = (t[i] - steps[14 * at]) / steps[14 * at + 1]
         for j in range(8):
-            z[j] = steps[12 * at + 4 + j]
-        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z)
+            z[j] = steps[14 * at + 4 + j]
+        out[0 * n + i] = steps[14 * at + 3] + _between(theta, z)
 
 
 @jit
@@ -472,11 +485,13 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-    longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
-    steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
-    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
+    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
+    call goes on from it.
+    steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
     Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
@@ -504,6 +519,7 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     passes = state[6]
     singles = state[7]
     segment: int = int(state[8])
+    u_astray = state[15]
     stiffest = state[10]
     settled = state[11]
     # the last step, of which the next one is predicted; 0 after what cannot be extrapolated
@@ -682,6 +698,8 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
                 break
             moved = moves
         passes += float(turn)
+        # what a further pass would correct
+        unsolved = moves * contraction if contraction < 1.0 else moves
         if done == 0:
             rejected += 1.0
             last = 0.0
@@ -702,13 +720,15 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
         delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w)
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below)
         singles += 1.0
-        error = 0.014424143230897014 * fabs(u_defect)
-        other = 0.07596008870469767 * fabs(u_late - step * above[0])
+        d1 = 0.014424143230897014 * u_defect
+        d2 = 0.07596008870469767 * (u_late - step * above[0])
         # written so that nan rejects the step
-        error = error if error > other else other
+        error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
+        left = _left(fabs(d1 - d2) / error, error)
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
-        error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0) / (rtol + rounding)
+        u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
+        error = u_error / (rtol + rounding)
         factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
         if not error <= 1.0:
             rejected += 1.0
@@ -717,7 +737,7 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             dt = step * (factor if factor > 0.2 and factor < 1.0 else 0.2)
             continue
         # the step stands
-        base: int = 12 * stored
+        base: int = 14 * stored
         steps[base] = t
         steps[base + 1] = step
         steps[base + 2] = ending if landing == 1.0 else 0.0
@@ -727,6 +747,16 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             u_kept[i] = u_z[i]
         for i in range(8):
             before[i] = deflection[i] - delta
+        # the errors so far grow, or decay, as a perturbation of the start of the step does, and its own joins them
+        growth = 0.0
+        for i in range(8):
+            growth += _QUADRATURE[i] * slopes[i]
+        growth = exp(step * growth)
+        late = u_astray * (growth if growth > 1.0 else 1.0) + u_error
+        u_astray = u_astray * growth + u_error * left + unsolved + 0.25 * rounding + 1.1e-16 * fabs((t + step) * u_dot)
+        slowest = fabs(u_dot) if fabs(u_dot) < fabs(u_rate[7]) else fabs(u_rate[7])
+        steps[base + 12] = late
+        steps[base + 13] = late / slowest if slowest > 0.0 else inf
         accepted += 1.0
         u_new = u + u_z[7]
         if (u - u_stop) * (u_new - u_stop) <= 0.0:
@@ -768,4 +798,5 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     state[9] = float(stored)
     state[10] = stiffest
     state[11] = settled
+    state[15] = u_astray
     return status

@@ -189,6 +189,7 @@ _WEIGHTS = table((6435.0, -10269.771635486373, 6713.600026233208, -5199.22216825
 _INVERSE = table((22.24259996433592, -16.591130197062395, 8.118236017822703, -5.639723637389978, 4.735927090795289, -4.647608208611454, 5.527970024131676, -13.060996041930576, 7.090311673892601, 4.3599941420728205, -8.545188959239656, 4.6920195582474715, -3.631848592579311, 3.435551489028797, -4.015656325439553, 9.427491723502559, -2.0807353791506724, 5.124924766028432, 1.8811856479742912, -6.56903294216823, 3.9264353565757815, -3.3863518751042307, 3.803018407185814, -8.803581949472228, 0.9573357504593115, -1.8637038978972118, 4.350635666704743, 1.1041272031140856, -6.268039956795005, 4.160835466074826, -4.274300739417069, 9.613824007769752, -0.5407289808993253, 0.9703156119145759, -1.74911317938708, 4.215993576843231, 0.7723495369955398, -7.263244082291598, 5.806461483798834, -12.234234226309493, 0.33849233242014465, -0.5854993702775402, 0.9622684139381908, -1.7852268638042161, 4.633138954070064, 0.6099351296899472, -11.085659975292161, 19.11652897579454, -0.21314332000182057, 0.3623040837769572, -0.5721096798557673, 0.9708780178916415, -1.9608436116902346, 5.868786019458078, 0.5298083758173946, -44.55903248935456, 0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409, 0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5))
 _MATRIX = table((0.028802823892616743, 0.061680826212949943, 0.055285563267234654, 0.05830068605753936, 0.05668200898480084, 0.05754303201724311, 0.057146971559234025, 0.0572544073721286, -0.010821698052015636, 0.0633079054352858, 0.13457201985444417, 0.12047766147733864, 0.12704316148341016, 0.12374099223938748, 0.12522069473806977, 0.12482395066493249, 0.008069010203851382, -0.016766167621301963, 0.08883018189912993, 0.18641428431849139, 0.16808837041936572, 0.17595155228374013, 0.17264331318806794, 0.17350739781725064, -0.006493073596535741, 0.011276575963180064, -0.02032248583700904, 0.10143090415741593, 0.2092022487638381, 0.19081981374722284, 0.1974144361397373, 0.19578608372624678, 0.005300041017295122, -0.008575400848083276, 0.012631022220423707, -0.021196196398555057, 0.099187005744833, 0.19945688894319688, 0.18521078469685745, 0.1882587726945593, -0.004223309650009842, 0.006607056898423003, -0.008970025754042578, 0.012247274295397013, -0.019275308810543568, 0.08243702475750181, 0.15862128747389664, 0.15206531032339257, 0.003069413349140929, -0.004723817373991893, 0.0061809009170075415, -0.007798637777900809, 0.010069646505165038, -0.014724795758020657, 0.05371248744655011, 0.09267907740148965, -0.0012238207256304553, 0.0018720744944425464, -0.0024173537825988994, 0.0029703975397181405, -0.003621850204038951, 0.00453480003283603, -0.006232535779335354, 0.015625))
 _POWERS = table((-0.22846422013505335, 0.1850897535747451, -0.23582081997972, 0.9532316380774069, 0.25013414867381245, -0.09207607235985078, 0.04827666589865964, -0.01708984375, -1.8169587583727254, 1.425631696375798, -1.6189489238471655, -1.5286388011415366, 3.099837256779687, -0.9726618084010183, 0.4888877761069608, -0.1708984375, 8.299490649731032, -7.032440683930033, 10.059171206875751, -10.481352867302109, 3.513059126845215, 1.057201966648256, -0.8008715863681131, 0.3076171875, 15.983944802687716, -10.864260754367306, 3.993981388193102, 8.191458200051803, -15.095735271262601, 11.597337302383426, -6.116295980186141, 2.1533203125, -45.52288420757575, 37.418986280822736, -38.23991314738859, 33.24792617216414, -19.69838579975891, 6.532894478231333, -0.80893627649496, 1.4575089257189037e-39, -33.758764202374415, 17.410379417518143, -2.410648918641197, -12.817228853617559, 22.317113424630126, -22.600580986157627, 16.294300431142524, -6.0908203125, 77.56815322909841, -56.79663545294092, 48.72602435523336, -40.24794743973546, 29.490461528420308, -18.324331004322836, 9.438766971747134, -2.9326171875, 19.591778158059423, -7.971750359526636, 0.03561645429526057, 6.1544094547072925, -10.321215410147214, 11.975905492175219, -10.666892227063347, 4.6083984375, -40.116295451118646, 26.22500010247347, -20.3094615947408, 16.528142496796022, -13.555269004180428, 10.826310631803098, -7.8772357747827195, 3.14208984375))
+_QUADRATURE = table((0.0572544073721286, 0.12482395066493249, 0.17350739781725064, 0.19578608372624678, 0.1882587726945593, 0.15206531032339257, 0.09267907740148965, 0.015625))
 _SLOPE_START = table((-64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437, -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375, -0.125))
 _VALUE_PROBE = table((0.18989107933999777, -0.31596306961520165, 0.250288877906427, -0.29684903041710314, 0.7061810563740808, 0.5791621282707715, -0.16685094781148993, 0.08316403720092917, -0.029024131248411467))
 _SLOPE_PROBE = table((-0.14484807076009093, 0.26548555931664297, -0.310746422732583, 0.7308813056886966, -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628, -0.09513499620264546))
@@ -243,6 +244,18 @@ def _invert(m: array) -> None:
 
 
 @jit
+def _left(apart: float, error: float) -> float:
+    """The part of the error within a step that is left at its end.
+
+    If the coefficients of the solution fall by a factor r from one order to the next, the end, of order 15, errs by r^7
+    of what the polynomial, of order 9, does on the way; the two probes of the defect differ by some r. Where they do,
+    or the step is long, r^7 is not reached: bounds that measured steps keep to.
+    """
+    left = apart * apart * apart + 30.0 * sqrt(error)
+    return left if left < 1.0 else 1.0
+
+
+@jit
 def _deflections(h: array, F: array, delta: array, p: array, w: array, force: array, stiffness: array) -> None:
     """Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once."""
     for iteration in range(6):
@@ -267,7 +280,7 @@ def lubrication_rigid_passages(n: int, u: array, at: array, steps: array, out: a
     """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
     z = empty(8)
     for i in range(n):
-        base: int = 13 * int(at[i])
+        base: int = 15 * int(at[i])
         if steps[base + 12] != 0.0:
             for j in range(8):
                 z[j] = steps[base + 4 + j]
@@ -326,30 +339,30 @@ def _gap_at(t: float, z: array, powers: array) -> float:
 
 @jit
 def lubrication_rigid_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
-    """The state at n times, in increasing order, from the 13 numbers of each of the steps stored: out[k*n + i] is component k."""
+    """The state at n times, in increasing order, from the 15 numbers of each of the steps stored: out[k*n + i] is component k."""
     z = empty(8)
     powers = empty(9)
     known: int = -1
     at: int = 0
     for i in range(n):
-        while at < stored - 1 and t[i] >= steps[13 * (at + 1)]:
+        while at < stored - 1 and t[i] >= steps[15 * (at + 1)]:
             at += 1
-        if steps[13 * at + 12] != 0.0:
+        if steps[15 * at + 12] != 0.0:
             if known != at:
                 known = at
                 for j in range(8):
-                    z[j] = steps[13 * at + 4 + j]
+                    z[j] = steps[15 * at + 4 + j]
                 for k in range(9):
                     powers[k] = 0.0
                     for j in range(8):
                         powers[k] += _POWERS[8 * k + j] * z[j]
-            part = _gap_at(t[i] - steps[13 * at], z, powers)
-            out[i] = steps[13 * at + 3] + part * steps[13 * at + 12]
+            part = _gap_at(t[i] - steps[15 * at], z, powers)
+            out[i] = steps[15 * at + 3] + part * steps[15 * at + 12]
             continue
-        theta = (t[i] - steps[13 * at]) / steps[13 * at + 1]
+        theta = (t[i] - steps[15 * at]) / steps[15 * at + 1]
         for j in range(8):
-            z[j] = steps[13 * at + 4 + j]
-        out[0 * n + i] = steps[13 * at + 3] + _between(theta, z)
+            z[j] = steps[15 * at + 4 + j]
+        out[0 * n + i] = steps[15 * at + 3] + _between(theta, z)
 
 
 @jit
@@ -359,12 +372,14 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-    longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
-    steps, of 13*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
-    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the length of the step in ln h if that
-    is the independent variable, when the stages are times, or 0.
+    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
+    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
+    call goes on from it.
+    steps, of 15*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Then, the length of the step in ln h if that
+    is the independent variable, when the stages are times, or 0. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
     Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
@@ -391,6 +406,7 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
     rejected = state[5]
     passes = state[6]
     singles = state[7]
+    u_astray = state[15]
     stiffest = state[10]
     settled = state[11]
     # the last step, of which the next one is predicted; 0 after what cannot be extrapolated
@@ -480,11 +496,12 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
             h_probe = exp(u + 0.5501108282781375 * step)
             _gap_rate(0, h_probe, _solve_delta(h_probe, c[0], deflection[4], p, w), c[0], p, below, w)
             singles += 1.0
-            error = 0.014424143230897014 * fabs(u_defect)
-            other = 0.07596008870469767 * fabs(u_late - step / below[0])
-            error = error if error > other else other
+            d1 = 0.014424143230897014 * u_defect
+            d2 = 0.07596008870469767 * (u_late - step / below[0])
+            error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
             # an error of the time is one of ln h by the rate
             fastest = fabs(u_dot) if fabs(u_dot) > fabs(u_rate[7]) else fabs(u_rate[7])
+            late = error
             error = error * fastest / (rtol + 4.5e-16 * (1.0 + fabs(u)))
             factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
             if astray > 0 or not error <= 1.0:
@@ -496,7 +513,7 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
             if not isfinite(t + u_z[7]):
                 status = -2
                 break
-            here: int = 13 * stored
+            here: int = 15 * stored
             steps[here] = t
             steps[here + 1] = u_z[7]
             steps[here + 2] = 0.0
@@ -504,6 +521,11 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
             for i in range(8):
                 steps[here + 4 + i] = u_z[i]
             steps[here + 12] = step
+            # trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows
+            earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + u_z[7]))
+            u_astray = (earlier + late * _left(fabs(d1 - d2) / late, late * fastest)) * fabs(u_rate[7])
+            steps[here + 13] = (earlier + late) * fastest
+            steps[here + 14] = earlier + late
             stored += 1
             accepted += 1.0
             state[14] += 1.0
@@ -612,6 +634,8 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
                 break
             moved = moves
         passes += float(turn)
+        # what a further pass would correct
+        unsolved = moves * contraction if contraction < 1.0 else moves
         if done == 0:
             rejected += 1.0
             last = 0.0
@@ -632,13 +656,15 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
         delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w)
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below)
         singles += 1.0
-        error = 0.014424143230897014 * fabs(u_defect)
-        other = 0.07596008870469767 * fabs(u_late - step * above[0])
+        d1 = 0.014424143230897014 * u_defect
+        d2 = 0.07596008870469767 * (u_late - step * above[0])
         # written so that nan rejects the step
-        error = error if error > other else other
+        error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
+        left = _left(fabs(d1 - d2) / error, error)
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
-        error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0) / (rtol + rounding)
+        u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
+        error = u_error / (rtol + rounding)
         factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
         if not error <= 1.0:
             rejected += 1.0
@@ -647,7 +673,7 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
             dt = step * (factor if factor > 0.2 and factor < 1.0 else 0.2)
             continue
         # the step stands
-        base: int = 13 * stored
+        base: int = 15 * stored
         steps[base] = t
         steps[base + 1] = step
         steps[base + 2] = ending if landing == 1.0 else 0.0
@@ -658,6 +684,16 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
         for i in range(8):
             before[i] = deflection[i] - delta
         steps[base + 12] = 0.0
+        # the errors so far grow, or decay, as a perturbation of the start of the step does, and its own joins them
+        growth = 0.0
+        for i in range(8):
+            growth += _QUADRATURE[i] * slopes[i]
+        growth = exp(step * growth)
+        late = u_astray * (growth if growth > 1.0 else 1.0) + u_error
+        u_astray = u_astray * growth + u_error * left + unsolved + 0.25 * rounding + 1.1e-16 * fabs((t + step) * u_dot)
+        slowest = fabs(u_dot) if fabs(u_dot) < fabs(u_rate[7]) else fabs(u_rate[7])
+        steps[base + 13] = late
+        steps[base + 14] = late / slowest if slowest > 0.0 else inf
         accepted += 1.0
         u_new = u + u_z[7]
         if (u - u_stop) * (u_new - u_stop) <= 0.0:
@@ -698,4 +734,5 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
     state[9] = float(stored)
     state[10] = stiffest
     state[11] = settled
+    state[15] = u_astray
     return status

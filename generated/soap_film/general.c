@@ -64,6 +64,10 @@ static const double _INVERSE[64] = {
     0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409,
     0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5,
 };
+static const double _QUADRATURE[8] = {
+    0.0572544073721286, 0.12482395066493249, 0.17350739781725064, 0.19578608372624678,
+    0.1882587726945593, 0.15206531032339257, 0.09267907740148965, 0.015625,
+};
 static const double _SLOPE_START[9] = {
     -64.0, 70.99500301886783, -9.097515706789968, 3.0398452598441437,
     -1.4519931522612475, 0.8329970067575939, -0.5253945230439019, 0.33205809662554375,
@@ -400,6 +404,17 @@ static inline void _invert(double *restrict m)
     }
 }
 
+/* The part of the error within a step that is left at its end.
+
+   If the coefficients of the solution fall by a factor r from one order to the next, the end, of order 15, errs by r^7
+   of what the polynomial, of order 9, does on the way; the two probes of the defect differ by some r. Where they do,
+   or the step is long, r^7 is not reached: bounds that measured steps keep to. */
+static inline double _left(double apart, double error)
+{
+    const double left = apart * apart * apart + 30.0 * sqrt(error);
+    return left < 1.0 ? left : 1.0;
+}
+
 /* Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once. */
 static inline void _deflections(const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict force, double *restrict stiffness)
 {
@@ -433,7 +448,7 @@ void soap_film_passages(int64_t n, const double *restrict u, const double *restr
 {
     double z[8];
     for (int64_t i = 0; i < n; i++) {
-        const int64_t base = 12 * (int64_t)at[i];
+        const int64_t base = 14 * (int64_t)at[i];
         for (int64_t j = 0; j < 8; j++) {
             z[j] = steps[base + 4 + j];
         }
@@ -453,20 +468,20 @@ void soap_film_passages(int64_t n, const double *restrict u, const double *restr
     }
 }
 
-/* The state at n times, in increasing order, from the 12 numbers of each of the steps stored: out[k*n + i] is component k. */
+/* The state at n times, in increasing order, from the 14 numbers of each of the steps stored: out[k*n + i] is component k. */
 void soap_film_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
 {
     double z[8];
     int64_t at = 0;
     for (int64_t i = 0; i < n; i++) {
-        while (at < stored - 1 && t[i] >= steps[12 * (at + 1)]) {
+        while (at < stored - 1 && t[i] >= steps[14 * (at + 1)]) {
             at += 1;
         }
-        const double theta = (t[i] - steps[12 * at]) / steps[12 * at + 1];
+        const double theta = (t[i] - steps[14 * at]) / steps[14 * at + 1];
         for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[12 * at + 4 + j];
+            z[j] = steps[14 * at + 4 + j];
         }
-        out[0 * n + i] = steps[12 * at + 3] + _between(theta, z);
+        out[0 * n + i] = steps[14 * at + 3] + _between(theta, z);
     }
 }
 
@@ -475,16 +490,20 @@ void soap_film_sample(int64_t n, const double *restrict t, int64_t stored, const
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 15 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
-   longest step allowed, whether ln h may serve as the independent variable, how many steps it did. It is updated, and a further call goes on from it.
-   steps, of 12*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
-   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages.
+   longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
+   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
+   call goes on from it.
+   steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
    -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
 int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict table_t, const double *restrict table_F, int64_t rows, int64_t capacity, double *restrict state, double *restrict steps)
 {
+    double moves;
+    double contraction;
     double w[4];
     double given[8];
     double h[8];
@@ -508,6 +527,7 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
     double passes = state[6];
     double singles = state[7];
     int64_t segment = (int64_t)state[8];
+    double u_astray = state[15];
     double stiffest = state[10];
     double settled = state[11];
     /* the last step, of which the next one is predicted; 0 after what cannot be extrapolated */
@@ -723,9 +743,9 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
             for (int64_t i = 0; i < 8; i++) {
                 total += change[i] * change[i];
             }
-            const double moves = sqrt(total);
+            moves = sqrt(total);
             renew = moves > 0.03 ? 1 : 0;
-            const double contraction = moves / moved;
+            contraction = moves / moved;
             /* 1e-2 of what a step may err, or what rounding leaves */
             if (moves <= 0.01 * rtol || moves <= rounding) {
                 done = 1;
@@ -737,6 +757,8 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
             moved = moves;
         }
         passes += (double)turn;
+        /* what a further pass would correct */
+        const double unsolved = contraction < 1.0 ? moves * contraction : moves;
         if (done == 0) {
             rejected += 1.0;
             last = 0.0;
@@ -759,13 +781,15 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
         const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
         singles += 1.0;
-        double error = 0.014424143230897014 * fabs(u_defect);
-        const double other = 0.07596008870469767 * fabs(u_late - step * above[0]);
+        const double d1 = 0.014424143230897014 * u_defect;
+        const double d2 = 0.07596008870469767 * (u_late - step * above[0]);
         /* written so that nan rejects the step */
-        error = error > other ? error : other;
+        double error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
+        const double left = _left(fabs(d1 - d2) / error, error);
         const double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
-        error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0) / (rtol + rounding);
+        const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
+        error = u_error / (rtol + rounding);
         double factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
         if (!(error <= 1.0)) {
             rejected += 1.0;
@@ -775,7 +799,7 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
             continue;
         }
         /* the step stands */
-        const int64_t base = 12 * stored;
+        const int64_t base = 14 * stored;
         steps[base] = t;
         steps[base + 1] = step;
         steps[base + 2] = landing == 1.0 ? ending : 0.0;
@@ -787,6 +811,17 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
         for (int64_t i = 0; i < 8; i++) {
             before[i] = deflection[i] - delta;
         }
+        /* the errors so far grow, or decay, as a perturbation of the start of the step does, and its own joins them */
+        double growth = 0.0;
+        for (int64_t i = 0; i < 8; i++) {
+            growth += _QUADRATURE[i] * slopes[i];
+        }
+        growth = exp(step * growth);
+        const double late = u_astray * (growth > 1.0 ? growth : 1.0) + u_error;
+        u_astray = u_astray * growth + u_error * left + unsolved + 0.25 * rounding + 1.1e-16 * fabs((t + step) * u_dot);
+        const double slowest = fabs(u_dot) < fabs(u_rate[7]) ? fabs(u_dot) : fabs(u_rate[7]);
+        steps[base + 12] = late;
+        steps[base + 13] = slowest > 0.0 ? late / slowest : INFINITY;
         accepted += 1.0;
         const double u_new = u + u_z[7];
         if ((u - u_stop) * (u_new - u_stop) <= 0.0) {
@@ -834,5 +869,6 @@ int64_t soap_film_integrate(double t_end, double u_stop, double rtol, const doub
     state[9] = (double)stored;
     state[10] = stiffest;
     state[11] = settled;
+    state[15] = u_astray;
     return status;
 }

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from softdyn.errors import SceneError
+from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.run import Progress, simulate_particles
 from softdyn.particles.scene import ParticleScene
@@ -17,22 +18,25 @@ from softdyn.particles.scene import ParticleScene
 def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) -> int:
     """Run a scene file, and tell what came out.
 
+    An output in another format than .npz is written beside the .npz, which holds everything.
+
     Raises
     ------
     SceneError, LawError, CompileError, IntegrationError
     """
     if output is not None and output.suffix != ".npz":
-        raise SceneError(f"cannot save to {output}: results of many particles are saved as .npz")
+        require_writer(output)  # before the run, not after it
     if resume and output is None:
-        raise SceneError("--resume goes on from the checkpoint of a run with -o FILE.npz: name that file")
+        raise SceneError("--resume goes on from the checkpoint of a run with -o FILE: name that file")
     scene = read_particle_scene(path)
     checkpoint = output.with_suffix(".checkpoint.npz") if output is not None else None
     if resume and checkpoint is not None and not checkpoint.exists():
         print(f"softdyn: there is no {checkpoint}; starting anew", file=sys.stderr)
     with _progress_bar(scene) as progress:
         result = simulate_particles(scene, progress, checkpoint, resume)
-    if output is not None:
-        result.save(output)
+    written = [] if output is None else list(dict.fromkeys((output.with_suffix(".npz"), output)))
+    for path in written:
+        result.save(path)
     summary = {
         "status": "success",
         "law": result.law,
@@ -64,8 +68,8 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
         f"  forces balance to {stats['force_residual']:.1e}; run {stats['wall_s']:.3g} s, "
         f"kernel {stats['compile_s']:.3g} s"
     )
-    if output is not None:
-        print(f"wrote {output}")
+    if written:
+        print(f"wrote {' and '.join(map(str, written))}")
     return 0
 
 

@@ -79,7 +79,7 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             faults += _unknown(entry, keys, f"[[{name}]] {number}")
             faults += [f"[[{name}]] {number}: {key} is missing" for key in required if key not in entry]
     faults += [f"{key} is missing" for key in ("law", "parameters", "until") if key not in data]
-    if "particles" in data and "packing" in data:
+    if ("particles" in data) == ("packing" in data):
         faults.append("[particles] and [packing] are two ways to say where the particles are: give one of them")
     if faults:
         raise SceneError(faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults))
@@ -172,8 +172,8 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
             + (f"; {', '.join(other)} unknown" if other else "")
         )
     radii = packing["radii"] if isinstance(packing["radii"], list) else [packing["radii"]]
-    if not all(isinstance(radius, (int, float)) and not isinstance(radius, bool) for radius in radii):
-        raise SceneError(f"[packing] radii must be numbers, not {radii!r}")
+    if not radii or not all(isinstance(radius, (int, float)) and not isinstance(radius, bool) for radius in radii):
+        raise SceneError(f"[packing] radii must be a number, or a list of some, not {radii!r}")
     if kind != "random":
         spacing = packing["spacing"]
         if isinstance(spacing, bool) or not isinstance(spacing, (int, float)):

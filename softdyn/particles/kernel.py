@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from softdyn import cache
 from softdyn.kernels import choose_target, manifest_of
 from softdyn.laws import LawReference, find
+from softdyn.scene import Range
 
 Array = NDArray[np.float64]
 
@@ -45,8 +46,8 @@ class ContactKernel:
         See the template ``contacts``.
     positive : tuple of str
         Parameters that must be positive.
-    ranges : mapping
-        Open intervals within which some of the parameters must lie.
+    ranges : mapping from str to (low, high, whether low is left out, whether high is)
+        Within which some of the parameters must lie.
     """
 
     law: str
@@ -61,7 +62,7 @@ class ContactKernel:
     state: Callable[..., None]
     energy: Callable[..., None]
     positive: tuple[str, ...]
-    ranges: Mapping[str, tuple[float, float]]
+    ranges: Mapping[str, Range]
 
 
 def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
@@ -69,7 +70,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
     from softdyn.derive.emit import suffix
     from softdyn.derive.emit_contacts import emit_contacts
-    from softdyn.derive.law import parameters_of
+    from softdyn.derive.law import parameters_of, plain_ranges
     from softdyn.laws import load
 
     law, depends = load(reference)
@@ -80,7 +81,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "varying": ir.varying,
         "outputs": ir.outputs,
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
-        "ranges": {symbol.name: [float(low), float(high)] for symbol, (low, high) in law.ranges.items()},
+        "ranges": plain_ranges(law),
         "source": emit_contacts(ir, target),
         "suffix": suffix(target),
         "depends": depends,
@@ -131,7 +132,7 @@ def get_contact_kernel(
         state=state,
         energy=energy,
         positive=tuple(manifest["positive"]),
-        ranges={name: (low, high) for name, (low, high) in manifest["ranges"].items()},
+        ranges=manifest["ranges"],
     )
 
 

@@ -74,7 +74,7 @@ class Listed:
     skin: float
 
 
-def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float) -> float:
+def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float, walls: tuple[Wall, ...]) -> float:
     """By how much, at most, two surfaces have come closer since, in units of the skin.
 
     Parameters
@@ -88,7 +88,8 @@ def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float) -> 
         affine[0, 1] = (cell[0, 1] - listed.cell[0, 1]) / cell[1, 1] if cell[1, 1] else 0.0
     # motion apart from that of the box
     moved = x - listed.x - listed.x @ affine.T
-    moved = moved - moved.mean(axis=0)
+    if not walls:
+        moved = moved - moved.mean(axis=0)
     return float(2 * np.linalg.norm(moved, axis=1).max() + np.linalg.norm(affine) * farthest) / listed.skin
 
 

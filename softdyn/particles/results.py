@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +14,16 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
-from softdyn.particles.step import System, contact_state
-from softdyn.results import written_whole
+from softdyn.particles.step import WORKS, System, contact_state
+from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
+#: Energies exchanged since the start: see :data:`softdyn.particles.step.WORKS`, and what is stored elastically.
+ENERGIES = (*WORKS, "stored")
 HISTORY = ("step_t", "step_dt", "step_residual", "step_error", "step_contacts")
 
 
@@ -40,6 +41,12 @@ class Frame:
     stress : array, shape (d, d)
         > 0 in tension. In a periodic box that of the contacts, force/length^(d-1); otherwise the virial of contacts and
         drag, force times length.
+    cell : array, shape (d, d)
+        Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
+    walls : array, shape (walls, d)
+        A point of each wall.
+    energy : array, shape (len(ENERGIES),)
+        Exchanged since the start.
     """
 
     t: float
@@ -52,11 +59,15 @@ class Frame:
     F: Array
     n: Array
     stress: Array
+    cell: Array
+    walls: Array
+    energy: Array
 
 
-def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -> Frame:
+def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, energy: Array) -> Frame:
     """Frame of a state."""
-    n, r, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+    cell = lattice(system.box, t)
+    n, r, _ = directions(contacts, x, cell, system.walls)
     values = contact_state(system, contacts, contacts.S - r, contacts.h)
     F = values["F_ela"]
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
@@ -77,6 +88,9 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts) -
         F[near],
         n[near],
         stress,
+        cell,
+        np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
+        energy,
     )
 
 
@@ -90,7 +104,13 @@ class ParticleResult:
     parameters : mapping
     arrays : mapping from str to array
         ``t`` (frames,), ``x`` and ``v`` (frames, N, d): positions, never wrapped, and velocities; ``stress`` (frames,
-        d, d); ``radii`` (N,), ``species`` (N,), ``box`` (d,);
+        d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``, ``shear_rate``;
+
+        ``box`` (d,): lengths of the periodic box at the start, inf along axes that are not periodic; ``cell`` (frames,
+        d, d): its lattice vectors as columns, 0 along such axes; ``wall_point`` (frames, walls, d), ``wall_normal``
+        (walls, d), from the particles into the wall, ``wall_rigid`` (walls,);
+
+        ``energy_external``, ``energy_flow``, ... (frames,): each of the terms of ``energy`` up to that frame;
 
         contacts within their range, those of frame k at ``contact_start[k]:contact_start[k + 1]``: ``contact_i``,
         ``contact_j`` (walls from N on), ``contact_h``, ``contact_delta`` (deflection of each surface),
@@ -129,22 +149,49 @@ class ParticleResult:
         return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
 
     def plot(self) -> Figure:
-        """Draw the contact network at the end, the stress, the coordination, and the gaps and forces."""
-        from softdyn.particles.plots import plot_particles
-
-        return plot_particles(self)
-
-    def save(self, path: str | Path) -> Path:
-        """Write to an .npz file; see :func:`load_particles`.
+        """Draw the contact network at the end, and what is measured on the run.
 
         Raises
         ------
         SceneError
-            If the ending is another, or the file cannot be written; then nothing is left behind.
+            If there is no frame, as after a run that failed before the first.
+        """
+        if not len(self):
+            raise SceneError("the result holds no frame to draw")
+        from softdyn.particles.plots import plot_particles
+
+        return plot_particles(self)
+
+    def animate(self, path: str | Path) -> Path:
+        """Draw the frames of a run in one or two dimensions as an animation: .gif, or .mp4 with the program ffmpeg.
+
+        Raises
+        ------
+        SceneError
+            If it cannot be drawn.
+        """
+        from softdyn.particles.plots import animate
+
+        return animate(self, Path(path))
+
+    def save(self, path: str | Path) -> Path:
+        """Write to .npz, all of it (see :func:`load_particles`); or to .gsd for OVITO, or .pvd for ParaView.
+
+        The last two are to be looked at, need ``pip install 'softdyn[formats]'``, and are not read back: see
+        :mod:`softdyn.particles.export`.
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, a package is missing, or the file cannot be written; then nothing is left behind
+            but for frames of a .pvd.
         """
         path = Path(path)
         if path.suffix != ".npz":
-            raise SceneError(f"cannot save to {path}: results of many particles are saved as .npz")
+            from softdyn.particles import export
+
+            export.write(self, path)
+            return path
         about = {
             "kind": "particles",
             "law": self.law,
@@ -178,12 +225,18 @@ def gather(
         "radii": checked.radii,
         "species": checked.species,
         "box": checked.box.lengths,
+        "species_names": np.array(checked.names),
         "shear_rate": np.array(checked.box.shear_rate),
+        "cell": np.array([frame.cell for frame in frames]).reshape(-1, d, d),
+        "wall_point": np.array([frame.walls for frame in frames]).reshape(len(frames), len(checked.walls), d),
+        "wall_normal": np.array([wall.normal for wall in checked.walls]).reshape(len(checked.walls), d),
+        "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
         "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
     }
     for name in ("i", "j", "h", "delta", "F", "n"):
         empty = np.empty((0, d) if name == "n" else 0, dtype=np.int64 if name in "ij" else float)
         arrays[f"contact_{name}"] = np.concatenate([empty, *(getattr(frame, name) for frame in frames)])
+    arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(ENERGIES)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
     arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}
     return ParticleResult(
@@ -196,6 +249,37 @@ def gather(
     )
 
 
+#: Shapes of what every result holds, a letter for each size: f frames, N particles, w walls, c contacts, n steps.
+SHAPES = {
+    "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d", "shear_rate": "",
+    "cell": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
+    "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
+    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in ENERGIES},
+}  # fmt: skip
+
+
+def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:
+    """Result from the content of a file.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If an array is missing, or does not fit the others.
+    """
+    sizes: dict[str, int] = {}
+    for name, shape in SHAPES.items():
+        array = arrays[name]
+        if array.dtype.kind not in "fiub" or array.ndim != len(shape):
+            raise ValueError(f"{name} is not an array of {len(shape)} dimensions of numbers")
+        for letter, size in zip(shape, array.shape, strict=True):
+            if sizes.setdefault(letter, size) != size:
+                raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other arrays")
+    start = arrays["contact_start"]
+    if start.shape != (sizes["f"] + 1,) or start[0] != 0 or start[-1] != sizes["c"] or (np.diff(start) < 0).any():
+        raise ValueError("contact_start does not fit the contacts")
+    return ParticleResult(about["law"], about["target"], about["parameters"], arrays, about["energy"], about["stats"])
+
+
 def load_particles(path: str | Path) -> ParticleResult:
     """Read a result saved as .npz.
 
@@ -204,26 +288,7 @@ def load_particles(path: str | Path) -> ParticleResult:
     SceneError
         If the file is not such a result.
     """
-    path = Path(path)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            about = json.loads(str(stored["about"]))
-            arrays = {name: stored[name] for name in stored.files if name != "about"}
-        if about.get("kind") != "particles":
-            raise ValueError("it holds a run of two particles")
-        return ParticleResult(
-            about["law"], about["target"], about["parameters"], arrays, about["energy"], about["stats"]
-        )
-    except OSError as error:
-        raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
-        raise SceneError(f"{path} is not a result of many particles saved by softdyn: {error}") from None
-
-
-def holds_particles(path: str | Path) -> bool:
-    """Whether a file holds a run of many particles; False for any other file, or none."""
-    try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            return json.loads(str(stored["about"])).get("kind") == "particles"
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile):
-        return False
+    result = load_result(path)
+    if not isinstance(result, ParticleResult):
+        raise SceneError(f"{path} holds a run of two particles")
+    return result

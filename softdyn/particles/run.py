@@ -210,6 +210,11 @@ def _stored(system: System, state: State) -> float:
     return float(U.sum())
 
 
+def _exchanged(system: System, state: State) -> Array:
+    """Energies exchanged since the start."""
+    return np.array([*(state.work[name] for name in WORKS), _stored(system, state) - state.stored0])
+
+
 def _first_step(scene: ParticleScene, system: System, state: State) -> float:
     """A length over which no gap changes by more than a hundredth, as far as the present rates tell."""
     overlap = _overlaps(system, state)
@@ -290,7 +295,7 @@ def integrate(
     farthest = 2 * float(checked.radii.max()) + (0.0 if math.isinf(system.reach) else system.reach) + state.listed.skin
     until = float(scene.until)
     if not state.frames and checked.times[0] == 0.0:
-        state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts))
+        state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts, _exchanged(system, state)))
     grow = 3.0
     while state.t < until:
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
@@ -306,9 +311,9 @@ def integrate(
             step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
             error = step.error
             when = landing if dt == left else state.t + dt
-            moved = travelled(state.listed, step.end.x, system.box, when, farthest)
+            moved = travelled(state.listed, step.end.x, system.box, when, farthest, system.walls)
             if not math.isinf(system.reach) and moved > 1.0:
-                if travelled(state.listed, state.x, system.box, state.t, farthest) > 0:
+                if travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0:
                     _list_again(scene, checked, system, newton, state)
                 else:
                     newton.forget()
@@ -347,10 +352,13 @@ def integrate(
         # a step shortened to land says nothing against a longer one
         state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
         grow = 3.0
-        if not math.isinf(system.reach) and travelled(state.listed, state.x, system.box, state.t, farthest) > 0.5:
+        if (
+            not math.isinf(system.reach)
+            and travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0.5
+        ):
             _list_again(scene, checked, system, newton, state)
         if state.t in checked.times:
-            state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts))
+            state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts, _exchanged(system, state)))
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:

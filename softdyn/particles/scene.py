@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import SceneError
+from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import FUNCTIONS, parse
 from softdyn.expression import evaluate as evaluate_expression
 from softdyn.particles.geometry import Box, Wall, find_pairs
 from softdyn.particles.kernel import ContactKernel
-from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
+from softdyn.scene import SMALLEST_RTOL, TARGETS, range_fault, suggestion
 
 Array = NDArray[np.float64]
 
@@ -221,7 +221,7 @@ def check(scene: ParticleScene) -> Checked:
     if faults:
         raise SceneError(_listed(faults))
     names, species = _species(scene, count)
-    faults += _place_faults(x, radii, box, walls)
+    faults += _place_faults(x, box, walls)
     faults += _overlap_faults(x, radii, box, walls)
     if faults:
         raise SceneError(_listed(faults))
@@ -275,13 +275,25 @@ def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
     return Box(lengths, float(scene.shear_rate))
 
 
+def _coordinates(values: Any, d: int) -> Array | None:
+    """A point's finite coordinates; None for anything else."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return array if array.shape == (d,) and np.isfinite(array).all() else None
+
+
 def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
     walls = []
     for number, wall in enumerate(scene.walls):
-        point, normal = (np.array(v, dtype=float) for v in (wall.point, wall.normal))
-        size = float(np.linalg.norm(normal)) if normal.shape == (d,) and np.isfinite(normal).all() else 0.0
-        if point.shape != (d,) or not np.isfinite(point).all() or not size > 0:
+        point, normal = _coordinates(wall.point, d), _coordinates(wall.normal, d)
+        size = 0.0 if normal is None else float(np.linalg.norm(normal))
+        if point is None or normal is None or not 0 < size < math.inf:
             faults.append(f"wall {number} needs a point and a normal of {d} finite coordinates each")
+            continue
+        if not isinstance(wall.rigid, (bool, np.bool_)):
+            faults.append(f"wall {number}: rigid must be true or false, not {wall.rigid!r}")
             continue
         walls.append(Wall(point, normal / size, bool(wall.rigid)))
     return tuple(walls)
@@ -290,14 +302,16 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
 def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     if scene.species is None:
         return ("",), np.zeros(count, dtype=np.int64)
-    given = [str(name) for name in scene.species]
+    given = list(scene.species) if isinstance(scene.species, (list, tuple, np.ndarray)) else []
+    if not given or not all(isinstance(name, str) for name in given):
+        raise SceneError(f"[particles] species must be a list of names, one for each particle, not {scene.species!r}")
     if len(given) != count:
         raise SceneError(f"[particles] {len(given)} species for {count} particles")
     names = tuple(sorted(set(given)))
     return names, np.array([names.index(name) for name in given], dtype=np.int64)
 
 
-def _place_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
+def _place_faults(x: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
     faults = []
     with np.errstate(invalid="ignore"):
         outside = np.asarray((box.periodic & ((x < 0) | (x > np.where(box.periodic, box.lengths, 0.0)))).any(axis=1))
@@ -330,11 +344,14 @@ def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -
     ] + ([f"and {len(deep) - 10} more pairs overlap as deeply"] if len(deep) > 10 else [])
 
 
-def _numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> NDArray[np.int64]:
+def _numbers_of(particles: Any, count: int, where: str) -> NDArray[np.int64]:
+    given = list(particles) if isinstance(particles, (list, tuple, range, np.ndarray)) else [particles]
+    if not all(isinstance(number, (int, np.integer)) and not isinstance(number, bool) for number in given):
+        raise SceneError(f"{where}: particles must be a list of whole numbers, not {particles!r}")
     try:
-        numbers = np.array(particles, dtype=np.int64).reshape(-1)
-    except (TypeError, ValueError, OverflowError):
-        raise SceneError(f"{where}: particles must be a list of numbers, not {particles!r}") from None
+        numbers = np.array(given, dtype=np.int64)
+    except OverflowError:
+        raise SceneError(f"{where}: there is no particle {max(given, key=abs)}") from None
     wrong = [int(number) for number in numbers if not 0 <= number < count]
     if wrong or not len(numbers):
         raise SceneError(f"{where}: there is no particle {wrong[:10] or ''}; they are numbered 0 to {count - 1}")
@@ -366,7 +383,9 @@ def _constants(scene: ParticleScene) -> dict[str, float]:
 
 def _require_used(scene: ParticleScene) -> None:
     texts = [value for push in scene.pushes for value in push.force if isinstance(value, str)]
-    texts += [value for hold in scene.holds for value in hold.velocity or () if isinstance(value, str)]
+    texts += [
+        value for hold in scene.holds if hold.velocity is not None for value in hold.velocity if isinstance(value, str)
+    ]
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
@@ -380,7 +399,7 @@ def _sum_of(
         for particles, axis, function in terms:
             value = function(t)
             if not math.isfinite(value):
-                raise SceneError(
+                raise IntegrationError(
                     f"the {what} on {particles_named(particles)} along {AXES[axis]} has no finite value at t={t:.6g}"
                 )
             values[particles, axis] += value
@@ -393,8 +412,8 @@ def _pushes(scene: ParticleScene, count: int, d: int) -> Callable[[float], Array
     terms = []
     for number, push in enumerate(scene.pushes):
         where = f"[[push]] {number}"
-        particles = _numbers_of(scene, push.particles, count, where)
-        if isinstance(push.force, str) or len(push.force) != d:
+        particles = _numbers_of(push.particles, count, where)
+        if not isinstance(push.force, (list, tuple, np.ndarray)) or len(push.force) != d:
             raise SceneError(f"{where}: force needs {d} components, one for each axis")
         for axis, value in enumerate(push.force):
             if value != 0:
@@ -407,11 +426,11 @@ def _holds(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_],
     terms = []
     for number, hold in enumerate(scene.holds):
         where = f"[[hold]] {number}"
-        particles = _numbers_of(scene, hold.particles, count, where)
+        particles = _numbers_of(hold.particles, count, where)
         if not hold.axes or any(axis not in AXES[:d] for axis in hold.axes) or len(set(hold.axes)) < len(hold.axes):
             raise SceneError(f"{where}: axes must be some of {AXES[:d]!r}, not {hold.axes!r}")
-        velocity = list(hold.velocity) if hold.velocity is not None else [0.0] * len(hold.axes)
-        if len(velocity) != len(hold.axes):
+        velocity = hold.velocity if hold.velocity is not None else [0.0] * len(hold.axes)
+        if not isinstance(velocity, (list, tuple, np.ndarray)) or len(velocity) != len(hold.axes):
             raise SceneError(f"{where}: velocity needs one component for each of the axes {hold.axes!r}")
         for name, value in zip(hold.axes, velocity, strict=True):
             axis = AXES.index(name)
@@ -482,7 +501,7 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     if "E" in scene.parameters and "E" not in varying and any(wall.rigid for wall in checked.walls):
         varying.append("E")
     for name, rule in scene.mixing.items():
-        if rule not in MIXING:
+        if rule not in tuple(MIXING):
             faults.append(f"[mixing] {name}: unknown rule {rule!r}{suggestion(rule, tuple(MIXING))}")
         if name in ("R", "E", "eta"):
             faults.append(f"[mixing] {name} is mixed as the physics of two elastic half-spaces asks: leave it out")
@@ -514,9 +533,8 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
             continue
         value = given[name]
         for number in value.values() if isinstance(value, Mapping) else [value]:
-            if name in kernel.ranges and not kernel.ranges[name][0] < number < kernel.ranges[name][1]:
-                low, high = kernel.ranges[name]
-                faults.append(f"[parameters] {name} = {number:g} lies outside {low:g} .. {high:g}")
+            if name in kernel.ranges and (fault := range_fault(name, number, kernel.ranges[name])):
+                faults.append(fault)
             elif name in kernel.positive and not number > 0:
                 faults.append(f"[parameters] {name} must be positive, not {number!r}")
     eta = given.get("eta")

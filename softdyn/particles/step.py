@@ -1,6 +1,6 @@
 """One step of many particles: positions and gaps, implicit together.
 
-Positions x and gaps h obey, with n from i to j (section 4 of the project's physics; eqs. 1 and 7 of Rognon & Gay)::
+Positions x and gaps h obey, with n from i to j (eqs. 1 and 7 of Rognon & Gay, arXiv 0803.1573)::
 
     Z (dx_i/dt - u(x_i)) + sum_j F_ij n_ij = F_i^ext ,      zeta dh/dt = -(F_ela - F_adh)
 

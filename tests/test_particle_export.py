@@ -1,0 +1,197 @@
+"""Results as GSD and VTK files, read back by the readers of others."""
+
+from __future__ import annotations
+
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import gsd.hoomd
+import meshio
+import numpy as np
+import pytest
+
+from softdyn.cli import main
+from softdyn.errors import SceneError
+from softdyn.particles.geometry import Wall
+from softdyn.particles.results import ParticleResult, load_particles
+from softdyn.particles.run import simulate_particles
+from softdyn.particles.scene import ParticleScene, Push
+
+UNIT = {"E": 1.0, "eta": 1.0}
+
+
+@pytest.fixture(scope="module")
+def sheared() -> ParticleResult:
+    """A periodic packing of two species, sheared so far that its box is seen tilted the other way."""
+    draw = np.random.default_rng(1)
+    place = np.array([[i + 0.5 * (j % 2), j * np.sqrt(3) / 2] for j in range(6) for i in range(6)]) * 1.9
+    box = np.array([6.0, 3 * np.sqrt(3)]) * 1.9
+    return simulate_particles(
+        ParticleScene(
+            law="rognon_gay",
+            parameters={"E": {"hard": 2.0, "soft": 1.0}, "eta": 1.0},
+            positions=np.mod(place + 0.02 * draw.uniform(-1, 1, place.shape), box),
+            radii=draw.uniform(0.95, 1.0, len(place)),
+            species=["soft" if k % 3 else "hard" for k in range(len(place))],
+            box=list(box),
+            gap=0.05,
+            reach=0.4,
+            shear_rate=1e-3,
+            drag=1.0,
+            until=800.0,
+            times=5,
+            rtol=1e-2,
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def walled() -> ParticleResult:
+    """A pair in three dimensions that falls on a wall; at the start nothing is in touch."""
+    return simulate_particles(
+        ParticleScene(
+            law="rognon_gay",
+            parameters=UNIT,
+            positions=[[0.0, 0.0, 2.0], [0.5, 0.0, 5.0]],
+            radii=[1.0, 1.2],
+            walls=[Wall(np.zeros(3), np.array([0.0, 0.0, -1.0]))],
+            pushes=[Push([0, 1], [0.0, 0.0, -0.1])],
+            reach=0.4,
+            drag=1.0,
+            until=1000.0,
+            times=6,
+        )
+    )
+
+
+def test_a_gsd_trajectory_is_the_result_in_single_precision(sheared: ParticleResult, tmp_path: Path) -> None:
+    """Positions, unwrapped by the images, and velocities to the rounding of 24 bits; contacts as they are."""
+    count = len(sheared.radii)
+    with gsd.hoomd.open(str(sheared.save(tmp_path / "a.gsd"))) as trajectory:
+        assert len(trajectory) == len(sheared)
+        for number, frame in enumerate(trajectory):
+            Lx, Ly, Lz, xy, xz, yz = (float(value) for value in frame.configuration.box)
+            cell = np.array([[Lx, xy * Ly, xz * Lz], [0, Ly, yz * Lz], [0, 0, Lz]])
+            assert frame.configuration.dimensions == 2
+            assert abs(xy * Ly) <= Lx / 2 * (1 + 1e-6)  # the least tilted cell
+            x = np.asarray(frame.particles.position, float)
+            fractions = np.linalg.solve(cell, x.T).T
+            assert np.abs(fractions).max() <= 0.5 + 1e-6
+            whole = (x + (frame.particles.image + 0.5) @ cell.T)[:, :2]
+            scale = np.abs(sheared.x[number]).max() + np.abs(cell).max() * (1 + np.abs(frame.particles.image).max())
+            np.testing.assert_allclose(whole, sheared.x[number], atol=4 * 2.0**-24 * scale)
+            np.testing.assert_allclose(frame.particles.velocity[:, :2], sheared.v[number], rtol=2.0**-23)
+            np.testing.assert_allclose(frame.particles.diameter, 2 * sheared.radii, rtol=2.0**-23)
+            names = [frame.particles.types[k] for k in frame.particles.typeid]
+            assert names == ["soft" if k % 3 else "hard" for k in range(count)]
+            contacts = sheared.contacts(number)
+            assert np.array_equal(frame.bonds.group, np.column_stack([contacts["i"], contacts["j"]]))
+            assert np.array_equal(frame.log["bonds/gap"], contacts["h"])
+            assert np.array_equal(frame.log["bonds/force"], contacts["F"])
+            assert np.array_equal(frame.log["stress"], sheared.stress[number])
+            assert float(frame.log["t"][0]) == sheared.t[number]
+            assert float(frame.log["strain"][0]) == pytest.approx(1e-3 * sheared.t[number])
+            # a viewer draws a bond to the nearest image: that is the contact, of the length that its gap says
+            i, j = frame.bonds.group.T
+            along = np.linalg.solve(cell, (x[j] - x[i]).T).T
+            r = np.linalg.norm((along - np.round(along)) @ cell.T, axis=1)
+            expected = sheared.radii[i] + sheared.radii[j] + contacts["h"] - 2 * contacts["delta"]
+            np.testing.assert_allclose(r, expected, rtol=1e-5)
+
+
+def test_contacts_come_and_go_in_a_gsd_trajectory(walled: ParticleResult, tmp_path: Path) -> None:
+    """Those with walls are no bonds; a frame without contacts has none of another frame's."""
+    counts = []
+    with gsd.hoomd.open(str(walled.save(tmp_path / "a.gsd"))) as trajectory:
+        for number, frame in enumerate(trajectory):
+            pair = walled.contacts(number)["j"] < 2
+            counts.append(frame.bonds.N)
+            assert frame.bonds.N == len(frame.log["bonds/gap"]) == pair.sum()
+            centre = frame.particles.position + np.asarray(frame.configuration.box[:3]) * 0
+            np.testing.assert_allclose(centre[1] - centre[0], walled.x[number, 1] - walled.x[number, 0], atol=1e-5)
+    assert counts[0] == 0 < counts[-1]
+
+
+def files_of(path: Path) -> list[tuple[float, str, Path]]:
+    """Time, part and file of each entry of a .pvd."""
+    entries = ElementTree.parse(path).getroot().iter("DataSet")
+    return [(float(e.attrib["timestep"]), e.attrib["part"], path.parent / e.attrib["file"]) for e in entries]
+
+
+@pytest.mark.parametrize("which", ["sheared", "walled"])
+def test_vtk_files_are_the_result(which: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """In full precision; a contact is a line as long as its gap says, from a particle."""
+    result: ParticleResult = request.getfixturevalue(which)
+    d = result.x.shape[2]
+    entries = files_of(result.save(tmp_path / "some" / "a.pvd"))
+    with_contacts = [k for k in range(len(result)) if len(result.contacts(k)["h"])]
+    assert [t for t, part, _ in entries if part == "0"] == result.t.tolist()
+    assert [t for t, part, _ in entries if part == "1"] == result.t[with_contacts].tolist()
+    for t, part, file in entries:
+        number = result.t.tolist().index(t)
+        mesh = meshio.read(file)
+        if part == "0":
+            assert np.array_equal(mesh.point_data["radius"].reshape(-1), result.radii)
+            assert np.array_equal(mesh.point_data["velocity"][:, :d], result.v[number])
+            shift = mesh.points[:, :d] - result.x[number]
+            if which == "walled":
+                assert np.array_equal(shift, np.zeros_like(shift))
+            else:  # by whole vectors of the lattice
+                fractions = np.linalg.solve(result.cell[number], shift.T)
+                np.testing.assert_allclose(fractions, np.round(fractions), atol=1e-9)
+            continue
+        contacts = result.contacts(number)
+        assert np.array_equal(mesh.cell_data["gap"][0].reshape(-1), contacts["h"])
+        assert np.array_equal(mesh.cell_data["force"][0].reshape(-1), contacts["F"])
+        start, end = mesh.points[mesh.cells[0].data].transpose(1, 0, 2)
+        assert np.array_equal(mesh.cells[0].data[:, 0], contacts["i"])
+        partner = np.append(result.radii, 0.0)[np.minimum(contacts["j"], len(result.radii))]
+        expected = result.radii[contacts["i"]] + partner + contacts["h"] - 2 * contacts["delta"]
+        along = (end - start)[:, :d]
+        np.testing.assert_allclose(np.linalg.norm(along, axis=1), expected, rtol=1e-9)
+        np.testing.assert_allclose(along / expected[:, None], contacts["n"], atol=1e-6)
+        if which == "walled":
+            np.testing.assert_allclose(end[contacts["j"] == 2, 2], 0.0, atol=1e-9)
+
+
+def test_the_command_line_writes_them_beside_the_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["run", "line", "-o", str(tmp_path / "a.gsd")]) == 0
+    assert f"wrote {tmp_path / 'a.npz'} and {tmp_path / 'a.gsd'}" in capsys.readouterr().out
+    result = load_particles(tmp_path / "a.npz")
+    assert main(["convert", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.gsd")]) == 0
+    with gsd.hoomd.open(str(tmp_path / "a.gsd")) as one, gsd.hoomd.open(str(tmp_path / "b.gsd")) as other:
+        assert len(one) == len(other) == len(result)
+        assert np.array_equal(one[7].particles.position, other[7].particles.position)
+    assert main(["convert", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.pvd")]) == 0
+    assert len(files_of(tmp_path / "b.pvd")) == 2 * len(result)
+    assert main(["convert", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.xyz")]) == 2
+    assert "the ending must be one of .npz, .gsd, .pvd" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("suffix", "package"), [(".gsd", "gsd"), (".pvd", "pyevtk")])
+def test_a_missing_package_is_named_before_the_run(
+    suffix: str, package: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    ran: list[Any] = []
+    monkeypatch.setattr("softdyn.particles.command.simulate_particles", lambda *given: ran.append(given))
+    assert main(["run", "line", "-o", str(tmp_path / f"a{suffix}")]) == 2
+    words = capsys.readouterr().err
+    assert f"needs the package {package}: pip install 'softdyn[formats]'" in words
+    assert not ran
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unwritable_place_is_named(sheared: ParticleResult, tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("a file where the folder of the frames would be")
+    with pytest.raises(SceneError, match="cannot write the folder"):
+        sheared.save(tmp_path / "a.pvd")
+    (tmp_path / "b.gsd").mkdir()
+    with pytest.raises(SceneError, match="cannot write"):
+        sheared.save(tmp_path / "b.gsd")

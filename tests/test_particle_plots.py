@@ -1,0 +1,189 @@
+"""Pictures and animations of many particles: what is drawn is what was computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.animation import FFMpegWriter
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from softdyn.cli import main
+from softdyn.errors import SceneError
+from softdyn.particles.geometry import Wall
+from softdyn.particles.plots import draw_network
+from softdyn.particles.results import ParticleResult
+from softdyn.particles.run import simulate_particles
+from softdyn.particles.scene import ParticleScene, Push
+
+Array = NDArray[np.float64]
+
+
+def two(d: int = 2, **changes: Any) -> ParticleScene:
+    """Two unequal particles, one of them three times as hard, pushed together, and from above onto a wall."""
+    pad = [0.0] * (d - 1)
+    settings: dict[str, Any] = {
+        "law": "rognon_gay",
+        "parameters": {"E": {"hard": 3.0, "soft": 1.0}, "eta": 1.0},
+        "positions": [[0.0, *pad], [2.55, *pad]],
+        "radii": [1.0, 1.5],
+        "species": ["soft", "hard"],
+        "gap": 0.05,
+        "pushes": [Push([0], [3e-2, *pad]), Push([1], [-3e-2, *pad])],
+        "reach": 0.4,
+        "drag": 1.0,
+        "until": 300.0,
+        "times": 3,
+        "rtol": 1e-3,
+    }
+    return ParticleScene(**{**settings, **changes})
+
+
+def packing(strain: float) -> ParticleResult:
+    """A periodic packing, sheared."""
+    place = np.array([[i + 0.5 * (j % 2), j * np.sqrt(3) / 2] for j in range(6) for i in range(6)]) * 1.9
+    box = np.array([6.0, 3 * np.sqrt(3)]) * 1.9
+    scene = ParticleScene(
+        law="rognon_gay",
+        parameters={"E": 1.0, "eta": 1.0},
+        positions=np.mod(place + 0.3 + 0.05 * np.random.default_rng(1).uniform(-1, 1, place.shape), box),
+        radii=1.0,
+        box=list(box),
+        gap=0.05,
+        reach=0.4,
+        shear_rate=1e-3,
+        drag=1.0,
+        until=1e3 * strain,
+        times=3,
+        rtol=1e-2,
+    )
+    return simulate_particles(scene)
+
+
+def drawn(result: ParticleResult, frame: int) -> tuple[list[Array], Array]:
+    """Outlines of particles, shape (corners, 2) each, and lines of contacts, shape (lines, 2, 2)."""
+    axes = Figure().add_subplot()
+    artists, _ = draw_network(axes, result, frame, 1.0)
+    outlines = [np.asarray(path.vertices)[:-1] for path in artists[0].get_paths()]  # type: ignore[attr-defined]
+    return outlines, np.array(artists[1].get_segments())  # type: ignore[attr-defined]
+
+
+def test_what_is_left_between_two_particles_is_the_gap() -> None:
+    """Both are cut flat, the soft one deeper, as 1/E; lines meet in the middle of the gap."""
+    result = simulate_particles(two())
+    (left, right), lines = drawn(result, -1)
+    contacts = result.contacts(-1)
+    h, delta = contacts["h"][0], contacts["delta"][0]
+    assert right[:, 0].min() - left[:, 0].max() == pytest.approx(h, rel=1e-9)
+    x = result.x[-1, :, 0]
+    assert left[:, 0].max() - x[0] == pytest.approx(1.0 - 2 * delta * 3 / 4)
+    assert x[1] - right[:, 0].min() == pytest.approx(1.5 - 2 * delta / 4)
+    np.testing.assert_allclose(lines[0, 1], lines[1, 1], atol=1e-12)
+    np.testing.assert_allclose(lines[:, 0], result.x[-1], atol=1e-12)
+    # beyond the facet each is round
+    assert left[:, 0].min() == pytest.approx(x[0] - 1.0)
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_a_rigid_wall_gives_in_by_nothing(rigid: bool) -> None:
+    wall = Wall(np.array([0.0, -1.05]), np.array([0.0, -1.0]), rigid=rigid)
+    result = simulate_particles(two(walls=[wall], pushes=[Push([0], [0.0, -3e-2])], positions=[[0, 0], [8.0, 2.0]]))
+    outlines, _ = drawn(result, -1)
+    contacts = result.contacts(-1)
+    lowest = outlines[0][:, 1].min()
+    given_in = 0.0 if rigid else contacts["delta"][0]
+    assert lowest - contacts["h"][0] + given_in == pytest.approx(-1.05)
+
+
+@given(strain=st.floats(0.0, 1.0))
+def test_a_sheared_box_is_filled_by_images(strain: float) -> None:
+    """Whatever the tilt, the window shows as much of particles as the box holds, and all contacts are whole."""
+    result = BEFORE
+    cell = np.array([[result.box[0], strain * result.box[1]], [0.0, result.box[1]]])
+    arrays = {**result.arrays, "cell": np.array([cell])}
+    # positions that fill the tilted cell as they filled the first: an affine map keeps each within its own cell
+    x = result.x[0] + strain * np.column_stack([result.x[0][:, 1], np.zeros(36)])
+    arrays["x"], arrays["contact_start"] = x[None], np.array([0, 0])
+    outlines, _ = drawn(ParticleResult("", "", {}, arrays, {}, {}), 0)
+    centres = np.array([outline.mean(axis=0) for outline in outlines])
+    low, high = np.zeros(2), result.box
+    inside = ((centres >= low) & (centres < high)).all(axis=1)
+    assert inside.sum() == 36
+    # every image that reaches into the window is there: count them over a wide patch of the lattice
+    shifts = [i * cell[:, 0] + j * cell[:, 1] for i in range(-4, 4) for j in range(-3, 4)]
+    every = np.concatenate([x + shift for shift in shifts])
+    reaching = ((every > low - 1) & (every < high + 1)).all(axis=1)
+    assert len(outlines) == reaching.sum()
+
+
+BEFORE = packing(0.001)
+
+
+def test_both_halves_of_a_contact_meet_across_the_faces_of_the_box() -> None:
+    result = packing(0.7)
+    contacts = result.contacts(-1)
+    _, lines = drawn(result, -1)
+    cell = result.cell[-1]
+    middles = np.linalg.solve(cell, lines[:, 1].T).T
+    middles -= np.floor(middles + 1e-9)
+    expected = result.x[-1][contacts["i"]] + contacts["n"] * (1 - contacts["delta"] + contacts["h"] / 2)[:, None]
+    expected = np.linalg.solve(cell, expected.T).T
+    expected -= np.floor(expected + 1e-9)
+    apart = np.linalg.norm(middles[:, None] - expected[None], axis=2)
+    apart = np.minimum(apart, np.abs(apart - 1))  # a face of the box, seen from both sides
+    assert np.all(apart.min(axis=1) < 1e-6)
+    # each contact is drawn from both of its ends at least
+    nearest = np.bincount(apart.argmin(axis=1), minlength=len(expected))
+    assert np.all(nearest >= 2)
+
+
+def test_an_animation_has_each_frame(tmp_path: Path) -> None:
+    result = simulate_particles(two())
+    with Image.open(result.animate(tmp_path / "a.gif")) as animation:
+        assert getattr(animation, "n_frames", 1) == len(result) == 3
+        frames = []
+        for number in range(3):
+            animation.seek(number)
+            frames.append(np.asarray(animation.convert("RGB"), dtype=float))
+    assert all(np.abs(frames[k] - frames[k + 1]).max() > 50 for k in range(2))
+
+
+def test_the_command_line_animates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = simulate_particles(two()).save(tmp_path / "a.npz")
+    assert main(["plot", str(path), "-o", str(tmp_path / "a.gif")]) == 0
+    assert (tmp_path / "a.gif").stat().st_size > 10_000
+    pad = simulate_particles(two(3)).save(tmp_path / "b.npz")
+    assert main(["plot", str(pad), "-o", str(tmp_path / "b.gif")]) == 2
+    assert "OVITO" in capsys.readouterr().err
+
+
+def test_a_missing_program_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = simulate_particles(two())
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(SceneError, match="the program ffmpeg is needed"):
+        result.animate(tmp_path / "a.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="needs the program ffmpeg")
+def test_an_mp4_is_written(tmp_path: Path) -> None:
+    path = simulate_particles(two()).animate(tmp_path / "a.mp4")
+    assert path.read_bytes()[4:8] == b"ftyp"
+
+
+def test_the_energies_of_frames_add_up() -> None:
+    """Those of the last frame are those of the run; all that is given is taken, at each frame."""
+    result = simulate_particles(two(times=6, rtol=1e-5))
+    for name in ("external", "flow", "box", "gaps", "drag", "remote", "U_h", "stored"):
+        assert result.arrays[f"energy_{name}"][-1] == pytest.approx(result.energy[name])
+        assert result.arrays[f"energy_{name}"][0] == 0.0
+    given_in = sum(result.arrays[f"energy_{name}"] for name in ("external", "flow", "box"))
+    taken = sum(result.arrays[f"energy_{name}"] for name in ("stored", "gaps", "drag", "remote", "U_h"))
+    np.testing.assert_allclose(given_in, taken, atol=1e-4 * given_in[-1])
+    assert np.all(np.diff(result.energy_gaps) > 0)
