@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.batch import Batch, simulate_batch
 from softdyn.errors import SceneError
-from softdyn.pair import Progress, simulate_pair
+from softdyn.pair import simulate_pair
 from softdyn.results import PairResult, load_result
 from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
 
@@ -18,6 +23,7 @@ if TYPE_CHECKING:
     from softdyn.derive.regimes import Diagram
 
 __all__ = [
+    "Batch",
     "PairResult",
     "Scene",
     "Table",
@@ -32,21 +38,24 @@ __all__ = [
 
 
 def simulate(
-    scene: Scene | str | Path | None = None, *, progress: Progress | None = None, **keywords: Any
-) -> PairResult:
-    """Simulate a scene.
+    scene: Scene | str | Path | None = None, *, progress: Callable[[Any, Any], None] | None = None, **keywords: Any
+) -> PairResult | Batch:
+    """Simulate a scene, or many at once.
 
     Parameters
     ----------
     scene : Scene, or path of a scene file, optional
-    progress : function of (t, h), optional
-        Called now and then during the run.
+    progress : function, optional
+        Called now and then: with (t, h) during a run, with (runs done, runs) where there are many.
     **keywords
-        The fields of :class:`softdyn.Scene`, in the place of ``scene``.
+        The fields of :class:`softdyn.Scene`, in the place of ``scene``. A numpy array, of shape (runs,), as h, delta, a
+        force or velocity, a parameter or a constant makes so many runs, in one call; several arrays are taken value by
+        value. (A table of forces is a pair of arrays.)
 
     Returns
     -------
     PairResult
+        Or, of many runs, a :class:`softdyn.Batch`.
 
     Raises
     ------
@@ -60,6 +69,16 @@ def simulate(
     ... )
     >>> result.h.round(4)
     array([1.e+02, 1.e+01, 1.e+00, 1.e-01, 1.e-02, 1.e-03])
+
+    Three forces at once; the time at which the gap is 1e-3:
+
+    >>> import numpy as np
+    >>> many = softdyn.simulate(
+    ...     law="rognon_gay", parameters={"R": 1, "E": 1, "eta": 1}, h=100, force=np.array([1e-6, 1e-4, 1e-2]),
+    ...     until_h=1e-3,
+    ... )
+    >>> many.t.shape
+    (3, 1)
     """
     if scene is not None:
         if keywords:
@@ -73,7 +92,47 @@ def simulate(
     missing += [] if set(DRIVES) & set(keywords) else ["force"]
     if missing:
         raise SceneError(f"simulate needs {', '.join(missing)}")
+    varied = _varied(keywords)
+    if varied:
+        return simulate_batch(Scene(**_first(keywords)), varied, progress)
     return simulate_pair(Scene(**keywords), progress)
+
+
+#: Numbers of a scene that may be arrays.
+VARIABLE = ("h", "delta", "force", "velocity")
+
+
+def _varied(keywords: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """Arrays among the fields of a scene: the values that many runs are to have."""
+    given = {name: keywords[name] for name in VARIABLE if name in keywords}
+    for field in ("parameters", "constants"):
+        if isinstance(keywords.get(field), Mapping):
+            given |= keywords[field]
+    arrays = {name: value for name, value in given.items() if isinstance(value, np.ndarray) and value.ndim}
+    for name, value in arrays.items():
+        if value.ndim != 1 or not len(value) or not np.issubdtype(value.dtype, np.number):
+            raise SceneError(
+                f"{name} is an array of shape {value.shape} and type {value.dtype}: one row of numbers is needed"
+            )
+    lengths = {name: len(value) for name, value in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        words = ", ".join(f"{length} of {name}" for name, length in lengths.items())
+        raise SceneError(f"arrays are taken value by value, and have as many values each; here there are {words}")
+    return {name: np.asarray(value, dtype=float) for name, value in arrays.items()}
+
+
+def _first(keywords: dict[str, Any]) -> dict[str, Any]:
+    """Fields of the first of many runs."""
+
+    def one(value: Any) -> Any:
+        return float(value[0]) if isinstance(value, np.ndarray) and value.ndim else value
+
+    def each(name: str, value: Any) -> Any:
+        if name in ("parameters", "constants") and isinstance(value, Mapping):
+            return {key: one(number) for key, number in value.items()}
+        return one(value) if name in VARIABLE else value
+
+    return {name: each(name, value) for name, value in keywords.items()}
 
 
 def check(law: ContactLaw | str | Path) -> list[Finding]:

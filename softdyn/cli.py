@@ -472,7 +472,10 @@ def _sweep(options: argparse.Namespace) -> int:
     runs = len(next(iter(result.varied.values())))
     for number, text in list(result.errors.items())[:5]:
         print(f"softdyn: run {number}: {text}", file=sys.stderr)
-    print(f"{runs} runs, {len(result.errors)} of them failed\nwrote {options.output}")
+    for number, words in list(result.warnings.items())[:5]:
+        print(f"softdyn: warning: run {number}: {'; '.join(words)}", file=sys.stderr)
+    warned = f", {len(result.warnings)} have warnings" if result.warnings else ""
+    print(f"{runs} runs, {len(result.errors)} of them failed{warned}\nwrote {options.output}")
     return 0 if not result.errors else 1
 
 

@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 from sympy import Expr, diff, oo
 
-from softdyn.api import simulate
 from softdyn.derive.forms import force
 from softdyn.derive.law import parameters_of
 from softdyn.derive.regimes import SIGN, Diagram, Regime, Side
 from softdyn.derive.symbols import h
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.pair import simulate_pair
 from softdyn.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
+from softdyn.scene import Scene
 
 Array = NDArray[np.float64]
 Exponent = Literal["lambda1", "lambda2"]
@@ -303,10 +304,11 @@ def _run(
     parts = []
     for start in range(0, len(gaps) - 1, length):
         piece = gaps[start : start + length + 1]
-        result = simulate(
+        scene = Scene(
             law=diagram.law, parameters=parameters, h=float(piece[0]), force=SIGN[side] * push,
             until_h=float(piece[-1]), gaps=piece, quantities=("dh_dt",), rtol=RTOL, target=target,
         )  # fmt: skip
+        result = simulate_pair(scene)
         parts.append(np.array([result.h, np.abs(result.delta), result.dh_dt])[:, 1 if start else 0 :])
     columns = np.concatenate(parts, axis=1)
     columns = columns if opening else columns[:, ::-1]

@@ -34,7 +34,7 @@ LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
 #: An expression of time is looked at in 8 points of each of at least so many steps, lest a pulse be missed.
 FEWEST_STEPS = 16
-#: Numbers of a step in time: its start, its length, what ends it, ln h and its 8 stages; its estimated errors come last.
+#: Numbers of a step in time: its start, its length, what ends it, ln h and its 8 stages; then its estimated errors.
 IN_TIME = 12
 
 #: An estimated error of an output is let pass up to so many times rtol; else the run is repeated at a tolerance so much
@@ -123,7 +123,7 @@ def simulate_pair(
             "kernel": kernel.key,
         },
         events=_events(kernel, drive, p, steps, stopped_by, t, h, delta),
-        warnings=(*_warnings(kernel, p, delta, largest, R), *_unreached(scene, t), *_ill_conditioned(scene, stats)),
+        warnings=(*model_warnings(kernel, p, largest, delta), *_unreached(scene, t), *_ill_conditioned(scene, stats)),
     )
 
 
@@ -459,7 +459,9 @@ def _ill_conditioned(scene: Scene, stats: dict[str, Any]) -> tuple[str, ...]:
     return (f"{known}: on the way errors, of rounding if no other, grow by as much{aside}",)
 
 
-def _warnings(kernel: Kernel, p: Array, delta: Array, largest: float, R: float) -> tuple[str, ...]:
+def model_warnings(kernel: Kernel, p: Array, largest: float, delta: Array) -> tuple[str, ...]:
+    """What is outside the model in a run with this largest force and these deflections."""
+    R = float(p[kernel.parameters.index("R")])
     found = []
     if "E" in kernel.parameters:
         kappa = largest / (float(p[kernel.parameters.index("E")]) * R**2)

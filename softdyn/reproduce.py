@@ -20,7 +20,6 @@ from sympy import lambdify
 from tqdm import tqdm
 
 from softdyn import figures
-from softdyn.api import simulate
 from softdyn.derive.dynamics import generic_dynamics
 from softdyn.derive.forms import force as F
 from softdyn.derive.forms import force_unit
@@ -28,8 +27,10 @@ from softdyn.derive.laws.rognon_gay import law as LAW
 from softdyn.derive.limits import Finding, check_limits
 from softdyn.derive.regimes import Diagram, Regime, discover
 from softdyn.derive.symbols import E, R, eta, h
+from softdyn.pair import simulate_pair
 from softdyn.plane import length_ratios, monomial
 from softdyn.results import PairResult, require_folder, written_whole
+from softdyn.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -178,7 +179,7 @@ def run(target: str = "auto", progress: bool = False) -> Study:
 
 
 def _approach(force: float, target: str, method: str) -> PairResult:
-    return simulate(
+    scene = Scene(
         law=LAW.name,
         target=target,
         parameters=PARAMETERS,
@@ -190,6 +191,7 @@ def _approach(force: float, target: str, method: str) -> PairResult:
         rtol=RTOL,
         method=method,
     )
+    return simulate_pair(scene)
 
 
 def _row(result: PairResult, exact: PairResult, force: float) -> dict[str, NDArray]:

@@ -115,8 +115,8 @@ class Scene:
     delta: float | None = None
     until_h: float | None = None
     until_t: float | None = None
-    times: int | Sequence[float] | None = None
-    gaps: int | Sequence[float] | None = None
+    times: int | Sequence[float] | NDArray[np.float64] | None = None
+    gaps: int | Sequence[float] | NDArray[np.float64] | None = None
     quantities: Sequence[str] = DEFAULT_QUANTITIES
     rtol: float = 1e-9
     method: str = "auto"

@@ -7,14 +7,13 @@ made twice, by a worker that died and one that took over, counts once.
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import re
 import shutil
+import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
 from hashlib import sha256
 from multiprocessing import get_context
 from os import cpu_count
@@ -24,64 +23,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import SceneError, SoftdynError
-from softdyn.kernels import Kernel, get_kernel, tool_digest
+from softdyn.batch import Batch, as_arrays, is_plain, simulate_batch, varied_scene
+from softdyn.errors import SceneError
+from softdyn.kernels import tool_digest
 from softdyn.laws import find, load
-from softdyn.pair import simulate_pair
 from softdyn.results import written_whole
-from softdyn.scene import LARGEST_COUNT, Scene, Table, named_numbers, suggestion
+from softdyn.scene import LARGEST_COUNT, Scene, Table, named_numbers
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
-#: Runs in a part: a few tenths of a second of work.
+#: Runs in a part, a few tenths of a second of work: of runs that are made one by one, and of those that are not.
 PART = 250
+PLAIN_PART = 20_000
 _RANGE = re.compile(r"(linspace|logspace)\(([^,()]+),([^,()]+),([^,()]+)\)")
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """What a sweep gave, one row for each run.
-
-    Attributes
-    ----------
-    varied : mapping from str to array, shape (runs,)
-        The values that were varied, in every combination, the last name fastest.
-    arrays : mapping from str to array, shape (runs, outputs)
-        As in a :class:`PairResult`; nan where a run failed, or ended before an output time.
-    errors : mapping from int to str
-        Why a run failed, by its number.
-    """
-
-    varied: Mapping[str, Array]
-    arrays: Mapping[str, Array]
-    errors: Mapping[int, str]
-
-    def save(self, path: Path) -> Path:
-        """Write to .npz, or to .csv as one table with a line for each output of each run.
-
-        Names of what was varied start with "varied_" in both.
-
-        Raises
-        ------
-        SceneError
-            If the ending is another, or the file cannot be written.
-        """
-        if path.suffix not in (".npz", ".csv"):
-            raise SceneError(f"cannot save to {path}: the ending of a sweep's table must be .npz or .csv")
-        with written_whole(path) as temporary:
-            if path.suffix == ".npz":
-                with temporary.open("wb") as file:
-                    errors = np.array(json.dumps({str(run): text for run, text in self.errors.items()}))
-                    content: dict[str, Any] = {f"varied_{name}": values for name, values in self.varied.items()}
-                    np.savez(file, errors=errors, **(content | dict(self.arrays)))
-            else:
-                outputs = next(iter(self.arrays.values())).shape[1]
-                columns = [np.repeat(values, outputs) for values in self.varied.values()]
-                table = np.column_stack([*columns, *(values.ravel() for values in self.arrays.values())])
-                heads = ",".join([*(f"varied_{name}" for name in self.varied), *self.arrays])
-                np.savetxt(temporary, table, delimiter=",", header=heads, comments="", fmt="%.17g")
-        return path
 
 
 def read_values(text: str) -> tuple[str, Array]:
@@ -130,7 +85,7 @@ def sweep(
     folder: Path | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
-) -> Sweep:
+) -> Batch:
     """Run a scene for every combination of the values given.
 
     Parameters
@@ -156,90 +111,40 @@ def sweep(
     named_numbers("[drive] constants", scene.constants)
     values = {name: np.atleast_1d(np.asarray(given, dtype=float)) for name, given in vary.items()}
     for name in values:
-        varied_scene(scene, {name: float(values[name].flat[0])})
+        if values[name].ndim != 1 or not len(values[name]):
+            raise SceneError(f"{name} is varied over a list of numbers, one at least, not over {vary[name]!r}")
+        varied_scene(scene, {name: float(values[name][0])})
     runs = math.prod(len(given) for given in values.values())
-    parts = range(0, runs, PART)
-    done: dict[int, dict[str, Any]] = {}
+    size = PLAIN_PART if is_plain(scene) else PART
+    parts = range(0, runs, size)
+    done: dict[int, Batch] = {}
     if folder is not None:
         done = _found(folder, _identity(scene, values), set(parts))
     missing = [first for first in parts if first not in done]
-    tasks = [(scene, values, first, min(first + PART, runs)) for first in missing]
+    tasks = [(scene, values, first, min(first + size, runs)) for first in missing]
     if tasks:
         run_part((scene, values, 0, 1))  # derive and compile once, before all workers want to
     for first, part in _made(tasks, scheduler):
         done[first] = part
         if folder is not None:
-            with written_whole(folder / f"{first}.json") as temporary:
-                temporary.write_text(json.dumps(part), encoding="utf-8")
+            with written_whole(folder / f"{first}.npz") as temporary, temporary.open("wb") as file:
+                np.savez(file, **as_arrays(part))
         if progress is not None:
-            progress(min(len(done) * PART, runs), runs)
-    result = _joined(values, [done[first] for first in parts])
+            progress(min(len(done) * size, runs), runs)
+    result = _joined([(first, done[first]) for first in parts])
     if folder is not None:
         shutil.rmtree(folder)
     return result
 
 
-def varied_scene(scene: Scene, point: Mapping[str, float]) -> Scene:
-    """A scene with some of its numbers replaced.
-
-    Raises
-    ------
-    SceneError
-        If it has no such number.
-    """
-    for name, value in point.items():
-        if name in scene.parameters:
-            scene = replace(scene, parameters={**scene.parameters, name: value})
-        elif name in scene.constants:
-            scene = replace(scene, constants={**scene.constants, name: value})
-        elif name in ("h", "delta", "force", "velocity"):
-            change: dict[str, Any] = {name: value}
-            scene = replace(scene, **change)
-        elif name == "kappa" and scene.force is not None and {"E", "R"} <= set(scene.parameters):
-            force = value * float(scene.parameters["E"]) * float(scene.parameters["R"]) ** 2
-            scene = replace(scene, force=force, constants={})
-        elif name == "kappa":
-            raise SceneError("kappa stands for a force kappa E R^2: give the scene a force, E and R, or vary another")
-        else:
-            known = [*scene.parameters, *scene.constants, "h", "delta", "force", "velocity", "kappa"]
-            raise SceneError(f"{name!r} cannot be varied in this scene{suggestion(name, known)}")
-    return scene
-
-
-def _points(values: Mapping[str, Array], first: int, last: int) -> Iterator[dict[str, float]]:
-    # parameters come before kappa, which is made of them
-    for number in range(first, last):
-        at = np.unravel_index(number, tuple(len(given) for given in values.values()))
-        point = {name: float(given[i]) for (name, given), i in zip(values.items(), at, strict=True)}
-        yield dict(sorted(point.items(), key=lambda item: item[0] == "kappa"))
-
-
-def run_part(task: tuple[Scene, Mapping[str, Array], int, int]) -> dict[str, Any]:
-    """Make the runs of a part: plain data, lists of numbers by name, and errors by the number of the run."""
+def run_part(task: tuple[Scene, Mapping[str, Array], int, int]) -> Batch:
+    """Make the runs of a part, every combination of the values from one number to another."""
     scene, values, first, last = task
-    kernels: dict[str, Kernel] = {}
-
-    def kernel_of(law: Any, target: str, **needs: Any) -> Kernel:
-        """Look a kernel up once for each shape of scene, of which a sweep has one or two."""
-        shape = repr(needs)
-        if shape not in kernels:
-            kernels[shape] = get_kernel(law, target, **needs)
-        return kernels[shape]
-
-    rows: list[dict[str, list[float]]] = []
-    errors: dict[str, str] = {}
-    for number, point in enumerate(_points(values, first, last), start=first):
-        try:
-            result = simulate_pair(varied_scene(scene, point), kernel_of=kernel_of)
-            keep = slice(None) if scene.times is not None or scene.gaps is not None else slice(-1, None)
-            rows.append({name: array[keep].tolist() for name, array in result.arrays.items()})
-        except SoftdynError as error:
-            errors[str(number)] = str(error)
-            rows.append({})
-    return {"rows": rows, "errors": errors}
+    at = np.unravel_index(np.arange(first, last), tuple(len(given) for given in values.values()))
+    return simulate_batch(scene, {name: given[i] for (name, given), i in zip(values.items(), at, strict=True)})
 
 
-def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, dict[str, Any]]]:
+def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, Batch]]:
     """Yield each part as it is made, with the number of its first run."""
     if scheduler is not None:
         try:
@@ -256,7 +161,8 @@ def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, di
             for future in dask_completed(futures):
                 yield futures[future], future.result()
         return
-    if len(tasks) <= 1:
+    if len(tasks) <= 1 or is_plain(tasks[0][0]):
+        # the threads of a batch use all processors
         yield from ((task[2], run_part(task)) for task in tasks)
         return
     # a fresh process knows nothing of threads that the caller may have
@@ -276,7 +182,7 @@ def _identity(scene: Scene, values: Mapping[str, Array]) -> str:
 
     law = law_hash(load(find(scene.law))[0])
     given = {name: array.tolist() for name, array in values.items()}
-    content = [law, tool_digest(), {**vars(scene), "law": None}, given, PART]
+    content = [law, tool_digest(), {**vars(scene), "law": None}, given, PART, PLAIN_PART]
     return sha256(json.dumps(content, default=_as_data, sort_keys=True).encode()).hexdigest()
 
 
@@ -287,42 +193,57 @@ def _as_data(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else repr(value)
 
 
-def _found(folder: Path, identity: str, parts: set[int]) -> dict[int, dict[str, Any]]:
+def _found(folder: Path, identity: str, parts: set[int]) -> dict[int, Batch]:
     """Parts that an interrupted sweep left in its folder; starts one that there is not."""
     note = folder / "sweep.json"
     if not note.is_file():
         with written_whole(note) as temporary:
             temporary.write_text(json.dumps({"identity": identity}), encoding="utf-8")
         return {}
-    if _read_part(note, ("identity",))["identity"] != identity:
+    try:
+        known = json.loads(note.read_text(encoding="utf-8"))["identity"]
+    except (OSError, ValueError, LookupError, TypeError):
+        raise SceneError(_damaged(note)) from None
+    if known != identity:
         raise SceneError(
             f"{folder} holds parts of another sweep, or of this one before its scene, its law or softdyn itself "
             "changed: finish that one, delete the folder, or name another"
         )
-    files = {int(path.stem): path for path in folder.glob("*.json") if path.stem.isdigit()}
-    return {first: _read_part(path, ("rows", "errors")) for first, path in files.items() if first in parts}
+    files = {int(path.stem): path for path in folder.glob("*.npz") if path.stem.isdigit()}
+    return {first: _read_part(path) for first, path in files.items() if first in parts}
 
 
-def _read_part(path: Path, keys: Sequence[str]) -> dict[str, Any]:
+def _damaged(path: Path) -> str:
+    return f"{path} is damaged: delete the folder {path.parent}, and run the sweep again"
+
+
+def _read_part(path: Path) -> Batch:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SceneError(f"cannot read {path}: {error.strerror}") from None
-    except ValueError:  # neither UTF-8 nor JSON
-        content = None
-    if not isinstance(content, dict) or not set(keys) <= set(content):
-        raise SceneError(f"{path} is damaged: delete the folder {path.parent}, and run the sweep again")
-    return content
+        with np.load(path, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+        texts = [json.loads(str(arrays.pop(name))) for name in ("errors", "warnings")]
+        errors, warnings = ({int(run): text for run, text in of.items()} for of in texts)
+    except (OSError, ValueError, LookupError, AttributeError, EOFError, zipfile.BadZipFile):
+        raise SceneError(_damaged(path)) from None
+    varied = {name.removeprefix("varied_"): arrays.pop(name) for name in list(arrays) if name.startswith("varied_")}
+    return Batch(varied, arrays, errors, {run: tuple(words) for run, words in warnings.items()})
 
 
-def _joined(values: Mapping[str, Array], parts: Sequence[Mapping[str, Any]]) -> Sweep:
-    rows = list(itertools.chain.from_iterable(part["rows"] for part in parts))
-    errors = {int(run): text for part in parts for run, text in part["errors"].items()}
-    names = next((list(row) for row in rows if row), ["t", "h", "delta"])
-    outputs = max((len(row["t"]) for row in rows if row), default=0)
-    arrays = {name: np.full((len(rows), outputs), math.nan) for name in names}
-    for number, row in enumerate(rows):
-        for name, content in row.items():
-            arrays[name][number, : len(content)] = content
-    meshes = np.meshgrid(*values.values(), indexing="ij")
-    return Sweep({name: mesh.ravel() for name, mesh in zip(values, meshes, strict=True)}, arrays, errors)
+def _joined(parts: Sequence[tuple[int, Batch]]) -> Batch:
+    """One batch of all parts, each with the number of its first run."""
+    names = max((list(part.arrays) for _, part in parts), key=len)
+    outputs = max(part.arrays["t"].shape[1] for _, part in parts)
+
+    def column(name: str) -> Array:
+        padded = []
+        for _, part in parts:
+            values = part.arrays.get(name, np.empty((len(part), 0)))
+            padded.append(np.pad(values, ((0, 0), (0, outputs - values.shape[1])), constant_values=math.nan))
+        return np.concatenate(padded)
+
+    return Batch(
+        {name: np.concatenate([part.varied[name] for _, part in parts]) for name in parts[0][1].varied},
+        {name: column(name) for name in names},
+        {first + run: text for first, part in parts for run, text in part.errors.items()},
+        {first + run: words for first, part in parts for run, words in part.warnings.items()},
+    )

@@ -7,14 +7,15 @@ Law 4f742644f34ed761:
     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
     F_adh = 0
 Left out, with the operations that each saved:
-    no remote force: 81 -> 80
-Operations, 173 in all:
-    balance: 3 add, 6 mul, 2 div, 2 sqrt
+    no remote force: 82 -> 81
+Operations, 176 in all:
+    gap_terms: 1 add, 2 mul, 1 div, 2 sqrt
+    newton: 3 add, 4 mul, 2 div
     gap_rate: 2 add, 15 mul, 4 div, 2 sqrt
-    slopes: 6 add, 40 mul, 9 div, 5 sqrt
+    slopes: 6 add, 41 mul, 9 div, 5 sqrt
     quantities: 10 add, 49 mul, 13 div, 5 sqrt
 
-Functions: cone_evaluate, cone_solve_delta, cone_drive, cone_integrate, cone_passages, cone_sample.
+Functions: cone_evaluate, cone_solve_delta, cone_drive, cone_integrate, cone_passages, cone_sample, cone_runs.
 p holds R, E, eta, m.
 """
 
@@ -34,17 +35,23 @@ from numpy import ndarray as array  # noqa: F401
 jit = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
 
 @jit
-def _balance(i: int, h: float, delta: float, p: array, w: array, out: array) -> None:
-    """The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta)."""
+def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
+    """What Newton's iteration for delta uses of the gap alone: out[k*n + i] is term k of state i."""
     R = p[0]
+    gap0 = R * sqrt(2.0 * h) / sqrt(R + h)
+    out[0 * n + i] = gap0
+
+
+@jit
+def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out: array) -> None:
+    """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
+    gap0 = terms[0 * n + i]
     E = p[1]
     m = p[3]
     x0 = 0.6366197723675814 * fabs(delta) / m
-    a = R * sqrt(2.0 * h) / sqrt(R + h) + x0
-    F_ela = delta * E * a
-    dF_ddelta = E * (a + x0)
-    w[i] = F_ela
-    out[i] = dF_ddelta
+    a = gap0 + x0
+    newton = (delta * E * a - F) / (E * (a + x0))
+    out[i] = newton
 
 
 @jit
@@ -96,9 +103,12 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     dF_dh = delta * x4 * E * R_p2 / (2.0 * x2 * x7)
     dh_dt = -F / zeta
     x8 = 1.0 / a
+    x9 = dF_dh / dF_ddelta
     h_p4 = h_p2 * h_p2
-    slope_p11 = -dh_dt * (x8 * R * (2.0 * x5 * x7 * h_p4 - 3.0 * a * x3_p2 * h_p3 * sqrt(h)) / (x3_p3 * h_p4 * sqrt(h)) - 8.0 * dF_dh * x0 * x8 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / dF_ddelta) - dh_dt / h
+    slope_p11 = -dh_dt * (x8 * R * (2.0 * x5 * x7 * h_p4 - 3.0 * a * x3_p2 * h_p3 * sqrt(h)) / (x3_p3 * h_p4 * sqrt(h)) - 8.0 * x0 * x8 * x9 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))) - dh_dt / h
+    slope_p21 = -x9 * h
     out[0 + i] = slope_p11
+    out[8 + i] = slope_p21
 
 
 @jit
@@ -158,38 +168,37 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
 
 
 @jit
-def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
+def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: array) -> float:
     """The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
-    F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
-    solution. Uses w[0] and w[1].
+    F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side, and the sign of each step
+    from the other. Returns nan if there is no solution. Uses w[0], and of terms as many as the law has.
     """
     if F == 0.0:
         return 0.0
     low = 0.0 if F > 0.0 else -inf
     high = inf if F > 0.0 else 0.0
-    stiffness = empty(1)
+    _gap_terms(0, 1, h, p, terms)
     delta = guess
     if not (low < guess and guess < high):
         # start from the linear response, or from R where that is beyond R
-        _balance(0, h, 0.0, p, w, stiffness)
-        delta = F / stiffness[0]
+        _newton(0, 1, 0.0, F, terms, p, w)
+        delta = -w[0]
         if not fabs(delta) < p[0]:
             delta = p[0] if F > 0.0 else -p[0]
     for iteration in range(400):
-        _balance(0, h, delta, p, w, stiffness)
-        residual = w[0] - F
-        step = residual / stiffness[0]
+        _newton(0, 1, delta, F, terms, p, w)
+        step = w[0]
         trial = delta - step
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
             return trial
-        if residual > 0.0:
+        if step > 0.0:
             high = delta
-        elif residual < 0.0:
+        elif step < 0.0:
             low = delta
         else:
-            return delta if residual == 0.0 else nan
+            return nan
         if not (low < trial and trial < high):
             if high == inf or low == -inf:
                 trial = 2.0 * delta
@@ -214,6 +223,14 @@ def _drive(t: float, table_t: array, table_F: array, segment: int, w: array) -> 
 
 
 @jit
+def _given(t: float, table_t: array, table_F: array, segment: int) -> float:
+    """What the integration needs of the drive at the time t: its value."""
+    start = table_t[segment]
+    slope = (table_F[segment + 1] - table_F[segment]) / (table_t[segment + 1] - start)
+    return table_F[segment] + slope * (t - start)
+
+
+@jit
 def cone_evaluate(n: int, h: array, delta: array, F: array, dF_dt: array, p: array, out: array) -> None:
     """a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at n states: out[k*n + i] is quantity k at state i."""
     for i in range(n):
@@ -223,11 +240,12 @@ def cone_evaluate(n: int, h: array, delta: array, F: array, dF_dt: array, p: arr
 @jit
 def cone_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
-    w = empty(2)
+    w = empty(1)
+    terms = empty(1)
     guess = nan
     for i in range(n):
         guess = guess if delta[i] != delta[i] else delta[i]
-        delta[i] = _solve_delta(h[i], F[i], guess, p, w)
+        delta[i] = _solve_delta(h[i], F[i], guess, p, w, terms)
         guess = delta[i]
 
 
@@ -242,6 +260,7 @@ def cone_drive(n: int, t: array, table_t: array, table_F: array, rows: int, valu
         _drive(t[i], table_t, table_F, segment, w)
         value[i] = w[0]
         rate[i] = w[1]
+
 
 
 
@@ -271,19 +290,29 @@ def _between(theta: float, z: array) -> float:
 
 
 @jit
-def _predict(ratio: float, z: array, above: array, below: array) -> None:
-    """Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial."""
+def _extrapolation(ratio: float, m: array, sums: array) -> None:
+    """The matrix, by columns, from the stages of a step to those of the next, ratio times as long, by its polynomial."""
     for i in range(8):
-        above[i] = 0.0
-        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1])
+        sums[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1])
     for j in range(8):
         for i in range(8):
-            weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1])
-            above[i] += weight * z[j]
-            below[i] += weight
+            m[8 * j + i] = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1])
+            sums[i] += m[8 * j + i]
+    for i in range(8):
+        sums[i] = 1.0 / sums[i]
+    for j in range(8):
+        for i in range(8):
+            m[8 * j + i] = m[8 * j + i] * sums[i]
+
+
+@jit
+def _predict(z: array, m: array, scratch: array) -> None:
+    """Stages of the next step, measured from the end of the last, whose stages are z."""
+    for i in range(8):
+        scratch[i] = (m[0 + i] * z[0] + m[8 + i] * z[1]) + (m[16 + i] * z[2] + m[24 + i] * z[3]) + (m[32 + i] * z[4] + m[40 + i] * z[5]) + (m[48 + i] * z[6] + m[56 + i] * z[7])
     end = z[7]
     for i in range(8):
-        z[i] = above[i] / below[i] - end
+        z[i] = scratch[i] - end
 
 
 @jit
@@ -315,58 +344,39 @@ def _left(apart: float, error: float) -> float:
 
 
 @jit
-def _deflections(h: array, F: array, delta: array, p: array, w: array, force: array, stiffness: array) -> None:
-    """Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once."""
-    for iteration in range(6):
+def _deflections(small: float, h: array, F: array, delta: array, p: array, w: array, terms: array) -> None:
+    """Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
+
+    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
+    w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    """
+    # of an iteration that has just begun, whose change leaves about its square
+    enough = sqrt(0.1 * small)
+    for i in range(8):
+        _gap_terms(i, 8, h[i], p, terms)
+    for i in range(8):
+        w[8 + i] = 0.0
+        w[16 + i] = 1.0 / fabs(delta[i])
+    for iteration in range(7):
         for i in range(8):
-            _balance(i, h[i], delta[i], p, force, stiffness)
+            _newton(i, 8, delta[i], F[i], terms, p, w)
+        left = 0.0
         for i in range(8):
-            force[i] = (force[i] - F[i]) / stiffness[i]
-            delta[i] = delta[i] - force[i]
-        moving: int = 0
-        for i in range(8):
-            if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
-                moving += 1
-        if moving == 0:
+            delta[i] = delta[i] - w[i]
+            size = fabs(w[i]) * w[16 + i]
+            before = w[8 + i]
+            w[24 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[8 + i] = size
+            left += w[24 + i]
+        if left == 0.0:
             break
     for i in range(8):
-        if not fabs(force[i]) <= 1e-9 * fabs(delta[i]):
-            delta[i] = _solve_delta(h[i], F[i], nan, p, w)
+        if w[24 + i] != 0.0:
+            delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
-@jit
-def cone_passages(n: int, u: array, at: array, steps: array, out: array) -> None:
-    """The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial."""
-    z = empty(8)
-    for i in range(n):
-        base: int = 14 * int(at[i])
-        for j in range(8):
-            z[j] = steps[base + 4 + j]
-        target = u[i] - steps[base + 3]
-        low = 0.0
-        high = 1.0
-        for iteration in range(60):
-            middle = 0.5 * (low + high)
-            value = _between(middle, z)
-            if (value < target and z[7] > 0.0) or (value > target and z[7] < 0.0):
-                low = middle
-            else:
-                high = middle
-        out[i] = steps[base] + high * steps[base + 1]
 
 
-@jit
-def cone_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
-    """The state at n times, in increasing order, from the 14 numbers of each of the steps stored: out[k*n + i] is component k."""
-    z = empty(8)
-    at: int = 0
-    for i in range(n):
-        while at < stored - 1 and t[i] >= steps[14 * (at + 1)]:
-            at += 1
-        theta = (t[i] - steps[14 * at]) / steps[14 * at + 1]
-        for j in range(8):
-            z[j] = steps[14 * at + 4 + j]
-        out[0 * n + i] = steps[14 * at + 3] + _between(theta, z)
 
 
 @jit
@@ -388,13 +398,15 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
     """
     w = empty(4)
+    work = empty(32)
+    terms = empty(8)
     given = empty(8)
     h = empty(8)
     deflection = empty(8)
     before = empty(8)
     above = empty(8)
     below = empty(8)
-    slopes = empty(8)
+    slopes = empty(16)
     m = empty(64)
     residual = empty(8)
     change = empty(8)
@@ -436,12 +448,12 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             break
         if fresh == 1.0:
             # the rates where the run starts, or goes on after an event
-            _drive(t, table_t, table_F, segment, w)
+            given[0] = _given(t, table_t, table_F, segment)
             for i in range(8):
                 h[i] = exp(u)
-                given[i] = w[0]
+                given[i] = given[0]
                 deflection[i] = delta
-            _deflections(h, given, deflection, p, w, above, below)
+            _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             delta = deflection[0]
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
@@ -463,9 +475,8 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
                     dt = 1e-9 * (t_end - t) if isfinite(t_end) else 1e-200
                     moving: int = 0
                     while moving == 0 and dt < 1e200 and t + dt < limit:
-                        _drive(t + dt, table_t, table_F, segment, w)
-                        given[0] = w[0]
-                        deflection[0] = _solve_delta(h[0], given[0], nan, p, w)
+                        given[0] = _given(t + dt, table_t, table_F, segment)
+                        deflection[0] = _solve_delta(h[0], given[0], nan, p, w, terms)
                         _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w)
                         singles += 1.0
                         if fabs(u_rate[0]) * dt < 1e-3:
@@ -495,12 +506,10 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             break
         # what is given, at the stages
         for i in range(8):
-            _drive(t + _NODES[i + 1] * step, table_t, table_F, segment, w)
-            given[i] = w[0]
+            given[i] = _given(t + _NODES[i + 1] * step, table_t, table_F, segment)
         # where the force crosses zero the law may have a kink: end a step there
         if crossing == inf:
-            _drive(t, table_t, table_F, segment, w)
-            side = w[0]
+            side = _given(t, table_t, table_F, segment)
             earlier = t
             for i in range(8):
                 later = t + _NODES[i + 1] * step
@@ -509,8 +518,7 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
                         middle = 0.5 * (earlier + later)
                         if middle <= earlier or middle >= later:
                             break
-                        _drive(middle, table_t, table_F, segment, w)
-                        if w[0] * side > 0.0:
+                        if _given(middle, table_t, table_F, segment) * side > 0.0:
                             earlier = middle
                         else:
                             later = middle
@@ -528,8 +536,9 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             deflection[i] = before[i]
         wild: int = 0
         if last > 0.0 and step <= 2.0 * last:
-            _predict(step / last, u_z, above, below)
-            _predict(step / last, deflection, above, below)
+            _extrapolation(step / last, m, above)
+            _predict(u_z, m, above)
+            _predict(deflection, m, above)
             for i in range(8):
                 deflection[i] = delta + deflection[i]
             for i in range(8):
@@ -551,7 +560,7 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             turn += 1
             for i in range(8):
                 h[i] = exp(u + u_z[i])
-            _deflections(h, given, deflection, p, w, above, below)
+            _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
             if renew == 1:
@@ -563,22 +572,18 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
                     m[9 * i] -= step * slopes[i]
                 _invert(m)
             for i in range(8):
-                residual[0 + i] = step * u_rate[i]
-            for j in range(8):
-                for i in range(8):
-                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j]
+                residual[0 + i] = step * u_rate[i] - ((_INVERSE[0 + i] * u_z[0] + _INVERSE[8 + i] * u_z[1]) + (_INVERSE[16 + i] * u_z[2] + _INVERSE[24 + i] * u_z[3]) + (_INVERSE[32 + i] * u_z[4] + _INVERSE[40 + i] * u_z[5]) + (_INVERSE[48 + i] * u_z[6] + _INVERSE[56 + i] * u_z[7]))
             for i in range(8):
-                change[i] = 0.0
-            for j in range(8):
-                for i in range(8):
-                    change[i] += m[8 * j + i] * residual[j]
+                change[i] = (m[0 + i] * residual[0] + m[8 + i] * residual[1]) + (m[16 + i] * residual[2] + m[24 + i] * residual[3]) + (m[32 + i] * residual[4] + m[40 + i] * residual[5]) + (m[48 + i] * residual[6] + m[56 + i] * residual[7])
             for i in range(8):
                 u_z[i] += change[0 + i]
+            for i in range(8):
+                deflection[i] += slopes[8 + i] * change[i]
             total = 0.0
             for i in range(8):
                 total += change[i] * change[i]
             moves = sqrt(total)
-            renew = 1 if moves > 0.03 else 0
+            renew = 1 if moves > 0.003 else 0
             contraction = moves / moved
             # 1e-2 of what a step may err, or what rounding leaves
             if moves <= 1e-2 * rtol or moves <= rounding:
@@ -598,8 +603,7 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             dt = 0.25 * step
             continue
         # the defect of the polynomial at the start and at the probe, and the error that it makes
-        _drive(t + 0.5501108282781375 * step, table_t, table_F, segment, w)
-        probe_given = w[0]
+        probe_given = _given(t + 0.5501108282781375 * step, table_t, table_F, segment)
         u_probe = u
         u_late = 0.0
         u_defect = -step * u_dot
@@ -608,7 +612,7 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             u_late += _SLOPE_PROBE[i + 1] * u_z[i]
             u_defect += _SLOPE_START[i + 1] * u_z[i]
         h_probe = exp(u_probe)
-        delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w)
+        delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w, terms)
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below)
         singles += 1.0
         d1 = 0.014424143230897014 * u_defect
@@ -620,7 +624,7 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
         stiffest = decay if decay > stiffest else stiffest
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
-        factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
+        factor = 0.8 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
         if not error <= 1.0:
             rejected += 1.0
             shrink_only = 1.0
@@ -691,3 +695,227 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     state[11] = settled
     state[15] = u_astray
     return status
+
+
+
+@jit
+def _values(theta: array, base: int, steps: array, out: array) -> None:
+    """A component at 8 fractions of a step in time: its value, and 8 stages, are stored from base on."""
+    for i in range(8):
+        x = theta[i]
+        below0 = _WEIGHTS[0] / x
+        part1 = _WEIGHTS[1] / (x - _NODES[1])
+        above1 = part1 * steps[base + 1]
+        below1 = below0 + part1
+        part2 = _WEIGHTS[2] / (x - _NODES[2])
+        above2 = above1 + part2 * steps[base + 2]
+        below2 = below1 + part2
+        part3 = _WEIGHTS[3] / (x - _NODES[3])
+        above3 = above2 + part3 * steps[base + 3]
+        below3 = below2 + part3
+        part4 = _WEIGHTS[4] / (x - _NODES[4])
+        above4 = above3 + part4 * steps[base + 4]
+        below4 = below3 + part4
+        part5 = _WEIGHTS[5] / (x - _NODES[5])
+        above5 = above4 + part5 * steps[base + 5]
+        below5 = below4 + part5
+        part6 = _WEIGHTS[6] / (x - _NODES[6])
+        above6 = above5 + part6 * steps[base + 6]
+        below6 = below5 + part6
+        part7 = _WEIGHTS[7] / (x - _NODES[7])
+        above7 = above6 + part7 * steps[base + 7]
+        below7 = below6 + part7
+        part8 = _WEIGHTS[8] / (x - _NODES[8])
+        above8 = above7 + part8 * steps[base + 8]
+        below8 = below7 + part8
+        out[i] = steps[base] + above8 / below8
+    for i in range(8):
+        # where a node is hit
+        if not isfinite(out[i]):
+            out[i] = steps[base]
+            for j in range(8):
+                if theta[i] == _NODES[j + 1]:
+                    out[i] = steps[base] + steps[base + 1 + j]
+
+
+@jit
+def _states(base: int, t: array, steps: array, u: array) -> None:
+    """The state at 8 times, in increasing order, within a step."""
+    theta = empty(8)
+    for i in range(8):
+        theta[i] = (t[i] - steps[base]) / steps[base + 1]
+    _values(theta, base + 3, steps, u)
+
+
+@jit
+def cone_sample(n: int, t: array, stored: int, steps: array, out: array) -> None:
+    """The state at n times, in increasing order, from the 14 numbers of each of the steps stored: out[k*n + i] is component k."""
+    lane = empty(8)
+    u = empty(8)
+    at: int = 0
+    i: int = 0
+    while i < n:
+        while at < stored - 1 and t[i] >= steps[14 * (at + 1)]:
+            at += 1
+        m: int = 1
+        while m < 8 and i + m < n and (at == stored - 1 or t[i + m] < steps[14 * (at + 1)]):
+            m += 1
+        for k in range(8):
+            lane[k] = t[i + k if k < m else i + m - 1]
+        _states(14 * at, lane, steps, u)
+        for k in range(m):
+            out[0 * n + i + k] = u[k]
+        i += m
+
+
+@jit
+def _passage(u: float, base: int, steps: array) -> float:
+    """The time at which ln h passes u within a step in time, by bisection of its polynomial."""
+    z = empty(8)
+    for j in range(8):
+        z[j] = steps[base + 4 + j]
+    target = u - steps[base + 3]
+    low = 0.0
+    high = 1.0
+    for iteration in range(60):
+        middle = 0.5 * (low + high)
+        value = _between(middle, z)
+        if (value < target and z[7] > 0.0) or (value > target and z[7] < 0.0):
+            low = middle
+        else:
+            high = middle
+    return steps[base] + high * steps[base + 1]
+
+
+@jit
+def cone_passages(n: int, u: array, at: array, steps: array, out: array) -> None:
+    """The times at which ln h passes n values, each within the step of a number."""
+    for i in range(n):
+        base: int = 14 * int(at[i])
+        out[i] = _passage(u[i], base, steps)
+
+
+@jit
+def _write(small: float, i: int, m: int, total: int, t: array, u: array, delta: array, p: array, table_t: array, table_F: array, rows: int, work: array, terms: array, out: array) -> None:
+    """Write m outputs, of 8 at most, from number i on: all that follows from the time and the state."""
+    w = empty(2)
+    h = empty(8)
+    given = empty(8)
+    rate = empty(8)
+    segment: int = 0
+    for k in range(8):
+        lane: int = k if k < m else m - 1
+        t[k] = t[lane]
+        u[k] = u[lane]
+        while segment < rows - 2 and t[k] >= table_t[segment + 1]:
+            segment += 1
+        _drive(t[k], table_t, table_F, segment, w)
+        given[k] = w[0]
+        rate[k] = w[1]
+        h[k] = exp(u[k])
+        delta[k] = delta[7]
+    _deflections(small, h, given, delta, p, work, terms)
+    for k in range(m):
+        out[i + k] = t[k]
+        out[total + i + k] = h[k]
+        out[2 * total + i + k] = delta[k]
+        out[3 * total + i + k] = given[k]
+        out[4 * total + i + k] = rate[k]
+        _quantities(5 * total + i + k, total, h[k], delta[k], given[k], rate[k], p, out)
+
+
+@jit
+def _collect(small: float, start: float, worst: array, j: int, first: int, count: int, total: int, at_gaps: int, targets: array, offset: int, stored: int, steps: array, p: array, table_t: array, table_F: array, rows: int, out: array) -> int:
+    """Write the outputs of a run from number j on, as far as the stored steps reach; returns how far that is."""
+    lane = empty(8)
+    t = empty(8)
+    u = empty(8)
+    delta = empty(8)
+    z = empty(8)
+    work = empty(32)
+    terms = empty(8)
+    # outputs gathered and not written yet
+    gathered: int = 0
+    delta[7] = out[2 * total + first + j - 1] if j > 0 else nan
+    for at in range(stored):
+        base: int = 14 * at
+        begin = steps[base + 3]
+        end = begin + steps[base + 11]
+        last = steps[base] + steps[base + 1]
+        m: int = 1
+        while m > 0:
+            m = 0
+            if at_gaps == 1:
+                # begin + (end - begin) rounds
+                while gathered + m < 8 and j + m < count and (begin - targets[offset + j + m]) * (end - targets[offset + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin):
+                    m += 1
+            else:
+                while gathered + m < 8 and j + m < count and targets[offset + j + m] <= last:
+                    m += 1
+            if m == 0:
+                continue
+            # as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t
+            error = steps[base + 12]
+            late = steps[base + 13] / (last - start)
+            error = late if at_gaps == 1 and late < error else error
+            if not error <= worst[0]:
+                worst[0] = error
+            for k in range(8):
+                lane[k] = targets[offset + j + (k if k < m else m - 1)]
+            for k in range(m):
+                t[gathered + k] = _passage(lane[k], base, steps) if at_gaps == 1 else lane[k]
+                part = (t[gathered + k] - steps[base]) / steps[base + 1]
+                for i in range(8):
+                    z[i] = steps[base + 4 + i]
+                u[gathered + k] = lane[k] if at_gaps == 1 else begin + _between(part, z)
+            gathered += m
+            j += m
+            if gathered == 8:
+                _write(small, first + j - 8, 8, total, t, u, delta, p, table_t, table_F, rows, work, terms, out)
+                gathered = 0
+    if gathered > 0:
+        _write(small, first + j - gathered, gathered, total, t, u, delta, p, table_t, table_F, rows, work, terms, out)
+    return j
+
+
+@jit
+def cone_runs(n: int, count: int, at_gaps: int, pitch: int, settings: array, runs: array, targets: array, table_t: array, table_F: array, rows: int, out: array) -> None:
+    """Make n runs, each with its own parameters, start and end, and write the outputs asked for.
+
+    settings: rtol, the time of the start, longest step, steps that a run may take, whether ln h may serve as the
+    independent variable.
+    runs: of each run t_end, u_stop, ln h, delta (which follows from the force here), 4 parameters.
+    targets: the times, or with at_gaps = 1 the values of ln h, of the outputs, in the order of passage; those of run k
+    from pitch*k on.
+    out: t, h, delta, what is given, its rate, a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2, each n*count numbers; the status of each run, as
+    cone_integrate returns it, or 10 if it took too many steps, 11 if the gap left the range of double precision;
+    and the largest estimated error of its outputs, relative.
+    What a run does not reach is left as it is.
+    """
+    state = empty(17)
+    worst = empty(1)
+    steps = empty(448)
+    p = empty(4)
+    for run in range(n):
+        at: int = 8 * run
+        for k in range(4):
+            p[k] = runs[at + 4 + k]
+        for k in range(17):
+            state[k] = 0.0
+        state[0] = settings[1]
+        state[1] = runs[at + 2]
+        state[2] = runs[at + 3]
+        state[12] = settings[2]
+        state[13] = settings[4]
+        worst[0] = 0.0
+        j: int = 0
+        ended: int = 2
+        while ended == 2:
+            ended = cone_integrate(runs[at], runs[at + 1], settings[0], p, table_t, table_F, rows, 32, state, steps)
+            j = _collect(1e-3 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, pitch * run, int(state[9]), steps, p, table_t, table_F, rows, out)
+            if ended == 2 and state[4] + state[5] > settings[3]:
+                ended = 10
+            elif ended == 2 and not fabs(state[1]) < 690.0:
+                ended = 11
+        out[17 * n * count + run] = float(ended)
+        out[17 * n * count + n + run] = worst[0]

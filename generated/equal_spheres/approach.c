@@ -7,14 +7,15 @@
  *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
  *     F_adh = 0
  * Left out, with the operations that each saved:
- *     one sign of delta: 191 -> 189
- *     constant force: 189 -> 185
- *     no remote force: 185 -> 184
- *     outputs asked for: 184 -> 169
- * Operations, 298 in all:
- *     balance: 13 add, 33 mul, 7 div, 1 sqrt
+ *     one sign of delta: 192 -> 190
+ *     constant force: 190 -> 186
+ *     no remote force: 186 -> 185
+ *     outputs asked for: 185 -> 170
+ * Operations, 306 in all:
+ *     gap_terms: 2 add, 14 mul, 4 div
+ *     newton: 12 add, 26 mul, 2 div, 1 sqrt
  *     gap_rate: 7 add, 22 mul, 8 div, 1 sqrt, 1 call
- *     slopes: 35 add, 106 mul, 20 div, 1 sqrt, 1 call
+ *     slopes: 35 add, 106 mul, 21 div, 1 sqrt, 1 call
  *     quantities: 9 add, 23 mul, 8 div, 1 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
@@ -31,6 +32,8 @@
  *       The times at which ln h passes n values within given steps.
  *   void equal_spheres_sample(n, t, stored, steps, out)
  *       The state at n times, from the steps.
+ *   void equal_spheres_runs(n, count, at_gaps, pitch, settings, runs, targets, out)
+ *       n runs with their outputs; see there.
  *
  *   p: R, E, eta, nu
  *   c: the force
@@ -70,44 +73,6 @@ static const double _INVERSE[64] = {
     0.08012570308363981, -0.1353325797521185, 0.21071710374962413, -0.3474443618639409,
     0.6573515746603226, -1.6102201966976866, 7.089657599491891, 32.5,
 };
-static const double _MATRIX[64] = {
-    0.028802823892616743, 0.061680826212949943, 0.055285563267234654, 0.05830068605753936,
-    0.05668200898480084, 0.05754303201724311, 0.057146971559234025, 0.0572544073721286,
-    -0.010821698052015636, 0.0633079054352858, 0.13457201985444417, 0.12047766147733864,
-    0.12704316148341016, 0.12374099223938748, 0.12522069473806977, 0.12482395066493249,
-    0.008069010203851382, -0.016766167621301963, 0.08883018189912993, 0.18641428431849139,
-    0.16808837041936572, 0.17595155228374013, 0.17264331318806794, 0.17350739781725064,
-    -0.006493073596535741, 0.011276575963180064, -0.02032248583700904, 0.10143090415741593,
-    0.2092022487638381, 0.19081981374722284, 0.1974144361397373, 0.19578608372624678,
-    0.005300041017295122, -0.008575400848083276, 0.012631022220423707, -0.021196196398555057,
-    0.099187005744833, 0.19945688894319688, 0.18521078469685745, 0.1882587726945593,
-    -0.004223309650009842, 0.006607056898423003, -0.008970025754042578, 0.012247274295397013,
-    -0.019275308810543568, 0.08243702475750181, 0.15862128747389664, 0.15206531032339257,
-    0.003069413349140929, -0.004723817373991893, 0.0061809009170075415, -0.007798637777900809,
-    0.010069646505165038, -0.014724795758020657, 0.05371248744655011, 0.09267907740148965,
-    -0.0012238207256304553, 0.0018720744944425464, -0.0024173537825988994, 0.0029703975397181405,
-    -0.003621850204038951, 0.00453480003283603, -0.006232535779335354, 0.015625,
-};
-static const double _POWERS[72] = {
-    -0.22846422013505335, 0.1850897535747451, -0.23582081997972, 0.9532316380774069,
-    0.25013414867381245, -0.09207607235985078, 0.04827666589865964, -0.01708984375,
-    -1.8169587583727254, 1.425631696375798, -1.6189489238471655, -1.5286388011415366,
-    3.099837256779687, -0.9726618084010183, 0.4888877761069608, -0.1708984375,
-    8.299490649731032, -7.032440683930033, 10.059171206875751, -10.481352867302109,
-    3.513059126845215, 1.057201966648256, -0.8008715863681131, 0.3076171875,
-    15.983944802687716, -10.864260754367306, 3.993981388193102, 8.191458200051803,
-    -15.095735271262601, 11.597337302383426, -6.116295980186141, 2.1533203125,
-    -45.52288420757575, 37.418986280822736, -38.23991314738859, 33.24792617216414,
-    -19.69838579975891, 6.532894478231333, -0.80893627649496, 1.4575089257189037e-39,
-    -33.758764202374415, 17.410379417518143, -2.410648918641197, -12.817228853617559,
-    22.317113424630126, -22.600580986157627, 16.294300431142524, -6.0908203125,
-    77.56815322909841, -56.79663545294092, 48.72602435523336, -40.24794743973546,
-    29.490461528420308, -18.324331004322836, 9.438766971747134, -2.9326171875,
-    19.591778158059423, -7.971750359526636, 0.03561645429526057, 6.1544094547072925,
-    -10.321215410147214, 11.975905492175219, -10.666892227063347, 4.6083984375,
-    -40.116295451118646, 26.22500010247347, -20.3094615947408, 16.528142496796022,
-    -13.555269004180428, 10.826310631803098, -7.8772357747827195, 3.14208984375,
-};
 static const double _QUADRATURE[8] = {
     0.0572544073721286, 0.12482395066493249, 0.17350739781725064, 0.19578608372624678,
     0.1882587726945593, 0.15206531032339257, 0.09267907740148965, 0.015625,
@@ -127,31 +92,222 @@ static const double _SLOPE_PROBE[9] = {
     -6.515387609459459, 6.565537203893002, -0.7948031499501251, 0.2990161802065628,
     -0.09513499620264546,
 };
+static const double _PANEL_NODES[17] = {
+    0.0, 0.00564068897251171, 0.029482298647942485, 0.07141295311515884,
+    0.12983102555359105, 0.20249275505010406, 0.28660608625752704, 0.37893868864697805,
+    0.4759423084632349, 0.5738891609066858, 0.6690151950299599, 0.7576647390313427,
+    0.8364309606056102, 0.902286700679378, 0.9527004099058333, 0.9857305452631743,
+    1.0,
+};
+static const double _PANEL_MATRIX[256] = {
+    0.007235301724853019, 0.015615610626930135, 0.013889447595922167, 0.014784702548557295,
+    0.014224121134432586, 0.014607238756214272, 0.01433277315993944, 0.014534409809339744,
+    0.014384739299591932, 0.014495616951136705, 0.014414666613431004, 0.014471997295921675,
+    0.014433543485975468, 0.014456924123011956, 0.014445281892622617, 0.014448569508407165,
+    -0.0027493708145090727, 0.01660495976708087, 0.035903565336952714, 0.03168240477452331,
+    0.03397215035788185, 0.03249682513955414, 0.03352198439034886, 0.032782219630435726,
+    0.033325118753550764, 0.03292598334318092, 0.03321585560301448, 0.03301132257474263,
+    0.03314815219252776, 0.03306510675919879, 0.0331064109387223, 0.03309475430506822,
+    0.002100702347262591, -0.0045072463319921425, 0.02538839832949902, 0.054794446891789084,
+    0.048318261684834614, 0.05185991629950392, 0.04956831991081548, 0.05115942791510456,
+    0.05001870825850086, 0.0508447210419596, 0.05025097786630105, 0.05066693240140568,
+    0.05039005222554691, 0.050557524788691244, 0.05047441093933825, 0.050497839810891954,
+    -0.0017604335996887822, 0.003156219161791431, -0.0060423307751848445, 0.03323500120505139,
+    0.07153498381275242, 0.06314498256346184, 0.0677154008185616, 0.06477662053956487,
+    0.06679614063169931, 0.0653713897612247, 0.0663781693282376, 0.06568098613737422,
+    0.06614138509497654, 0.06586440550844476, 0.06600139698830845, 0.06596284996653407,
+    0.0015340429432776732, -0.0025575951442634542, 0.00399231870687158, -0.007357099450291352,
+    0.03984222411325774, 0.08548309546976601, 0.0755904350203091, 0.08092493104831254,
+    0.07753927582152155, 0.07982438923460797, 0.07825321717743476, 0.0793219511567272,
+    0.0786245962102955, 0.07904080207396165, 0.07883597713358326, 0.078893460902101,
+    -0.0013644413983363766, 0.002192383863013407, -0.00313603607022378, 0.004667361918124389,
+    -0.008414782176759113, 0.04495597570040661, 0.0961041789014644, 0.08517495079172857,
+    0.09098046545217824, 0.08736636827938737, 0.08974175814422738, 0.08817020023190572,
+    0.08917747070735528, 0.08858322823969564, 0.08887358192402663, 0.08879239637636975,
+    0.001227367496727992, -0.0019305457150417963, 0.002636479135452169, -0.003572765436976896,
+    0.0051781694920198, -0.009179462702116893, 0.0483796881901024, 0.10299087317692877,
+    0.0915294372554983, 0.09749565363611079, 0.09388036090115227, 0.09616675104467035,
+    0.09474088340120539, 0.09556782492909142, 0.09516791669583087, 0.09527914712767754,
+    -0.0011102412314697347, 0.001723139202441361, -0.002289064961411087, 0.0029484291424280752,
+    -0.0038784197959304276, 0.005513299347606251, -0.00962371764498473, 0.049981771880975176,
+    0.10587889281202502, 0.09440940345237585, 0.10022008605472309, 0.0968309388674198,
+    0.09885288821159718, 0.09771044613638198, 0.09825459522605771, 0.09810439411951584,
+    0.0010055558002473517, -0.0015469021193408718, 0.0020187698974517463, -0.0025214556712273442,
+    0.0031454676933429185, -0.0040514440669331695, 0.005663223634305088, -0.00973127584760146,
+    0.049700649695287834, 0.10465729104976508, 0.09370429350741881, 0.0990487944818116,
+    0.09610452161118532, 0.09769894805553203, 0.09695708936902714, 0.09715954485578392,
+    -0.0009082327742196254, 0.001388693768649112, -0.0017907356411175192, 0.0021923856933222987,
+    -0.0026478978008090672, 0.0032309229543971436, -0.004089123383508829, 0.005623302021047263,
+    -0.009498128379475359, 0.04754711567495923, 0.09937272302083751, 0.08944176863503729,
+    0.09402632874204701, 0.09172778203579965, 0.0927566858450249, 0.09248089074433267,
+    0.000814325669727546, -0.0012397773008112176, 0.0015854821537460147, -0.0019150298807934162,
+    0.0022648127924096615, -0.0026738774673212735, 0.003205019931230007, -0.003990634198777001,
+    0.005394647256989609, -0.00893274570618816, 0.043603913405901217, 0.09022752007646619,
+    0.08178678035286203, 0.08534552220286679, 0.08386273363722285, 0.08424819892496124,
+    -0.0007201887768419033, 0.0010931250228563454, -0.0013898078817764562, 0.0016631006237417605,
+    -0.0019393149733442248, 0.002241503706645882, -0.0026000143543308167, 0.0030674919082657177,
+    -0.0037574678865189516, 0.004983822775544288, -0.008055466060311168, 0.03802254052498339,
+    0.07757151038056528, 0.0710354219569268, 0.07334309959386263, 0.07277777261010113,
+    0.000621640417049082, -0.0009415334255432368, 0.001192223342056157, -0.0014175429545364483,
+    0.0016373113826125938, -0.0018662581273881647, 0.0021204632820150076, -0.002423290232239981,
+    0.002816662137150972, -0.0033917723585600206, 0.004401022916949567, -0.006896689406012607,
+    0.031017366988229423, 0.06188735260933147, 0.057602858800826655, 0.05851017655193003,
+    -0.0005124597398071433, 0.0007750572593710607, -0.000978763309091329, 0.001158806521697092,
+    -0.0013301506603758252, 0.001502639205220358, -0.0016853836484306012, 0.001889533942793337,
+    -0.002132005346410297, 0.002443401813162559, -0.0028900073500311625, 0.003654080093427551,
+    -0.005491976570686384, 0.022857063349338624, 0.04376720725512407, 0.04199264072248259,
+    0.00037966440690718865, -0.0005737211131896221, 0.0007233374125134429, -0.0008542353675455583,
+    0.0009769508438868596, -0.0010978970229017387, 0.0012223245428324668, -0.0013557647096008258,
+    0.001505375665118294, -0.0016820910342857597, 0.001905314885691106, -0.0022158006672853055,
+    0.0027219283267905887, -0.003860814116386124, 0.013850811708138568, 0.02385111347384286,
+    -0.00015254349866809555, 0.00023043112599110504, -0.0002903301565011601, 0.00034251499572737,
+    -0.0003911328501083284, 0.0004386265014118825, -0.0004868841036908332, 0.0005377407869578472,
+    -0.0005933505200221833, 0.0006566471155787527, -0.000732146983634791, 0.0008276671570147568,
+    -0.0009587306810952794, 0.0011628712539466287, -0.0015695126845426928, 0.00390625,
+};
+static const double _PANEL_SLOPE_START[17] = {
+    -256.0, 283.7358391264974, -35.93664825939723, 11.775271006467692,
+    -5.490121732611385, 3.0825226053496944, -1.9420471760753084, 1.3232609872486811,
+    -0.9539217715405877, 0.7169695352267428, -0.555740476780146, 0.4401135083131319,
+    -0.35265839771685004, 0.2822272019684472, -0.22036979366033282, 0.15780363671004016,
+    -0.0625,
+};
+static const double _PANEL_SLOPE_PROBE[17] = {
+    -0.12113097264196118, 0.20057900155860367, -0.1534869012464273, 0.15808007917856004,
+    -0.19629808923565928, 0.2904034550290135, -0.535049102463803, 1.4454636782028374,
+    -12.987390081702236, 13.014084987277846, -1.484365857603052, 0.5506928715881774,
+    -0.28966105869251924, 0.17911783468994422, -0.11920006079343409, 0.07790094140134601,
+    -0.029740724547235114,
+};
+static const double _PANEL_CHEBYSHEV[272] = {
+    0.05940500842867555, -0.11335484212576429, 0.11311453403700521, -0.10188136514399497,
+    0.0964806652745314, -0.07977180900606219, 0.0702006736240793, -0.048530802591567036,
+    0.03619313443703034, -0.009895330690004773, -0.0034485189224496677, 0.0353176946542243,
+    -0.04756540576951505, 0.09195979276338441, -0.10039503323331167, 0.22615666213978455,
+    -0.2239850578760454, 0.062169388583668564, -0.11973117732095136, 0.095858469130211,
+    -0.06626891262896334, 0.023481533890214484, 0.016030166990628484, -0.05956805562747903,
+    0.08912041092503738, -0.11506558245196645, 0.11874026187041992, -0.11713520848721426,
+    0.08940137339629894, -0.06358623584012477, 0.008281137360499815, 0.025569435887776115,
+    -0.13557326059296984, 0.14827625491491436, 0.0627747915448232, -0.10545585912990205,
+    0.05932223861156992, 0.008191740173845162, -0.0690934915301728, 0.11505626672283138,
+    -0.12345707536832813, 0.10211677658298535, -0.046128044157439145, -0.016131460300427947,
+    0.08070647841950175, -0.1124531994767381, 0.12196816676310503, -0.07918851825110493,
+    0.03159179763258936, 0.08786425367851113, -0.11768486191564917, 0.06206027200104957,
+    -0.09372374370049348, 0.011192376506035747, 0.0733922928746669, -0.1234839081577155,
+    0.10538061665671683, -0.03653110394271798, -0.05597280085046234, 0.11476479601666666,
+    -0.11981030317723822, 0.05676678622797491, 0.027471943754088783, -0.105827611176098,
+    0.1144295436120225, -0.07869625998385212, -0.051167549169300976, 0.09975465250865671,
+    0.06291940085695753, -0.07327110739151191, -0.035612765942874686, 0.11894323454490488,
+    -0.10276192961922889, 0.006907680922427637, 0.09802728885864932, -0.11946217227503103,
+    0.048202807812152366, 0.06722546307132765, -0.12306388438290754, 0.08647942829631511,
+    0.0274925337888945, -0.10624044275950925, 0.11215168734484413, 0.019417915591076928,
+    -0.08735513871648673, 0.062058114899098155, -0.054402334043166696, -0.08038279361024582,
+    0.12007966724073227, -0.02494211588469616, -0.10196532104981368, 0.10886895686316445,
+    0.005380636100223644, -0.11708805735421615, 0.08999188690852174, 0.03569046081485217,
+    -0.12692610746336624, 0.06610384202533222, 0.05894841990944237, -0.12820489660612186,
+    0.008893152397426584, 0.07789648885283298, 0.06299228653953644, -0.0292145148589211,
+    -0.10940242685903624, 0.08483663353371777, 0.07086823856549902, -0.11629335818088117,
+    -0.011753535259955029, 0.12527930178664753, -0.045645473856419885, -0.09905776054790717,
+    0.097742219786329, 0.05755502079458837, -0.11971511300796517, 0.010824427508907955,
+    0.12508956895839546, -0.033929750036152194, -0.07017576486638359, 0.06200897490661758,
+    -0.007134445794934285, -0.1255362487104098, 0.01682048568668984, 0.12161098599997094,
+    -0.031113519774131404, -0.12115227779603839, 0.039789308473418834, 0.1143653909088051,
+    -0.0545232624281398, -0.11285662057671746, 0.06010630151329791, 0.10173248086867015,
+    -0.07931973890666609, -0.10371159729677842, 0.055374871230464986, 0.0635389116958803,
+    0.06312428892361918, 0.019714678804327073, -0.11842356363203713, -0.052545548077243154,
+    0.10498381279553518, 0.08592175873802936, -0.07729131531083085, -0.10606248416975306,
+    0.048624552808753815, 0.12381283917456194, -0.008643136026700238, -0.12158472660517965,
+    -0.02245245254539865, 0.1234891994536786, 0.06766175911136721, -0.07274571731842111,
+    -0.05758394612430851, 0.06187427430809957, 0.040874866805822536, -0.09792024949709614,
+    -0.10903573445961036, 0.022316535412413168, 0.12200181007899888, 0.058087841161642,
+    -0.08517356042541165, -0.11809265091307962, 0.002282423775657935, 0.11657455212092382,
+    0.07220742688675895, -0.07213102275583126, -0.1286895823779363, -0.022742500675441424,
+    0.08553234971571999, 0.052033220838369885, 0.06342321260349132, 0.06622503155727949,
+    -0.056971603219319406, -0.1231847001241994, -0.06829566958506154, 0.05469766859969686,
+    0.1265324672893294, 0.07790492344423552, -0.04406654525198506, -0.12058403873426723,
+    -0.07746898829264744, 0.04461591228274969, 0.12737490064772258, 0.09358556298803174,
+    -0.023860280994793242, -0.09326036001352667, -0.04666749319673661, 0.061531891341892,
+    0.08204654725478353, -0.01408429473090539, -0.10255578205396505, -0.12542608893570198,
+    -0.067916041430021, 0.03238260639529103, 0.109556150106438, 0.11312792953102607,
+    0.04026038087046504, -0.061377207461509375, -0.12628580980031698, -0.11203809256479762,
+    -0.030609125244360432, 0.06460160825465633, 0.09550368029697691, 0.04128164817004893,
+    0.0642989524989542, 0.10412116447305632, 0.04018500956488355, -0.038114588627312394,
+    -0.1002232249977097, -0.12170641574232245, -0.09419820568852942, -0.028199315085774935,
+    0.05048043690111287, 0.11152101207164168, 0.13106986867015763, 0.10234958999912395,
+    0.03662082620833413, -0.03813569393672145, -0.09259543330650732, -0.09183575315169072,
+    -0.03563822985069594, 0.06034425914464996, 0.10873170638190353, 0.07518345509226862,
+    0.026303382460782294, -0.028619883302184644, -0.07932614092840698, -0.11619644116565929,
+    -0.13246188102887443, -0.1250335716669926, -0.09567326027381406, -0.04994029050897433,
+    0.002800972425319581, 0.052542916534947734, 0.08798609857322329, 0.10233757204370214,
+    0.08163912238986677, 0.02938198382824243, 0.06996169729537498, 0.13633006093230632,
+    0.12571072322350174, 0.10873645557999681, 0.0863460321650538, 0.05991465021262164,
+    0.030932129924269757, 0.0012060231493956812, -0.027575485038370703, -0.05350560465254573,
+    -0.07510102553325015, -0.09060177470859217, -0.09910157859303192, -0.09871618593282745,
+    -0.08940302020877515, -0.0633636245803551, -0.02176947323477234, 0.03977051310357638,
+    0.07938033726532012, 0.07891612476669252, 0.07812229392584413, 0.07701093074865639,
+    0.07554298045579344, 0.07372600701637566, 0.07149841811042279, 0.06886363553348929,
+    0.06571558362338692, 0.062052946304902434, 0.05766383546870202, 0.05253960262052715,
+    0.04611809563357383, 0.038373369025066495, 0.025958455516956747, 0.008746870880713686,
+};
 
-/* The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta). */
-static inline void _balance(int64_t i, double h, double delta, const double *restrict p, double *restrict w, double *restrict out)
+/* What Newton's iteration for delta uses of the gap alone: out[k*n + i] is term k of state i. */
+static inline void _gap_terms(int64_t i, int64_t n, double h, const double *restrict p, double *restrict out)
 {
+    const double R = p[0];
+    const double x0 = 1.0 / h + 1.0 / R;
+    const double x1 = 1.0 / x0;
+    const double gap0 = x1;
+    const double x0_p2 = x0 * x0;
+    const double gap1 = 5.0 / x0_p2;
+    const double gap2 = 4.0 * x1;
+    const double x2 = R * h;
+    const double gap3 = 2.0 * x2;
+    const double gap4 = R + h;
+    const double R_p2 = R * R;
+    const double h_p2 = h * h;
+    const double gap5 = 3.0 * R_p2 * h_p2;
+    const double gap6 = 2.0 * h_p2;
+    const double gap7 = 4.0 * x2;
+    const double gap8 = 8.0 * R * h_p2;
+    const double gap9 = 8.0 * h * R_p2;
+    out[0 * n + i] = gap0;
+    out[1 * n + i] = gap1;
+    out[2 * n + i] = gap2;
+    out[3 * n + i] = gap3;
+    out[4 * n + i] = gap4;
+    out[5 * n + i] = gap5;
+    out[6 * n + i] = gap6;
+    out[7 * n + i] = gap7;
+    out[8 * n + i] = gap8;
+    out[9 * n + i] = gap9;
+}
+
+/* A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta)). */
+static inline void _newton(int64_t i, int64_t n, double delta, double F, const double *restrict terms, const double *restrict p, double *restrict out)
+{
+    const double gap0 = terms[0 * n + i];
+    const double gap1 = terms[1 * n + i];
+    const double gap2 = terms[2 * n + i];
+    const double gap3 = terms[3 * n + i];
+    const double gap4 = terms[4 * n + i];
+    const double gap5 = terms[5 * n + i];
+    const double gap6 = terms[6 * n + i];
+    const double gap7 = terms[7 * n + i];
+    const double gap8 = terms[8 * n + i];
+    const double gap9 = terms[9 * n + i];
     const double R = p[0];
     const double E = p[1];
     const double nu = p[3];
-    const double x0 = 1.0 / h + 1.0 / R;
-    const double x1 = 1.0 / x0;
-    const double x0_p2 = x0 * x0;
-    const double a = sqrt(R * (delta + x1 + 5.0 / (x0_p2 * (2.0 * delta + 4.0 * x1))));
-    const double nu_p2 = nu * nu;
-    const double x2 = E / (1.0 - nu_p2);
-    const double F_ela = 4.0 / 3.0 * delta * x2 * a;
-    const double x3 = R * h;
-    const double x9 = delta * (R + h) + 2.0 * x3;
-    const double x5 = 8.0 * delta;
-    const double delta_p2 = delta * delta;
-    const double x8 = 2.0 * delta_p2;
+    const double a = sqrt(R * (delta + gap0 + gap1 / (2.0 * delta + gap2)));
+    const double x2 = delta * gap4 + gap3;
+    const double x2_p2 = x2 * x2;
+    const double x0 = x2_p2;
     const double R_p2 = R * R;
-    const double h_p2 = h * h;
-    const double x9_p2 = x9 * x9;
-    const double dF_ddelta = x2 * (delta * R * (3.0 * R_p2 * h_p2 + x5 * h * R_p2 + x8 * R_p2 + x5 * R * h_p2 + 4.0 * x3 * delta_p2 + x8 * h_p2) / (x9_p2 * a) + 4.0 * a) / 3.0;
-    w[i] = F_ela;
-    out[i] = dF_ddelta;
+    const double a_p2 = a * a;
+    const double delta_p2 = delta * delta;
+    const double nu_p2 = nu * nu;
+    const double newton = x0 * a * (4.0 * delta * E * a + F * (3.0 * nu_p2 - 3.0)) / (E * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) + 4.0 * x0 * a_p2));
+    out[i] = newton;
 }
 
 /* w[i] = d(ln h)/dt (eq. 7). */
@@ -209,9 +365,9 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double x15 = R * h;
     const double x16 = 2.0 * x15;
     const double x17 = R + h;
-    const double x43 = delta * x17 + x16;
-    const double x43_p2 = x43 * x43;
-    const double x18 = 1.0 / x43_p2;
+    const double x44 = delta * x17 + x16;
+    const double x44_p2 = x44 * x44;
+    const double x18 = 1.0 / x44_p2;
     const double x19 = delta * x18 / a;
     const double x20 = 8.0 * delta;
     const double h_p2 = h * h;
@@ -237,15 +393,18 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double x17_p3 = x17_p2 * x17;
     const double x36 = x17_p3 * a_p6;
     const double x37 = 18225.0 * x34 + 128.0 * x36;
-    const double x38 = x18 * (91125.0 * x34 + 256.0 * x36);
-    const double x39 = 10.0 * R;
-    const double x40 = 9.0 * x11;
-    const double x41 = 1.0 / (18225.0 * x8 + 128.0);
-    const double x42 = x1 * x39 + x40 + 20.0;
+    const double x38 = dF_dh / dF_ddelta;
+    const double x39 = x18 * (91125.0 * x34 + 256.0 * x36);
+    const double x40 = 10.0 * R;
+    const double x41 = 9.0 * x11;
+    const double x42 = 1.0 / (18225.0 * x8 + 128.0);
+    const double x43 = x1 * x40 + x41 + 20.0;
     const double a_p8 = a_p4 * a_p4;
     const double x37_p2 = x37 * x37;
-    const double slope_p11 = -dh_dt * x1 - dh_dt * (6.4 * x5 * x9 * R * (x1 * x32 * x38 * x17_p3 * a_p8 * (x40 * h + 20.0 * h + x39) / x37_p2 - x41 * (54675.0 * x33 * x41 * x42 * x5 * R_p2 + 2.0 * x0 * x2 * x42 * a_p4 + 10.0 * x14 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (x12 * a_p4 * h_p2) - dF_dh * x29 * x33 * x38 / (2.0 * x37 * dF_ddelta));
+    const double slope_p11 = -dh_dt * x1 - dh_dt * (6.4 * x5 * x9 * R * (x1 * x32 * x39 * x17_p3 * a_p8 * (x41 * h + 20.0 * h + x40) / x37_p2 - x42 * (54675.0 * x33 * x42 * x43 * x5 * R_p2 + 2.0 * x0 * x2 * x43 * a_p4 + 10.0 * x14 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (x12 * a_p4 * h_p2) - x29 * x33 * x38 * x39 / (2.0 * x37));
+    const double slope_p21 = -x38 * h;
     out[0 + i] = slope_p11;
+    out[8 + i] = slope_p21;
 }
 
 /* a, X, dh_dt at state i of n. */
@@ -278,9 +437,9 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 
 /* The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
-   F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
-   solution. Uses w[0] and w[1]. */
-static inline double _solve_delta(double h, double F, double guess, const double *restrict p, double *restrict w)
+   F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side, and the sign of each step
+   from the other. Returns nan if there is no solution. Uses w[0], and of terms as many as the law has. */
+static inline double _solve_delta(double h, double F, double guess, const double *restrict p, double *restrict w, double *restrict terms)
 {
     if (F == 0.0) {
         return 0.0;
@@ -290,31 +449,30 @@ static inline double _solve_delta(double h, double F, double guess, const double
     }
     double low = 0.0;
     double high = INFINITY;
-    double stiffness[1];
+    _gap_terms(0, 1, h, p, terms);
     double delta = guess;
     if (!(low < guess && guess < high)) {
         /* start from the linear response, or from R where that is beyond R */
-        _balance(0, h, 0.0, p, w, stiffness);
-        delta = F / stiffness[0];
+        _newton(0, 1, 0.0, F, terms, p, w);
+        delta = -w[0];
         if (!(fabs(delta) < p[0])) {
             delta = F > 0.0 ? p[0] : -p[0];
         }
     }
     for (int64_t iteration = 0; iteration < 400; iteration++) {
-        _balance(0, h, delta, p, w, stiffness);
-        const double residual = w[0] - F;
-        const double step = residual / stiffness[0];
+        _newton(0, 1, delta, F, terms, p, w);
+        const double step = w[0];
         double trial = delta - step;
         /* Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding */
         if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
             return trial;
         }
-        if (residual > 0.0) {
+        if (step > 0.0) {
             high = delta;
-        } else if (residual < 0.0) {
+        } else if (step < 0.0) {
             low = delta;
         } else {
-            return residual == 0.0 ? delta : NAN;
+            return NAN;
         }
         if (!(low < trial && trial < high)) {
             if (high == INFINITY || low == -INFINITY) {
@@ -339,6 +497,12 @@ static inline void _drive(double t, const double *restrict c, double *restrict w
     w[1] = 0.0;
 }
 
+/* What the integration needs of the drive at the time t: its value. */
+static inline double _given(double t, const double *restrict c)
+{
+    return c[0];
+}
+
 /* a, X, dh_dt at n states: out[k*n + i] is quantity k at state i. */
 void equal_spheres_evaluate(int64_t n, const double *restrict h, const double *restrict delta, const double *restrict F, const double *restrict p, double *restrict out)
 {
@@ -350,11 +514,12 @@ void equal_spheres_evaluate(int64_t n, const double *restrict h, const double *r
 /* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void equal_spheres_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
-    double w[2];
+    double w[1];
+    double terms[10];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
         guess = delta[i] != delta[i] ? guess : delta[i];
-        delta[i] = _solve_delta(h[i], F[i], guess, p, w);
+        delta[i] = _solve_delta(h[i], F[i], guess, p, w, terms);
         guess = delta[i];
     }
 }
@@ -389,23 +554,37 @@ static inline double _between(double theta, const double *restrict z)
     return above / below;
 }
 
-/* Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial. */
-static inline void _predict(double ratio, double *restrict z, double *restrict above, double *restrict below)
+/* The matrix, by columns, from the stages of a step to those of the next, ratio times as long, by its polynomial. */
+static inline void _extrapolation(double ratio, double *restrict m, double *restrict sums)
 {
     for (int64_t i = 0; i < 8; i++) {
-        above[i] = 0.0;
-        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1]);
+        sums[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1]);
     }
     for (int64_t j = 0; j < 8; j++) {
         for (int64_t i = 0; i < 8; i++) {
-            const double weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1]);
-            above[i] += weight * z[j];
-            below[i] += weight;
+            m[8 * j + i] = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1]);
+            sums[i] += m[8 * j + i];
         }
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        sums[i] = 1.0 / sums[i];
+    }
+    for (int64_t j = 0; j < 8; j++) {
+        for (int64_t i = 0; i < 8; i++) {
+            m[8 * j + i] = m[8 * j + i] * sums[i];
+        }
+    }
+}
+
+/* Stages of the next step, measured from the end of the last, whose stages are z. */
+static inline void _predict(double *restrict z, const double *restrict m, double *restrict scratch)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        scratch[i] = m[0 + i] * z[0] + m[8 + i] * z[1] + (m[16 + i] * z[2] + m[24 + i] * z[3]) + (m[32 + i] * z[4] + m[40 + i] * z[5]) + (m[48 + i] * z[6] + m[56 + i] * z[7]);
     }
     const double end = z[7];
     for (int64_t i = 0; i < 8; i++) {
-        z[i] = above[i] / below[i] - end;
+        z[i] = scratch[i] - end;
     }
 }
 
@@ -441,141 +620,236 @@ static inline double _left(double apart, double error)
     return left < 1.0 ? left : 1.0;
 }
 
-/* Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once. */
-static inline void _deflections(const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict force, double *restrict stiffness)
+/* Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
+
+   It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
+   w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+static inline void _deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict terms)
 {
-    for (int64_t iteration = 0; iteration < 6; iteration++) {
+    /* of an iteration that has just begun, whose change leaves about its square */
+    const double enough = sqrt(0.1 * small);
+    for (int64_t i = 0; i < 8; i++) {
+        _gap_terms(i, 8, h[i], p, terms);
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        w[8 + i] = 0.0;
+        w[16 + i] = 1.0 / fabs(delta[i]);
+    }
+    for (int64_t iteration = 0; iteration < 7; iteration++) {
         for (int64_t i = 0; i < 8; i++) {
-            _balance(i, h[i], delta[i], p, force, stiffness);
+            _newton(i, 8, delta[i], F[i], terms, p, w);
         }
+        double left = 0.0;
         for (int64_t i = 0; i < 8; i++) {
-            force[i] = (force[i] - F[i]) / stiffness[i];
-            delta[i] = delta[i] - force[i];
+            delta[i] = delta[i] - w[i];
+            const double size = fabs(w[i]) * w[16 + i];
+            const double before = w[8 + i];
+            w[24 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
+            w[8 + i] = size;
+            left += w[24 + i];
         }
-        int64_t moving = 0;
-        for (int64_t i = 0; i < 8; i++) {
-            if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
-                moving += 1;
-            }
-        }
-        if (moving == 0) {
+        if (left == 0.0) {
             break;
         }
     }
     for (int64_t i = 0; i < 8; i++) {
-        if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]) && delta[i] > 0.0)) {
-            delta[i] = _solve_delta(h[i], F[i], NAN, p, w);
+        if (w[24 + i] != 0.0 || !(delta[i] > 0.0)) {
+            delta[i] = _solve_delta(h[i], F[i], NAN, p, w, terms);
         }
     }
 }
 
-/* The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial. */
-void equal_spheres_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
-{
-    double z[8];
-    for (int64_t i = 0; i < n; i++) {
-        const int64_t base = 15 * (int64_t)at[i];
-        if (steps[base + 12] != 0.0) {
-            for (int64_t j = 0; j < 8; j++) {
-                z[j] = steps[base + 4 + j];
-            }
-            const double theta = (u[i] - steps[base + 3]) / steps[base + 12];
-            out[i] = steps[base] + _between(theta, z);
-            continue;
-        }
-        for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[base + 4 + j];
-        }
-        const double target = u[i] - steps[base + 3];
-        double low = 0.0;
-        double high = 1.0;
-        for (int64_t iteration = 0; iteration < 60; iteration++) {
-            const double middle = 0.5 * (low + high);
-            const double value = _between(middle, z);
-            if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        out[i] = steps[base] + high * steps[base + 1];
-    }
-}
+/* Deflections of 16 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
-/* The fraction of a step in ln h at which the time t, from its start, is reached: Newton's iteration.
-
-   powers: the time as a polynomial of 2 theta - 1, which rises. */
-static inline double _gap_at(double t, const double *restrict z, const double *restrict powers)
+   It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
+   w, of 64 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+static inline void _panel_deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict terms)
 {
-    double low = -1.0;
-    double high = 1.0;
-    double before = 0.0;
-    double x = 1.0;
-    for (int64_t j = 0; j < 8; j++) {
-        if (z[j] >= t) {
-            low = 2.0 * _NODES[j] - 1.0;
-            high = 2.0 * _NODES[j + 1] - 1.0;
-            x = z[j] > before ? low + (high - low) * (t - before) / (z[j] - before) : high;
-            break;
-        }
-        before = z[j];
+    /* of an iteration that has just begun, whose change leaves about its square */
+    const double enough = sqrt(0.1 * small);
+    for (int64_t i = 0; i < 16; i++) {
+        _gap_terms(i, 16, h[i], p, terms);
     }
-    for (int64_t iteration = 0; iteration < 20; iteration++) {
-        double value = powers[8];
-        double slope = 0.0;
-        for (int64_t k = 0; k < 8; k++) {
-            slope = slope * x + value;
-            value = value * x + powers[7 - k];
+    for (int64_t i = 0; i < 16; i++) {
+        w[16 + i] = 0.0;
+        w[32 + i] = 1.0 / fabs(delta[i]);
+    }
+    for (int64_t iteration = 0; iteration < 7; iteration++) {
+        for (int64_t i = 0; i < 16; i++) {
+            _newton(i, 16, delta[i], F[i], terms, p, w);
         }
-        const double change = (value - t) / slope;
-        if (value > t) {
-            high = x;
-        } else {
-            low = x;
+        double left = 0.0;
+        for (int64_t i = 0; i < 16; i++) {
+            delta[i] = delta[i] - w[i];
+            const double size = fabs(w[i]) * w[32 + i];
+            const double before = w[16 + i];
+            w[48 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
+            w[16 + i] = size;
+            left += w[48 + i];
         }
-        const double trial = x - change;
-        x = low <= trial && trial <= high ? trial : 0.5 * (low + high);
-        if (fabs(change) <= 1e-08) {
+        if (left == 0.0) {
             break;
         }
     }
-    return 0.5 * (1.0 + x);
+    for (int64_t i = 0; i < 16; i++) {
+        if (w[48 + i] != 0.0 || !(delta[i] > 0.0)) {
+            delta[i] = _solve_delta(h[i], F[i], NAN, p, w, terms);
+        }
+    }
 }
 
-/* The state at n times, in increasing order, from the 15 numbers of each of the steps stored: out[k*n + i] is component k. */
-void equal_spheres_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
+/* Integrate the time over u = ln h for as long as the gap moves; see equal_spheres_integrate.
+
+   Where it hardly moves, state[13] is set to 0, for the time to take over as the independent variable. */
+static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict c, int64_t capacity, double *restrict state, double *restrict steps)
 {
-    double z[8];
-    double powers[9];
-    int64_t known = -1;
-    int64_t at = 0;
-    for (int64_t i = 0; i < n; i++) {
-        while (at < stored - 1 && t[i] >= steps[15 * (at + 1)]) {
-            at += 1;
+    double w[1];
+    /* along ln h: of its rate, and of the deflection */
+    double slopes[16];
+    double h[16];
+    double F[16];
+    double delta[16];
+    double rate[16];
+    double work[64];
+    double terms[160];
+    double dt[16];
+    double z[16];
+    double t = state[0];
+    double u = state[1];
+    double u_astray = state[15];
+    /* of the panel before: its length and its error */
+    double last = 0.0;
+    double last_error = 1.0;
+    double stride = state[3];
+    h[0] = exp(u);
+    delta[0] = _solve_delta(h[0], c[0], state[2], p, w, terms);
+    _gap_rate(0, h[0], delta[0], c[0], p, rate, w);
+    _slopes(0, h[0], delta[0], c[0], p, slopes);
+    double u_dot = rate[0];
+    double deflection = delta[0];
+    if (stride == 0.0) {
+        stride = 0.5 * pow(1000000000.0 * rtol, 1.0 / 17.0);
+    }
+    for (int64_t i = 0; i < 16; i++) {
+        F[i] = c[0];
+    }
+    int64_t stored = 0;
+    int64_t status = 2;
+    while (stored < capacity && t < t_end) {
+        if (!(fabs(u_dot) > 0.1 * fabs(slopes[0]))) {
+            state[13] = 0.0;
+            break;
         }
-        if (steps[15 * at + 12] != 0.0) {
-            if (known != at) {
-                known = at;
-                for (int64_t j = 0; j < 8; j++) {
-                    z[j] = steps[15 * at + 4 + j];
-                }
-                for (int64_t k = 0; k < 9; k++) {
-                    powers[k] = 0.0;
-                    for (int64_t j = 0; j < 8; j++) {
-                        powers[k] += _POWERS[8 * k + j] * z[j];
-                    }
-                }
+        stride = u_dot > 0.0 ? fabs(stride) : -fabs(stride);
+        double landing = 0.0;
+        double step = stride;
+        if ((u_stop - u) * u_dot > 0.0 && fabs(u_stop - u) <= 1.01 * fabs(stride)) {
+            step = u_stop - u;
+            landing = 1.0;
+        }
+        const double bend = deflection != 0.0 ? 0.125 * step * slopes[8] / deflection : 0.0;
+        for (int64_t i = 0; i < 16; i++) {
+            h[i] = exp(u + _PANEL_NODES[i + 1] * step);
+            /* along a power of the gap, nearly */
+            double power = 1.0 + bend * _PANEL_NODES[i + 1];
+            power = power > 0.5 ? power : 0.5;
+            power = power * power;
+            power = power * power;
+            delta[i] = deflection * power * power;
+        }
+        _panel_deflections(0.001 * rtol, h, F, delta, p, work, terms);
+        for (int64_t i = 0; i < 16; i++) {
+            _gap_rate(i, h[i], delta[i], F[i], p, rate, w);
+        }
+        state[6] += 2.0;
+        int64_t astray = 0;
+        for (int64_t i = 0; i < 16; i++) {
+            dt[i] = step / rate[i];
+            if (!(dt[i] > 0.0)) {
+                astray += 1;
             }
-            const double part = _gap_at(t[i] - steps[15 * at], z, powers);
-            out[i] = steps[15 * at + 3] + part * steps[15 * at + 12];
+        }
+        for (int64_t i = 0; i < 16; i++) {
+            z[i] = _PANEL_MATRIX[0 + i] * dt[0] + _PANEL_MATRIX[16 + i] * dt[1] + (_PANEL_MATRIX[32 + i] * dt[2] + _PANEL_MATRIX[48 + i] * dt[3]) + (_PANEL_MATRIX[64 + i] * dt[4] + _PANEL_MATRIX[80 + i] * dt[5]) + (_PANEL_MATRIX[96 + i] * dt[6] + _PANEL_MATRIX[112 + i] * dt[7]) + (_PANEL_MATRIX[128 + i] * dt[8] + _PANEL_MATRIX[144 + i] * dt[9]) + (_PANEL_MATRIX[160 + i] * dt[10] + _PANEL_MATRIX[176 + i] * dt[11]) + (_PANEL_MATRIX[192 + i] * dt[12] + _PANEL_MATRIX[208 + i] * dt[13]) + (_PANEL_MATRIX[224 + i] * dt[14] + _PANEL_MATRIX[240 + i] * dt[15]);
+        }
+        /* the defect of the polynomial at the start and at the probe, and the error that it makes */
+        double defect = -step / u_dot;
+        double late = 0.0;
+        for (int64_t i = 0; i < 16; i++) {
+            defect += _PANEL_SLOPE_START[i + 1] * z[i];
+            late += _PANEL_SLOPE_PROBE[i + 1] * z[i];
+        }
+        const double h_probe = exp(u + 0.5249157346849603 * step);
+        const double delta_probe = _solve_delta(h_probe, c[0], 0.5 * (delta[7] + delta[8]), p, w, terms);
+        _gap_rate(0, h_probe, delta_probe, c[0], p, work, w);
+        state[7] += 1.0;
+        const double d1 = 0.0050262494109758835 * defect;
+        const double d2 = 0.03652541177259325 * (late - step / work[0]);
+        /* written so that nan rejects the step */
+        const double longer = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
+        /* an error of the time is one of ln h by the rate */
+        const double fastest = fabs(u_dot) > fabs(rate[15]) ? fabs(u_dot) : fabs(rate[15]);
+        const double error = longer * fastest / (rtol + 4.5e-16 * (1.0 + fabs(u)));
+        double factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 17.0);
+        if (astray > 0 || !(error <= 1.0)) {
+            state[5] += 1.0;
+            stride = step * (factor > 0.2 && factor < 1.0 && astray == 0 ? factor : 0.2);
+            /* where the rate vanishes on the way, time has to take over */
+            if (fabs(stride) <= 1e-06) {
+                state[13] = 0.0;
+                break;
+            }
             continue;
         }
-        const double theta = (t[i] - steps[15 * at]) / steps[15 * at + 1];
-        for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[15 * at + 4 + j];
+        if (!isfinite(t + z[15])) {
+            status = -2;
+            break;
         }
-        out[0 * n + i] = steps[15 * at + 3] + _between(theta, z);
+        const int64_t base = 23 * stored;
+        steps[base] = t;
+        steps[base + 1] = z[15];
+        steps[base + 2] = 0.0;
+        steps[base + 3] = u;
+        for (int64_t i = 0; i < 16; i++) {
+            steps[base + 4 + i] = z[i];
+        }
+        steps[base + 20] = step;
+        /* trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows */
+        const double earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + z[15]));
+        u_astray = (earlier + longer * _left(fabs(d1 - d2) / longer, longer * fastest)) * fabs(rate[15]);
+        steps[base + 21] = (earlier + longer) * fastest;
+        steps[base + 22] = earlier + longer;
+        stored += 1;
+        state[4] += 1.0;
+        state[14] += 1.0;
+        t = t + z[15];
+        u = landing == 1.0 ? u_stop : u + step;
+        u_dot = rate[15];
+        deflection = delta[15];
+        _slopes(0, h[15], deflection, c[0], p, slopes);
+        if (landing == 1.0 && t < t_end) {
+            status = 1;
+            break;
+        }
+        if (last != 0.0) {
+            const double foresight = factor * fabs(step / last) * pow(last_error / (error > 1e-12 ? error : 1e-12), 1.0 / 17.0);
+            factor = foresight < factor ? foresight : factor;
+        }
+        last = step;
+        last_error = error > 0.01 ? error : 0.01;
+        stride = fabs(step * factor) < 4.0 ? step * factor : 4.0;
     }
+    if (t >= t_end && status == 2) {
+        status = 0;
+    }
+    state[0] = t;
+    state[1] = u;
+    state[2] = deflection;
+    /* the first step in time finds its own length */
+    state[3] = state[13] == 1.0 ? stride : 0.0;
+    state[9] = (double)stored;
+    state[15] = u_astray;
+    return status;
 }
 
 /* Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -588,34 +862,33 @@ void equal_spheres_sample(int64_t n, const double *restrict t, int64_t stored, c
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
    call goes on from it.
-   steps, of 15*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
-   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Then, the length of the step in ln h if that
-   is the independent variable, when the stages are times, or 0. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
+   steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
+   table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
+   of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
    Returns 0 at t_end, 1 after the step in which u passes u_stop, 2 when steps is full, 3 at the end of the table;
    -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start. */
 int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict c, int64_t capacity, double *restrict state, double *restrict steps)
 {
-    double landing;
-    double step;
-    double u_defect;
-    double u_late;
-    double h_probe;
-    double d1;
-    double d2;
-    double error;
-    double late;
-    double factor;
     double moves;
     double contraction;
+    state[9] = 0.0;
+    if (state[13] == 1.0) {
+        const int64_t ended = _by_gap(t_end, u_stop, rtol, p, c, capacity, state, steps);
+        if (ended != 2 || state[9] == (double)capacity) {
+            return ended;
+        }
+    }
     double w[4];
+    double work[32];
+    double terms[80];
     double given[8];
     double h[8];
     double deflection[8];
     double before[8];
     double above[8];
     double below[8];
-    double slopes[8];
+    double slopes[16];
     double m[64];
     double residual[8];
     double change[8];
@@ -639,10 +912,9 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
     double fresh = 1.0;
     double crossing = INFINITY;
     double shrink_only = 0.0;
-    double stride = 0.5;
     double u_dot = 0.0;
     int64_t status = 2;
-    int64_t stored = 0;
+    int64_t stored = (int64_t)state[9];
     while (status == 2 && stored < capacity) {
         double limit = t_end;
         double ending = 0.0;
@@ -652,13 +924,13 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
         }
         if (fresh == 1.0) {
             /* the rates where the run starts, or goes on after an event */
-            _drive(t, c, w);
+            given[0] = _given(t, c);
             for (int64_t i = 0; i < 8; i++) {
                 h[i] = exp(u);
-                given[i] = w[0];
+                given[i] = given[0];
                 deflection[i] = delta;
             }
-            _deflections(h, given, deflection, p, w, above, below);
+            _deflections(0.001 * rtol, h, given, deflection, p, work, terms);
             delta = deflection[0];
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
@@ -683,9 +955,8 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
                     dt = isfinite(t_end) ? 1e-09 * (t_end - t) : 1e-200;
                     int64_t moving = 0;
                     while (moving == 0 && dt < 1e+200 && t + dt < limit) {
-                        _drive(t + dt, c, w);
-                        given[0] = w[0];
-                        deflection[0] = _solve_delta(h[0], given[0], NAN, p, w);
+                        given[0] = _given(t + dt, c);
+                        deflection[0] = _solve_delta(h[0], given[0], NAN, p, w, terms);
                         _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w);
                         singles += 1.0;
                         if (fabs(u_rate[0]) * dt < 0.001) {
@@ -697,104 +968,13 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
                 }
             }
         }
-        /* while the gap moves, it serves as the independent variable: its time is an integral, without iterations */
-        if (state[13] == 1.0 && fabs(u_dot) > 0.1 * fabs(slopes[7])) {
-            stride = u_dot > 0.0 ? fabs(stride) : -fabs(stride);
-            landing = 0.0;
-            step = stride;
-            if ((u_stop - u) * u_dot > 0.0 && fabs(u_stop - u) <= 1.01 * fabs(stride)) {
-                step = u_stop - u;
-                landing = 1.0;
-            }
-            for (int64_t i = 0; i < 8; i++) {
-                h[i] = exp(u + _NODES[i + 1] * step);
-                given[i] = c[0];
-                deflection[i] = delta;
-            }
-            _deflections(h, given, deflection, p, w, above, below);
-            for (int64_t i = 0; i < 8; i++) {
-                _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
-            }
-            passes += 1.0;
-            int64_t astray = 0;
-            for (int64_t i = 0; i < 8; i++) {
-                u_z[i] = 0.0;
-                above[i] = step / u_rate[i];
-                if (!(above[i] > 0.0)) {
-                    astray += 1;
-                }
-            }
-            for (int64_t j = 0; j < 8; j++) {
-                for (int64_t i = 0; i < 8; i++) {
-                    u_z[i] += _MATRIX[8 * j + i] * above[j];
-                }
-            }
-            u_defect = -step / u_dot;
-            u_late = 0.0;
-            for (int64_t i = 0; i < 8; i++) {
-                u_defect += _SLOPE_START[i + 1] * u_z[i];
-                u_late += _SLOPE_PROBE[i + 1] * u_z[i];
-            }
-            h_probe = exp(u + 0.5501108282781375 * step);
-            _gap_rate(0, h_probe, _solve_delta(h_probe, c[0], deflection[4], p, w), c[0], p, below, w);
-            singles += 1.0;
-            d1 = 0.014424143230897014 * u_defect;
-            d2 = 0.07596008870469767 * (u_late - step / below[0]);
-            error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
-            /* an error of the time is one of ln h by the rate */
-            const double fastest = fabs(u_dot) > fabs(u_rate[7]) ? fabs(u_dot) : fabs(u_rate[7]);
-            late = error;
-            error = error * fastest / (rtol + 4.5e-16 * (1.0 + fabs(u)));
-            factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
-            if (astray > 0 || !(error <= 1.0)) {
-                rejected += 1.0;
-                stride = step * (factor > 0.2 && factor < 1.0 && astray == 0 ? factor : 0.2);
-                /* where the rate vanishes on the way, time has to take over */
-                state[13] = fabs(stride) > 1e-06 ? 1.0 : 0.0;
-                continue;
-            }
-            if (!isfinite(t + u_z[7])) {
-                status = -2;
-                break;
-            }
-            const int64_t here = 15 * stored;
-            steps[here] = t;
-            steps[here + 1] = u_z[7];
-            steps[here + 2] = 0.0;
-            steps[here + 3] = u;
-            for (int64_t i = 0; i < 8; i++) {
-                steps[here + 4 + i] = u_z[i];
-            }
-            steps[here + 12] = step;
-            /* trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows */
-            const double earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + u_z[7]));
-            u_astray = (earlier + late * _left(fabs(d1 - d2) / late, late * fastest)) * fabs(u_rate[7]);
-            steps[here + 13] = (earlier + late) * fastest;
-            steps[here + 14] = earlier + late;
-            stored += 1;
-            accepted += 1.0;
-            state[14] += 1.0;
-            t = t + u_z[7];
-            u = landing == 1.0 ? u_stop : u + step;
-            u_dot = u_rate[7];
-            delta = deflection[7];
-            _slopes(7, h[7], delta, c[0], p, slopes);
-            factor = factor < 8.0 ? factor : 8.0;
-            stride = fabs(step * factor) < 3.0 ? step * factor : 3.0;
-            dt = 0.1 / (fabs(u_dot) + fabs(slopes[7]));
-            last = 0.0;
-            if (t < t_end && landing == 1.0) {
-                status = 1;
-            }
-            continue;
-        }
         /* land on the limit, and leave no sliver before it */
         if (crossing < limit) {
             limit = crossing;
             ending = 2.0;
         }
-        step = dt < state[12] ? dt : state[12];
-        landing = 0.0;
+        double step = dt < state[12] ? dt : state[12];
+        double landing = 0.0;
         if (t + 1.01 * step >= limit) {
             step = limit - t;
             landing = 1.0;
@@ -817,8 +997,7 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
         }
         /* what is given, at the stages */
         for (int64_t i = 0; i < 8; i++) {
-            _drive(t + _NODES[i + 1] * step, c, w);
-            given[i] = w[0];
+            given[i] = _given(t + _NODES[i + 1] * step, c);
         }
         /* predict the stages: by the last step's polynomial, unless far beyond it, or along the tangent, bent where it decays */
         for (int64_t i = 0; i < 8; i++) {
@@ -829,8 +1008,9 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
         }
         int64_t wild = 0;
         if (last > 0.0 && step <= 2.0 * last) {
-            _predict(step / last, u_z, above, below);
-            _predict(step / last, deflection, above, below);
+            _extrapolation(step / last, m, above);
+            _predict(u_z, m, above);
+            _predict(deflection, m, above);
             for (int64_t i = 0; i < 8; i++) {
                 deflection[i] = delta + deflection[i];
             }
@@ -859,7 +1039,7 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
             for (int64_t i = 0; i < 8; i++) {
                 h[i] = exp(u + u_z[i]);
             }
-            _deflections(h, given, deflection, p, w, above, below);
+            _deflections(0.001 * rtol, h, given, deflection, p, work, terms);
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
@@ -876,30 +1056,23 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
                 _invert(m);
             }
             for (int64_t i = 0; i < 8; i++) {
-                residual[0 + i] = step * u_rate[i];
-            }
-            for (int64_t j = 0; j < 8; j++) {
-                for (int64_t i = 0; i < 8; i++) {
-                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j];
-                }
+                residual[0 + i] = step * u_rate[i] - (_INVERSE[0 + i] * u_z[0] + _INVERSE[8 + i] * u_z[1] + (_INVERSE[16 + i] * u_z[2] + _INVERSE[24 + i] * u_z[3]) + (_INVERSE[32 + i] * u_z[4] + _INVERSE[40 + i] * u_z[5]) + (_INVERSE[48 + i] * u_z[6] + _INVERSE[56 + i] * u_z[7]));
             }
             for (int64_t i = 0; i < 8; i++) {
-                change[i] = 0.0;
-            }
-            for (int64_t j = 0; j < 8; j++) {
-                for (int64_t i = 0; i < 8; i++) {
-                    change[i] += m[8 * j + i] * residual[j];
-                }
+                change[i] = m[0 + i] * residual[0] + m[8 + i] * residual[1] + (m[16 + i] * residual[2] + m[24 + i] * residual[3]) + (m[32 + i] * residual[4] + m[40 + i] * residual[5]) + (m[48 + i] * residual[6] + m[56 + i] * residual[7]);
             }
             for (int64_t i = 0; i < 8; i++) {
                 u_z[i] += change[0 + i];
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                deflection[i] += slopes[8 + i] * change[i];
             }
             double total = 0.0;
             for (int64_t i = 0; i < 8; i++) {
                 total += change[i] * change[i];
             }
             moves = sqrt(total);
-            renew = moves > 0.03 ? 1 : 0;
+            renew = moves > 0.003 ? 1 : 0;
             contraction = moves / moved;
             /* 1e-2 of what a step may err, or what rounding leaves */
             if (moves <= 0.01 * rtol || moves <= rounding) {
@@ -922,30 +1095,29 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
             continue;
         }
         /* the defect of the polynomial at the start and at the probe, and the error that it makes */
-        _drive(t + 0.5501108282781375 * step, c, w);
-        const double probe_given = w[0];
+        const double probe_given = _given(t + 0.5501108282781375 * step, c);
         double u_probe = u;
-        u_late = 0.0;
-        u_defect = -step * u_dot;
+        double u_late = 0.0;
+        double u_defect = -step * u_dot;
         for (int64_t i = 0; i < 8; i++) {
             u_probe += _VALUE_PROBE[i + 1] * u_z[i];
             u_late += _SLOPE_PROBE[i + 1] * u_z[i];
             u_defect += _SLOPE_START[i + 1] * u_z[i];
         }
-        h_probe = exp(u_probe);
-        const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
+        const double h_probe = exp(u_probe);
+        const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w, terms);
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
         singles += 1.0;
-        d1 = 0.014424143230897014 * u_defect;
-        d2 = 0.07596008870469767 * (u_late - step * above[0]);
+        const double d1 = 0.014424143230897014 * u_defect;
+        const double d2 = 0.07596008870469767 * (u_late - step * above[0]);
         /* written so that nan rejects the step */
-        error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
+        double error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
         const double left = _left(fabs(d1 - d2) / error, error);
         const double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
-        factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
+        double factor = 0.8 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
         if (!(error <= 1.0)) {
             rejected += 1.0;
             shrink_only = 1.0;
@@ -954,7 +1126,7 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
             continue;
         }
         /* the step stands */
-        const int64_t base = 15 * stored;
+        const int64_t base = 23 * stored;
         steps[base] = t;
         steps[base + 1] = step;
         steps[base + 2] = landing == 1.0 ? ending : 0.0;
@@ -966,18 +1138,18 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
         for (int64_t i = 0; i < 8; i++) {
             before[i] = deflection[i] - delta;
         }
-        steps[base + 12] = 0.0;
+        steps[base + 20] = 0.0;
         /* the errors so far grow, or decay, as a perturbation of the start of the step does, and its own joins them */
         double growth = 0.0;
         for (int64_t i = 0; i < 8; i++) {
             growth += _QUADRATURE[i] * slopes[i];
         }
         growth = exp(step * growth);
-        late = u_astray * (growth > 1.0 ? growth : 1.0) + u_error;
+        const double late = u_astray * (growth > 1.0 ? growth : 1.0) + u_error;
         u_astray = u_astray * growth + u_error * left + unsolved + 0.25 * rounding + 1.1e-16 * fabs((t + step) * u_dot);
         const double slowest = fabs(u_dot) < fabs(u_rate[7]) ? fabs(u_dot) : fabs(u_rate[7]);
-        steps[base + 13] = late;
-        steps[base + 14] = slowest > 0.0 ? late / slowest : INFINITY;
+        steps[base + 21] = late;
+        steps[base + 22] = slowest > 0.0 ? late / slowest : INFINITY;
         accepted += 1.0;
         const double u_new = u + u_z[7];
         if ((u - u_stop) * (u_new - u_stop) <= 0.0) {
@@ -1026,4 +1198,448 @@ int64_t equal_spheres_integrate(double t_end, double u_stop, double rtol, const 
     state[11] = settled;
     state[15] = u_astray;
     return status;
+}
+
+/* The time within a panel, from its start, by Chebyshev polynomials of 2 theta - 1. */
+static inline void _coefficients(int64_t base, const double *restrict steps, double *restrict out)
+{
+    for (int64_t i = 0; i < 17; i++) {
+        out[i] = _PANEL_CHEBYSHEV[0 + i] * steps[base + 4] + _PANEL_CHEBYSHEV[17 + i] * steps[base + 5] + (_PANEL_CHEBYSHEV[34 + i] * steps[base + 6] + _PANEL_CHEBYSHEV[51 + i] * steps[base + 7]) + (_PANEL_CHEBYSHEV[68 + i] * steps[base + 8] + _PANEL_CHEBYSHEV[85 + i] * steps[base + 9]) + (_PANEL_CHEBYSHEV[102 + i] * steps[base + 10] + _PANEL_CHEBYSHEV[119 + i] * steps[base + 11]) + (_PANEL_CHEBYSHEV[136 + i] * steps[base + 12] + _PANEL_CHEBYSHEV[153 + i] * steps[base + 13]) + (_PANEL_CHEBYSHEV[170 + i] * steps[base + 14] + _PANEL_CHEBYSHEV[187 + i] * steps[base + 15]) + (_PANEL_CHEBYSHEV[204 + i] * steps[base + 16] + _PANEL_CHEBYSHEV[221 + i] * steps[base + 17]) + (_PANEL_CHEBYSHEV[238 + i] * steps[base + 18] + _PANEL_CHEBYSHEV[255 + i] * steps[base + 19]);
+    }
+}
+
+/* The times, from the start of a panel, at 8 fractions of it: Clenshaw's recurrence. */
+static inline void _times_in_panel(const double *restrict theta, const double *restrict c, double *restrict t)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        const double x = 2.0 * theta[i] - 1.0;
+        const double y = 2.0 * x;
+        const double b16 = c[16];
+        const double b15 = c[15] + y * b16;
+        const double b14 = c[14] + (y * b15 - b16);
+        const double b13 = c[13] + (y * b14 - b15);
+        const double b12 = c[12] + (y * b13 - b14);
+        const double b11 = c[11] + (y * b12 - b13);
+        const double b10 = c[10] + (y * b11 - b12);
+        const double b9 = c[9] + (y * b10 - b11);
+        const double b8 = c[8] + (y * b9 - b10);
+        const double b7 = c[7] + (y * b8 - b9);
+        const double b6 = c[6] + (y * b7 - b8);
+        const double b5 = c[5] + (y * b6 - b7);
+        const double b4 = c[4] + (y * b5 - b6);
+        const double b3 = c[3] + (y * b4 - b5);
+        const double b2 = c[2] + (y * b3 - b4);
+        const double b1 = c[1] + (y * b2 - b3);
+        t[i] = c[0] + (x * b1 - b2);
+    }
+}
+
+/* The fractions of a panel at which 8 times, from its start, are reached: Halley's iteration between two nodes.
+
+   It converges cubically, so that after a change of c1 and one of c2 there would be one of c2**4/c1**3. */
+static inline void _fractions_of_panel(double small, int64_t base, const double *restrict steps, const double *restrict t, const double *restrict c, double *restrict theta)
+{
+    double x;
+    double low[8];
+    double high[8];
+    double f[8];
+    double slope[8];
+    double bend[8];
+    double sizes[8];
+    int64_t at = 0;
+    for (int64_t i = 0; i < 8; i++) {
+        sizes[i] = 0.0;
+        while (at > 0 && t[i] < steps[base + 3 + at]) {
+            at -= 1;
+        }
+        while (at < 15 && t[i] > steps[base + 4 + at]) {
+            at += 1;
+        }
+        low[i] = 2.0 * _PANEL_NODES[at] - 1.0;
+        high[i] = 2.0 * _PANEL_NODES[at + 1] - 1.0;
+        const double start = at > 0 ? steps[base + 3 + at] : 0.0;
+        theta[i] = low[i] + (high[i] - low[i]) * ((t[i] - start) / (steps[base + 4 + at] - start));
+    }
+    for (int64_t iteration = 0; iteration < 6; iteration++) {
+        for (int64_t i = 0; i < 8; i++) {
+            x = theta[i];
+            const double y = 2.0 * x;
+            const double b16 = c[16];
+            const double b15 = c[15] + y * b16;
+            const double d15 = 2.0 * b16;
+            const double b14 = c[14] + (y * b15 - b16);
+            const double d14 = 2.0 * b15 + y * d15;
+            const double e14 = 4.0 * d15;
+            const double b13 = c[13] + (y * b14 - b15);
+            const double d13 = 2.0 * b14 + (y * d14 - d15);
+            const double e13 = 4.0 * d14 + y * e14;
+            const double b12 = c[12] + (y * b13 - b14);
+            const double d12 = 2.0 * b13 + (y * d13 - d14);
+            const double e12 = 4.0 * d13 + (y * e13 - e14);
+            const double b11 = c[11] + (y * b12 - b13);
+            const double d11 = 2.0 * b12 + (y * d12 - d13);
+            const double e11 = 4.0 * d12 + (y * e12 - e13);
+            const double b10 = c[10] + (y * b11 - b12);
+            const double d10 = 2.0 * b11 + (y * d11 - d12);
+            const double e10 = 4.0 * d11 + (y * e11 - e12);
+            const double b9 = c[9] + (y * b10 - b11);
+            const double d9 = 2.0 * b10 + (y * d10 - d11);
+            const double e9 = 4.0 * d10 + (y * e10 - e11);
+            const double b8 = c[8] + (y * b9 - b10);
+            const double d8 = 2.0 * b9 + (y * d9 - d10);
+            const double e8 = 4.0 * d9 + (y * e9 - e10);
+            const double b7 = c[7] + (y * b8 - b9);
+            const double d7 = 2.0 * b8 + (y * d8 - d9);
+            const double e7 = 4.0 * d8 + (y * e8 - e9);
+            const double b6 = c[6] + (y * b7 - b8);
+            const double d6 = 2.0 * b7 + (y * d7 - d8);
+            const double e6 = 4.0 * d7 + (y * e7 - e8);
+            const double b5 = c[5] + (y * b6 - b7);
+            const double d5 = 2.0 * b6 + (y * d6 - d7);
+            const double e5 = 4.0 * d6 + (y * e6 - e7);
+            const double b4 = c[4] + (y * b5 - b6);
+            const double d4 = 2.0 * b5 + (y * d5 - d6);
+            const double e4 = 4.0 * d5 + (y * e5 - e6);
+            const double b3 = c[3] + (y * b4 - b5);
+            const double d3 = 2.0 * b4 + (y * d4 - d5);
+            const double e3 = 4.0 * d4 + (y * e4 - e5);
+            const double b2 = c[2] + (y * b3 - b4);
+            const double d2 = 2.0 * b3 + (y * d3 - d4);
+            const double e2 = 4.0 * d3 + (y * e3 - e4);
+            const double b1 = c[1] + (y * b2 - b3);
+            const double d1 = 2.0 * b2 + (y * d2 - d3);
+            const double e1 = 4.0 * d2 + (y * e2 - e3);
+            f[i] = c[0] + (x * b1 - b2) - t[i];
+            slope[i] = b1 + (x * d1 - d2);
+            bend[i] = 2.0 * d1 + (x * e1 - e2);
+        }
+        double left = 0.0;
+        for (int64_t i = 0; i < 8; i++) {
+            const double change = 2.0 * f[i] * slope[i] / (2.0 * slope[i] * slope[i] - f[i] * bend[i]);
+            x = theta[i] - change;
+            x = x > low[i] ? x : low[i];
+            theta[i] = x < high[i] ? x : high[i];
+            const double size = fabs(change);
+            const double before = sizes[i];
+            left += size <= 1e-06 || size * size * (size * size) <= small * (before * before * before) ? 0.0 : 1.0;
+            sizes[i] = size;
+        }
+        if (left == 0.0) {
+            break;
+        }
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        theta[i] = 0.5 * (1.0 + theta[i]);
+    }
+}
+
+/* A component at 8 fractions of a step in time: its value, and 8 stages, are stored from base on. */
+static inline void _values(const double *restrict theta, int64_t base, const double *restrict steps, double *restrict out)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        const double x = theta[i];
+        const double below0 = _WEIGHTS[0] / x;
+        const double part1 = _WEIGHTS[1] / (x - _NODES[1]);
+        const double above1 = part1 * steps[base + 1];
+        const double below1 = below0 + part1;
+        const double part2 = _WEIGHTS[2] / (x - _NODES[2]);
+        const double above2 = above1 + part2 * steps[base + 2];
+        const double below2 = below1 + part2;
+        const double part3 = _WEIGHTS[3] / (x - _NODES[3]);
+        const double above3 = above2 + part3 * steps[base + 3];
+        const double below3 = below2 + part3;
+        const double part4 = _WEIGHTS[4] / (x - _NODES[4]);
+        const double above4 = above3 + part4 * steps[base + 4];
+        const double below4 = below3 + part4;
+        const double part5 = _WEIGHTS[5] / (x - _NODES[5]);
+        const double above5 = above4 + part5 * steps[base + 5];
+        const double below5 = below4 + part5;
+        const double part6 = _WEIGHTS[6] / (x - _NODES[6]);
+        const double above6 = above5 + part6 * steps[base + 6];
+        const double below6 = below5 + part6;
+        const double part7 = _WEIGHTS[7] / (x - _NODES[7]);
+        const double above7 = above6 + part7 * steps[base + 7];
+        const double below7 = below6 + part7;
+        const double part8 = _WEIGHTS[8] / (x - _NODES[8]);
+        const double above8 = above7 + part8 * steps[base + 8];
+        const double below8 = below7 + part8;
+        out[i] = steps[base] + above8 / below8;
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        /* where a node is hit */
+        if (!isfinite(out[i])) {
+            out[i] = steps[base];
+            for (int64_t j = 0; j < 8; j++) {
+                if (theta[i] == _NODES[j + 1]) {
+                    out[i] = steps[base] + steps[base + 1 + j];
+                }
+            }
+        }
+    }
+}
+
+/* The state at 8 times, in increasing order, within a step; c: the coefficients of a panel. */
+static inline void _states(double small, int64_t base, const double *restrict t, const double *restrict steps, const double *restrict c, double *restrict u)
+{
+    double theta[8];
+    if (steps[base + 20] != 0.0) {
+        for (int64_t i = 0; i < 8; i++) {
+            u[i] = t[i] - steps[base];
+        }
+        _fractions_of_panel(small, base, steps, u, c, theta);
+        for (int64_t i = 0; i < 8; i++) {
+            u[i] = steps[base + 3] + theta[i] * steps[base + 20];
+        }
+        return;
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        theta[i] = (t[i] - steps[base]) / steps[base + 1];
+    }
+    _values(theta, base + 3, steps, u);
+}
+
+/* The state at n times, in increasing order, from the 23 numbers of each of the steps stored: out[k*n + i] is component k. */
+void equal_spheres_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
+{
+    double lane[8];
+    double u[8];
+    double c[17];
+    int64_t known = -1;
+    int64_t at = 0;
+    int64_t i = 0;
+    while (i < n) {
+        while (at < stored - 1 && t[i] >= steps[23 * (at + 1)]) {
+            at += 1;
+        }
+        if (known != at && steps[23 * at + 20] != 0.0) {
+            known = at;
+            _coefficients(23 * at, steps, c);
+        }
+        int64_t m = 1;
+        while (m < 8 && i + m < n && (at == stored - 1 || t[i + m] < steps[23 * (at + 1)])) {
+            m += 1;
+        }
+        for (int64_t k = 0; k < 8; k++) {
+            lane[k] = t[k < m ? i + k : i + m - 1];
+        }
+        _states(1e-17, 23 * at, lane, steps, c, u);
+        for (int64_t k = 0; k < m; k++) {
+            out[0 * n + i + k] = u[k];
+        }
+        i += m;
+    }
+}
+
+/* The time at which ln h passes u within a step in time, by bisection of its polynomial. */
+static inline double _passage(double u, int64_t base, const double *restrict steps)
+{
+    double z[8];
+    for (int64_t j = 0; j < 8; j++) {
+        z[j] = steps[base + 4 + j];
+    }
+    const double target = u - steps[base + 3];
+    double low = 0.0;
+    double high = 1.0;
+    for (int64_t iteration = 0; iteration < 60; iteration++) {
+        const double middle = 0.5 * (low + high);
+        const double value = _between(middle, z);
+        if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return steps[base] + high * steps[base + 1];
+}
+
+/* The times at which ln h passes n values, each within the step of a number. */
+void equal_spheres_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
+{
+    double theta[8];
+    double t[8];
+    double c[17];
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t base = 23 * (int64_t)at[i];
+        if (steps[base + 20] != 0.0) {
+            for (int64_t k = 0; k < 8; k++) {
+                theta[k] = (u[i] - steps[base + 3]) / steps[base + 20];
+            }
+            _coefficients(base, steps, c);
+            _times_in_panel(theta, c, t);
+            out[i] = steps[base] + t[0];
+            continue;
+        }
+        out[i] = _passage(u[i], base, steps);
+    }
+}
+
+/* Write m outputs, of 8 at most, from number i on: all that follows from the time and the state. */
+static inline void _write(double small, int64_t i, int64_t m, int64_t total, double *restrict t, double *restrict u, double *restrict delta, const double *restrict p, const double *restrict c, double *restrict work, double *restrict terms, double *restrict out)
+{
+    double w[2];
+    double h[8];
+    double given[8];
+    double rate[8];
+    for (int64_t k = 0; k < 8; k++) {
+        const int64_t lane = k < m ? k : m - 1;
+        t[k] = t[lane];
+        u[k] = u[lane];
+        _drive(t[k], c, w);
+        given[k] = w[0];
+        rate[k] = w[1];
+        h[k] = exp(u[k]);
+        delta[k] = delta[7];
+    }
+    _deflections(small, h, given, delta, p, work, terms);
+    for (int64_t k = 0; k < m; k++) {
+        out[i + k] = t[k];
+        out[total + i + k] = h[k];
+        out[2 * total + i + k] = delta[k];
+        out[3 * total + i + k] = given[k];
+        out[4 * total + i + k] = rate[k];
+        _quantities(5 * total + i + k, total, h[k], delta[k], given[k], p, out);
+    }
+}
+
+/* Write the outputs of a run from number j on, as far as the stored steps reach; returns how far that is. */
+static inline int64_t _collect(double small, double start, double *restrict worst, int64_t j, int64_t first, int64_t count, int64_t total, int64_t at_gaps, const double *restrict targets, int64_t offset, int64_t stored, const double *restrict steps, const double *restrict p, const double *restrict c, double *restrict out)
+{
+    double lane[8];
+    double t[8];
+    double u[8];
+    double found_u[8];
+    double delta[8];
+    double z[8];
+    double work[32];
+    double terms[80];
+    double c_panel[17];
+    /* outputs gathered and not written yet */
+    int64_t gathered = 0;
+    delta[7] = j > 0 ? out[2 * total + first + j - 1] : NAN;
+    for (int64_t at = 0; at < stored; at++) {
+        const int64_t base = 23 * at;
+        const double begin = steps[base + 3];
+        const double panel = steps[base + 20];
+        const double end = begin + (panel != 0.0 ? panel : steps[base + 11]);
+        int64_t known = 0;
+        const double last = steps[base] + steps[base + 1];
+        int64_t m = 1;
+        while (m > 0) {
+            m = 0;
+            if (at_gaps == 1) {
+                /* begin + (end - begin) rounds */
+                while (gathered + m < 8 && j + m < count && (begin - targets[offset + j + m]) * (end - targets[offset + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin)) {
+                    m += 1;
+                }
+            } else {
+                while (gathered + m < 8 && j + m < count && targets[offset + j + m] <= last) {
+                    m += 1;
+                }
+            }
+            if (m == 0) {
+                continue;
+            }
+            /* as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t */
+            double error = steps[base + 21];
+            const double late = steps[base + 22] / (last - start);
+            error = at_gaps == 1 && late < error ? late : error;
+            if (!(error <= worst[0])) {
+                worst[0] = error;
+            }
+            for (int64_t k = 0; k < 8; k++) {
+                lane[k] = targets[offset + j + (k < m ? k : m - 1)];
+            }
+            if (panel != 0.0) {
+                if (known == 0) {
+                    known = 1;
+                    _coefficients(base, steps, c_panel);
+                }
+                if (at_gaps == 1) {
+                    for (int64_t k = 0; k < 8; k++) {
+                        z[k] = (lane[k] - begin) / panel;
+                        found_u[k] = lane[k];
+                    }
+                    _times_in_panel(z, c_panel, lane);
+                    for (int64_t k = 0; k < 8; k++) {
+                        lane[k] = steps[base] + lane[k];
+                    }
+                } else {
+                    _states(small, base, lane, steps, c_panel, found_u);
+                }
+                for (int64_t k = 0; k < m; k++) {
+                    t[gathered + k] = lane[k];
+                    u[gathered + k] = found_u[k];
+                }
+            } else {
+                for (int64_t k = 0; k < m; k++) {
+                    t[gathered + k] = at_gaps == 1 ? _passage(lane[k], base, steps) : lane[k];
+                    for (int64_t i = 0; i < 8; i++) {
+                        z[i] = steps[base + 4 + i];
+                    }
+                    u[gathered + k] = at_gaps == 1 ? lane[k] : begin + _between((lane[k] - steps[base]) / steps[base + 1], z);
+                }
+            }
+            gathered += m;
+            j += m;
+            if (gathered == 8) {
+                _write(small, first + j - 8, 8, total, t, u, delta, p, c, work, terms, out);
+                gathered = 0;
+            }
+        }
+    }
+    if (gathered > 0) {
+        _write(small, first + j - gathered, gathered, total, t, u, delta, p, c, work, terms, out);
+    }
+    return j;
+}
+
+/* Make n runs, each with its own parameters, start and end, and write the outputs asked for.
+
+   settings: rtol, the time of the start, longest step, steps that a run may take, whether ln h may serve as the
+   independent variable.
+   runs: of each run t_end, u_stop, ln h, delta (which follows from the force here), 4 parameters, 1 constants of the drive.
+   targets: the times, or with at_gaps = 1 the values of ln h, of the outputs, in the order of passage; those of run k
+   from pitch*k on.
+   out: t, h, delta, what is given, its rate, a, X, dh_dt, each n*count numbers; the status of each run, as
+   equal_spheres_integrate returns it, or 10 if it took too many steps, 11 if the gap left the range of double precision;
+   and the largest estimated error of its outputs, relative.
+   What a run does not reach is left as it is. */
+void equal_spheres_runs(int64_t n, int64_t count, int64_t at_gaps, int64_t pitch, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
+{
+    double state[17];
+    double worst[1];
+    double steps[736];
+    double p[4];
+    double c[1];
+    for (int64_t run = 0; run < n; run++) {
+        const int64_t at = 9 * run;
+        for (int64_t k = 0; k < 4; k++) {
+            p[k] = runs[at + 4 + k];
+        }
+        for (int64_t k = 0; k < 1; k++) {
+            c[k] = runs[at + 8 + k];
+        }
+        for (int64_t k = 0; k < 17; k++) {
+            state[k] = 0.0;
+        }
+        state[0] = settings[1];
+        state[1] = runs[at + 2];
+        state[2] = runs[at + 3];
+        state[12] = settings[2];
+        state[13] = settings[4];
+        worst[0] = 0.0;
+        int64_t j = 0;
+        int64_t ended = 2;
+        while (ended == 2) {
+            ended = equal_spheres_integrate(runs[at], runs[at + 1], settings[0], p, c, 32, state, steps);
+            j = _collect(0.001 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, pitch * run, (int64_t)state[9], steps, p, c, out);
+            if (ended == 2 && state[4] + state[5] > settings[3]) {
+                ended = 10;
+            } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
+                ended = 11;
+            }
+        }
+        out[8 * n * count + run] = (double)ended;
+        out[8 * n * count + n + run] = worst[0];
+    }
 }

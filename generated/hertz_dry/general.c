@@ -6,8 +6,8 @@
  *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
  *     zeta = 0
  *     F_adh = 0
- * Operations, 34 in all:
- *     balance: 2 add, 9 mul, 2 div, 1 sqrt
+ * Operations, 38 in all:
+ *     newton: 3 add, 13 mul, 1 div, 1 sqrt
  *     quantities: 3 add, 11 mul, 5 div, 1 sqrt
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
@@ -24,6 +24,8 @@
  *       The times at which ln h passes n values within given steps.
  *   void hertz_dry_sample(n, t, stored, steps, out)
  *       The state at n times, from the steps.
+ *   void hertz_dry_runs(n, count, at_gaps, pitch, settings, runs, targets, table_t, table_F, rows, out)
+ *       n runs with their outputs; see there.
  *
  *   p: R, E, nu
  */
@@ -82,20 +84,23 @@ static const double _SLOPE_PROBE[9] = {
     -0.09513499620264546,
 };
 
-/* The elastic force and its derivative along delta: w[i] = F_ela, out[i] = dF_ela/d(delta). */
-static inline void _balance(int64_t i, double h, double delta, const double *restrict p, double *restrict w, double *restrict out)
+/* What Newton's iteration for delta uses of the gap alone: out[k*n + i] is term k of state i. */
+static inline void _gap_terms(int64_t i, int64_t n, double h, const double *restrict p, const double *restrict out)
+{
+}
+
+/* A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta)). */
+static inline void _newton(int64_t i, int64_t n, double delta, double F, const double *restrict terms, const double *restrict p, double *restrict out)
 {
     const double R = p[0];
     const double E = p[1];
     const double nu = p[2];
     const double x0 = fabs(delta);
     const double a = sqrt(x0 * R);
+    const double a_p2 = a * a;
     const double nu_p2 = nu * nu;
-    const double x1 = E / (1.0 - nu_p2);
-    const double F_ela = 4.0 / 3.0 * delta * x1 * a;
-    const double dF_ddelta = 2.0 / 3.0 * x1 * (x0 * R / a + 2.0 * a);
-    w[i] = F_ela;
-    out[i] = dF_ddelta;
+    const double newton = a * (4.0 * delta * E * a + F * (3.0 * nu_p2 - 3.0)) / (2.0 * E * (x0 * R + 2.0 * a_p2));
+    out[i] = newton;
 }
 
 /* w[i] = d(ln h)/dt (eq. 7). */
@@ -109,7 +114,9 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 static inline void _slopes(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict out)
 {
     const double slope_p11 = 0.0;
+    const double slope_p21 = 0.0;
     out[0 + i] = slope_p11;
+    out[8 + i] = slope_p21;
 }
 
 /* a, F_ela, C, dh_dt, ddelta_dt, dX_dt, X at state i of n. */
@@ -140,40 +147,39 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 
 /* The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
-   F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side. Returns nan if there is no
-   solution. Uses w[0] and w[1]. */
-static inline double _solve_delta(double h, double F, double guess, const double *restrict p, double *restrict w)
+   F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side, and the sign of each step
+   from the other. Returns nan if there is no solution. Uses w[0], and of terms as many as the law has. */
+static inline double _solve_delta(double h, double F, double guess, const double *restrict p, double *restrict w, const double *restrict terms)
 {
     if (F == 0.0) {
         return 0.0;
     }
     double low = F > 0.0 ? 0.0 : -INFINITY;
     double high = F > 0.0 ? INFINITY : 0.0;
-    double stiffness[1];
+    _gap_terms(0, 1, h, p, terms);
     double delta = guess;
     if (!(low < guess && guess < high)) {
         /* start from the linear response, or from R where that is beyond R */
-        _balance(0, h, 0.0, p, w, stiffness);
-        delta = F / stiffness[0];
+        _newton(0, 1, 0.0, F, terms, p, w);
+        delta = -w[0];
         if (!(fabs(delta) < p[0])) {
             delta = F > 0.0 ? p[0] : -p[0];
         }
     }
     for (int64_t iteration = 0; iteration < 400; iteration++) {
-        _balance(0, h, delta, p, w, stiffness);
-        const double residual = w[0] - F;
-        const double step = residual / stiffness[0];
+        _newton(0, 1, delta, F, terms, p, w);
+        const double step = w[0];
         double trial = delta - step;
         /* Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding */
         if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
             return trial;
         }
-        if (residual > 0.0) {
+        if (step > 0.0) {
             high = delta;
-        } else if (residual < 0.0) {
+        } else if (step < 0.0) {
             low = delta;
         } else {
-            return residual == 0.0 ? delta : NAN;
+            return NAN;
         }
         if (!(low < trial && trial < high)) {
             if (high == INFINITY || low == -INFINITY) {
@@ -201,6 +207,14 @@ static inline void _drive(double t, const double *restrict table_t, const double
     w[1] = slope;
 }
 
+/* What the integration needs of the drive at the time t: its value. */
+static inline double _given(double t, const double *restrict table_t, const double *restrict table_F, int64_t segment)
+{
+    const double start = table_t[segment];
+    const double slope = (table_F[segment + 1] - table_F[segment]) / (table_t[segment + 1] - start);
+    return table_F[segment] + slope * (t - start);
+}
+
 /* a, F_ela, C, dh_dt, ddelta_dt, dX_dt, X at n states: out[k*n + i] is quantity k at state i. */
 void hertz_dry_evaluate(int64_t n, const double *restrict h, const double *restrict delta, const double *restrict dF_dt, const double *restrict p, double *restrict out)
 {
@@ -212,11 +226,12 @@ void hertz_dry_evaluate(int64_t n, const double *restrict h, const double *restr
 /* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void hertz_dry_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
-    double w[2];
+    double w[1];
+    double terms[1];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
         guess = delta[i] != delta[i] ? guess : delta[i];
-        delta[i] = _solve_delta(h[i], F[i], guess, p, w);
+        delta[i] = _solve_delta(h[i], F[i], guess, p, w, terms);
         guess = delta[i];
     }
 }
@@ -255,23 +270,37 @@ static inline double _between(double theta, const double *restrict z)
     return above / below;
 }
 
-/* Stages of a step that is ratio times as long as the last one, whose stages are z, by its polynomial. */
-static inline void _predict(double ratio, double *restrict z, double *restrict above, double *restrict below)
+/* The matrix, by columns, from the stages of a step to those of the next, ratio times as long, by its polynomial. */
+static inline void _extrapolation(double ratio, double *restrict m, double *restrict sums)
 {
     for (int64_t i = 0; i < 8; i++) {
-        above[i] = 0.0;
-        below[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1]);
+        sums[i] = _WEIGHTS[0] / (1.0 + ratio * _NODES[i + 1]);
     }
     for (int64_t j = 0; j < 8; j++) {
         for (int64_t i = 0; i < 8; i++) {
-            const double weight = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1]);
-            above[i] += weight * z[j];
-            below[i] += weight;
+            m[8 * j + i] = _WEIGHTS[j + 1] / (1.0 + ratio * _NODES[i + 1] - _NODES[j + 1]);
+            sums[i] += m[8 * j + i];
         }
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        sums[i] = 1.0 / sums[i];
+    }
+    for (int64_t j = 0; j < 8; j++) {
+        for (int64_t i = 0; i < 8; i++) {
+            m[8 * j + i] = m[8 * j + i] * sums[i];
+        }
+    }
+}
+
+/* Stages of the next step, measured from the end of the last, whose stages are z. */
+static inline void _predict(double *restrict z, const double *restrict m, double *restrict scratch)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        scratch[i] = m[0 + i] * z[0] + m[8 + i] * z[1] + (m[16 + i] * z[2] + m[24 + i] * z[3]) + (m[32 + i] * z[4] + m[40 + i] * z[5]) + (m[48 + i] * z[6] + m[56 + i] * z[7]);
     }
     const double end = z[7];
     for (int64_t i = 0; i < 8; i++) {
-        z[i] = above[i] / below[i] - end;
+        z[i] = scratch[i] - end;
     }
 }
 
@@ -307,73 +336,42 @@ static inline double _left(double apart, double error)
     return left < 1.0 ? left : 1.0;
 }
 
-/* Deflections of the 8 stages, from those that delta holds: Newton's iteration on all of them at once. */
-static inline void _deflections(const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict force, double *restrict stiffness)
+/* Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
+
+   It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
+   w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+static inline void _deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, const double *restrict terms)
 {
-    for (int64_t iteration = 0; iteration < 6; iteration++) {
+    /* of an iteration that has just begun, whose change leaves about its square */
+    const double enough = sqrt(0.1 * small);
+    for (int64_t i = 0; i < 8; i++) {
+        _gap_terms(i, 8, h[i], p, terms);
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        w[8 + i] = 0.0;
+        w[16 + i] = 1.0 / fabs(delta[i]);
+    }
+    for (int64_t iteration = 0; iteration < 7; iteration++) {
         for (int64_t i = 0; i < 8; i++) {
-            _balance(i, h[i], delta[i], p, force, stiffness);
+            _newton(i, 8, delta[i], F[i], terms, p, w);
         }
+        double left = 0.0;
         for (int64_t i = 0; i < 8; i++) {
-            force[i] = (force[i] - F[i]) / stiffness[i];
-            delta[i] = delta[i] - force[i];
+            delta[i] = delta[i] - w[i];
+            const double size = fabs(w[i]) * w[16 + i];
+            const double before = w[8 + i];
+            w[24 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
+            w[8 + i] = size;
+            left += w[24 + i];
         }
-        int64_t moving = 0;
-        for (int64_t i = 0; i < 8; i++) {
-            if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
-                moving += 1;
-            }
-        }
-        if (moving == 0) {
+        if (left == 0.0) {
             break;
         }
     }
     for (int64_t i = 0; i < 8; i++) {
-        if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]))) {
-            delta[i] = _solve_delta(h[i], F[i], NAN, p, w);
+        if (w[24 + i] != 0.0) {
+            delta[i] = _solve_delta(h[i], F[i], NAN, p, w, terms);
         }
-    }
-}
-
-/* The times at which ln h passes n values, each within the step of a number, by bisection of its polynomial. */
-void hertz_dry_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
-{
-    double z[8];
-    for (int64_t i = 0; i < n; i++) {
-        const int64_t base = 14 * (int64_t)at[i];
-        for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[base + 4 + j];
-        }
-        const double target = u[i] - steps[base + 3];
-        double low = 0.0;
-        double high = 1.0;
-        for (int64_t iteration = 0; iteration < 60; iteration++) {
-            const double middle = 0.5 * (low + high);
-            const double value = _between(middle, z);
-            if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        out[i] = steps[base] + high * steps[base + 1];
-    }
-}
-
-/* The state at n times, in increasing order, from the 14 numbers of each of the steps stored: out[k*n + i] is component k. */
-void hertz_dry_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
-{
-    double z[8];
-    int64_t at = 0;
-    for (int64_t i = 0; i < n; i++) {
-        while (at < stored - 1 && t[i] >= steps[14 * (at + 1)]) {
-            at += 1;
-        }
-        const double theta = (t[i] - steps[14 * at]) / steps[14 * at + 1];
-        for (int64_t j = 0; j < 8; j++) {
-            z[j] = steps[14 * at + 4 + j];
-        }
-        out[0 * n + i] = steps[14 * at + 3] + _between(theta, z);
     }
 }
 
@@ -397,13 +395,15 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
     double moves;
     double contraction;
     double w[4];
+    double work[32];
+    double terms[8];
     double given[8];
     double h[8];
     double deflection[8];
     double before[8];
     double above[8];
     double below[8];
-    double slopes[8];
+    double slopes[16];
     double m[64];
     double residual[8];
     double change[8];
@@ -448,13 +448,13 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
         }
         if (fresh == 1.0) {
             /* the rates where the run starts, or goes on after an event */
-            _drive(t, table_t, table_F, segment, w);
+            given[0] = _given(t, table_t, table_F, segment);
             for (int64_t i = 0; i < 8; i++) {
                 h[i] = exp(u);
-                given[i] = w[0];
+                given[i] = given[0];
                 deflection[i] = delta;
             }
-            _deflections(h, given, deflection, p, w, above, below);
+            _deflections(0.001 * rtol, h, given, deflection, p, work, terms);
             delta = deflection[0];
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
@@ -479,9 +479,8 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
                     dt = isfinite(t_end) ? 1e-09 * (t_end - t) : 1e-200;
                     int64_t moving = 0;
                     while (moving == 0 && dt < 1e+200 && t + dt < limit) {
-                        _drive(t + dt, table_t, table_F, segment, w);
-                        given[0] = w[0];
-                        deflection[0] = _solve_delta(h[0], given[0], NAN, p, w);
+                        given[0] = _given(t + dt, table_t, table_F, segment);
+                        deflection[0] = _solve_delta(h[0], given[0], NAN, p, w, terms);
                         _gap_rate(0, h[0], deflection[0], given[0], p, u_rate, w);
                         singles += 1.0;
                         if (fabs(u_rate[0]) * dt < 0.001) {
@@ -522,13 +521,11 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
         }
         /* what is given, at the stages */
         for (int64_t i = 0; i < 8; i++) {
-            _drive(t + _NODES[i + 1] * step, table_t, table_F, segment, w);
-            given[i] = w[0];
+            given[i] = _given(t + _NODES[i + 1] * step, table_t, table_F, segment);
         }
         /* where the force crosses zero the law may have a kink: end a step there */
         if (crossing == INFINITY) {
-            _drive(t, table_t, table_F, segment, w);
-            double side = w[0];
+            double side = _given(t, table_t, table_F, segment);
             double earlier = t;
             for (int64_t i = 0; i < 8; i++) {
                 double later = t + _NODES[i + 1] * step;
@@ -538,8 +535,7 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
                         if (middle <= earlier || middle >= later) {
                             break;
                         }
-                        _drive(middle, table_t, table_F, segment, w);
-                        if (w[0] * side > 0.0) {
+                        if (_given(middle, table_t, table_F, segment) * side > 0.0) {
                             earlier = middle;
                         } else {
                             later = middle;
@@ -566,8 +562,9 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
         }
         int64_t wild = 0;
         if (last > 0.0 && step <= 2.0 * last) {
-            _predict(step / last, u_z, above, below);
-            _predict(step / last, deflection, above, below);
+            _extrapolation(step / last, m, above);
+            _predict(u_z, m, above);
+            _predict(deflection, m, above);
             for (int64_t i = 0; i < 8; i++) {
                 deflection[i] = delta + deflection[i];
             }
@@ -596,7 +593,7 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
             for (int64_t i = 0; i < 8; i++) {
                 h[i] = exp(u + u_z[i]);
             }
-            _deflections(h, given, deflection, p, w, above, below);
+            _deflections(0.001 * rtol, h, given, deflection, p, work, terms);
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
@@ -613,30 +610,23 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
                 _invert(m);
             }
             for (int64_t i = 0; i < 8; i++) {
-                residual[0 + i] = step * u_rate[i];
-            }
-            for (int64_t j = 0; j < 8; j++) {
-                for (int64_t i = 0; i < 8; i++) {
-                    residual[0 + i] -= _INVERSE[8 * j + i] * u_z[j];
-                }
+                residual[0 + i] = step * u_rate[i] - (_INVERSE[0 + i] * u_z[0] + _INVERSE[8 + i] * u_z[1] + (_INVERSE[16 + i] * u_z[2] + _INVERSE[24 + i] * u_z[3]) + (_INVERSE[32 + i] * u_z[4] + _INVERSE[40 + i] * u_z[5]) + (_INVERSE[48 + i] * u_z[6] + _INVERSE[56 + i] * u_z[7]));
             }
             for (int64_t i = 0; i < 8; i++) {
-                change[i] = 0.0;
-            }
-            for (int64_t j = 0; j < 8; j++) {
-                for (int64_t i = 0; i < 8; i++) {
-                    change[i] += m[8 * j + i] * residual[j];
-                }
+                change[i] = m[0 + i] * residual[0] + m[8 + i] * residual[1] + (m[16 + i] * residual[2] + m[24 + i] * residual[3]) + (m[32 + i] * residual[4] + m[40 + i] * residual[5]) + (m[48 + i] * residual[6] + m[56 + i] * residual[7]);
             }
             for (int64_t i = 0; i < 8; i++) {
                 u_z[i] += change[0 + i];
+            }
+            for (int64_t i = 0; i < 8; i++) {
+                deflection[i] += slopes[8 + i] * change[i];
             }
             double total = 0.0;
             for (int64_t i = 0; i < 8; i++) {
                 total += change[i] * change[i];
             }
             moves = sqrt(total);
-            renew = moves > 0.03 ? 1 : 0;
+            renew = moves > 0.003 ? 1 : 0;
             contraction = moves / moved;
             /* 1e-2 of what a step may err, or what rounding leaves */
             if (moves <= 0.01 * rtol || moves <= rounding) {
@@ -659,8 +649,7 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
             continue;
         }
         /* the defect of the polynomial at the start and at the probe, and the error that it makes */
-        _drive(t + 0.5501108282781375 * step, table_t, table_F, segment, w);
-        const double probe_given = w[0];
+        const double probe_given = _given(t + 0.5501108282781375 * step, table_t, table_F, segment);
         double u_probe = u;
         double u_late = 0.0;
         double u_defect = -step * u_dot;
@@ -670,7 +659,7 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
             u_defect += _SLOPE_START[i + 1] * u_z[i];
         }
         const double h_probe = exp(u_probe);
-        const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w);
+        const double delta_probe = _solve_delta(h_probe, probe_given, deflection[4], p, w, terms);
         _gap_rate(0, h_probe, delta_probe, probe_given, p, above, below);
         singles += 1.0;
         const double d1 = 0.014424143230897014 * u_defect;
@@ -682,7 +671,7 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
         stiffest = decay > stiffest ? decay : stiffest;
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
-        double factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
+        double factor = 0.8 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
         if (!(error <= 1.0)) {
             rejected += 1.0;
             shrink_only = 1.0;
@@ -763,4 +752,261 @@ int64_t hertz_dry_integrate(double t_end, double u_stop, double rtol, const doub
     state[11] = settled;
     state[15] = u_astray;
     return status;
+}
+
+/* A component at 8 fractions of a step in time: its value, and 8 stages, are stored from base on. */
+static inline void _values(const double *restrict theta, int64_t base, const double *restrict steps, double *restrict out)
+{
+    for (int64_t i = 0; i < 8; i++) {
+        const double x = theta[i];
+        const double below0 = _WEIGHTS[0] / x;
+        const double part1 = _WEIGHTS[1] / (x - _NODES[1]);
+        const double above1 = part1 * steps[base + 1];
+        const double below1 = below0 + part1;
+        const double part2 = _WEIGHTS[2] / (x - _NODES[2]);
+        const double above2 = above1 + part2 * steps[base + 2];
+        const double below2 = below1 + part2;
+        const double part3 = _WEIGHTS[3] / (x - _NODES[3]);
+        const double above3 = above2 + part3 * steps[base + 3];
+        const double below3 = below2 + part3;
+        const double part4 = _WEIGHTS[4] / (x - _NODES[4]);
+        const double above4 = above3 + part4 * steps[base + 4];
+        const double below4 = below3 + part4;
+        const double part5 = _WEIGHTS[5] / (x - _NODES[5]);
+        const double above5 = above4 + part5 * steps[base + 5];
+        const double below5 = below4 + part5;
+        const double part6 = _WEIGHTS[6] / (x - _NODES[6]);
+        const double above6 = above5 + part6 * steps[base + 6];
+        const double below6 = below5 + part6;
+        const double part7 = _WEIGHTS[7] / (x - _NODES[7]);
+        const double above7 = above6 + part7 * steps[base + 7];
+        const double below7 = below6 + part7;
+        const double part8 = _WEIGHTS[8] / (x - _NODES[8]);
+        const double above8 = above7 + part8 * steps[base + 8];
+        const double below8 = below7 + part8;
+        out[i] = steps[base] + above8 / below8;
+    }
+    for (int64_t i = 0; i < 8; i++) {
+        /* where a node is hit */
+        if (!isfinite(out[i])) {
+            out[i] = steps[base];
+            for (int64_t j = 0; j < 8; j++) {
+                if (theta[i] == _NODES[j + 1]) {
+                    out[i] = steps[base] + steps[base + 1 + j];
+                }
+            }
+        }
+    }
+}
+
+/* The state at 8 times, in increasing order, within a step. */
+static inline void _states(int64_t base, const double *restrict t, const double *restrict steps, double *restrict u)
+{
+    double theta[8];
+    for (int64_t i = 0; i < 8; i++) {
+        theta[i] = (t[i] - steps[base]) / steps[base + 1];
+    }
+    _values(theta, base + 3, steps, u);
+}
+
+/* The state at n times, in increasing order, from the 14 numbers of each of the steps stored: out[k*n + i] is component k. */
+void hertz_dry_sample(int64_t n, const double *restrict t, int64_t stored, const double *restrict steps, double *restrict out)
+{
+    double lane[8];
+    double u[8];
+    int64_t at = 0;
+    int64_t i = 0;
+    while (i < n) {
+        while (at < stored - 1 && t[i] >= steps[14 * (at + 1)]) {
+            at += 1;
+        }
+        int64_t m = 1;
+        while (m < 8 && i + m < n && (at == stored - 1 || t[i + m] < steps[14 * (at + 1)])) {
+            m += 1;
+        }
+        for (int64_t k = 0; k < 8; k++) {
+            lane[k] = t[k < m ? i + k : i + m - 1];
+        }
+        _states(14 * at, lane, steps, u);
+        for (int64_t k = 0; k < m; k++) {
+            out[0 * n + i + k] = u[k];
+        }
+        i += m;
+    }
+}
+
+/* The time at which ln h passes u within a step in time, by bisection of its polynomial. */
+static inline double _passage(double u, int64_t base, const double *restrict steps)
+{
+    double z[8];
+    for (int64_t j = 0; j < 8; j++) {
+        z[j] = steps[base + 4 + j];
+    }
+    const double target = u - steps[base + 3];
+    double low = 0.0;
+    double high = 1.0;
+    for (int64_t iteration = 0; iteration < 60; iteration++) {
+        const double middle = 0.5 * (low + high);
+        const double value = _between(middle, z);
+        if ((value < target && z[7] > 0.0) || (value > target && z[7] < 0.0)) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return steps[base] + high * steps[base + 1];
+}
+
+/* The times at which ln h passes n values, each within the step of a number. */
+void hertz_dry_passages(int64_t n, const double *restrict u, const double *restrict at, const double *restrict steps, double *restrict out)
+{
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t base = 14 * (int64_t)at[i];
+        out[i] = _passage(u[i], base, steps);
+    }
+}
+
+/* Write m outputs, of 8 at most, from number i on: all that follows from the time and the state. */
+static inline void _write(double small, int64_t i, int64_t m, int64_t total, double *restrict t, double *restrict u, double *restrict delta, const double *restrict p, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict work, const double *restrict terms, double *restrict out)
+{
+    double w[2];
+    double h[8];
+    double given[8];
+    double rate[8];
+    int64_t segment = 0;
+    for (int64_t k = 0; k < 8; k++) {
+        const int64_t lane = k < m ? k : m - 1;
+        t[k] = t[lane];
+        u[k] = u[lane];
+        while (segment < rows - 2 && t[k] >= table_t[segment + 1]) {
+            segment += 1;
+        }
+        _drive(t[k], table_t, table_F, segment, w);
+        given[k] = w[0];
+        rate[k] = w[1];
+        h[k] = exp(u[k]);
+        delta[k] = delta[7];
+    }
+    _deflections(small, h, given, delta, p, work, terms);
+    for (int64_t k = 0; k < m; k++) {
+        out[i + k] = t[k];
+        out[total + i + k] = h[k];
+        out[2 * total + i + k] = delta[k];
+        out[3 * total + i + k] = given[k];
+        out[4 * total + i + k] = rate[k];
+        _quantities(5 * total + i + k, total, h[k], delta[k], rate[k], p, out);
+    }
+}
+
+/* Write the outputs of a run from number j on, as far as the stored steps reach; returns how far that is. */
+static inline int64_t _collect(double small, double start, double *restrict worst, int64_t j, int64_t first, int64_t count, int64_t total, int64_t at_gaps, const double *restrict targets, int64_t offset, int64_t stored, const double *restrict steps, const double *restrict p, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
+{
+    double lane[8];
+    double t[8];
+    double u[8];
+    double delta[8];
+    double z[8];
+    double work[32];
+    double terms[8];
+    /* outputs gathered and not written yet */
+    int64_t gathered = 0;
+    delta[7] = j > 0 ? out[2 * total + first + j - 1] : NAN;
+    for (int64_t at = 0; at < stored; at++) {
+        const int64_t base = 14 * at;
+        const double begin = steps[base + 3];
+        const double end = begin + steps[base + 11];
+        const double last = steps[base] + steps[base + 1];
+        int64_t m = 1;
+        while (m > 0) {
+            m = 0;
+            if (at_gaps == 1) {
+                /* begin + (end - begin) rounds */
+                while (gathered + m < 8 && j + m < count && (begin - targets[offset + j + m]) * (end - targets[offset + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin)) {
+                    m += 1;
+                }
+            } else {
+                while (gathered + m < 8 && j + m < count && targets[offset + j + m] <= last) {
+                    m += 1;
+                }
+            }
+            if (m == 0) {
+                continue;
+            }
+            /* as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t */
+            double error = steps[base + 12];
+            const double late = steps[base + 13] / (last - start);
+            error = at_gaps == 1 && late < error ? late : error;
+            if (!(error <= worst[0])) {
+                worst[0] = error;
+            }
+            for (int64_t k = 0; k < 8; k++) {
+                lane[k] = targets[offset + j + (k < m ? k : m - 1)];
+            }
+            for (int64_t k = 0; k < m; k++) {
+                t[gathered + k] = at_gaps == 1 ? _passage(lane[k], base, steps) : lane[k];
+                const double part = (t[gathered + k] - steps[base]) / steps[base + 1];
+                for (int64_t i = 0; i < 8; i++) {
+                    z[i] = steps[base + 4 + i];
+                }
+                u[gathered + k] = at_gaps == 1 ? lane[k] : begin + _between(part, z);
+            }
+            gathered += m;
+            j += m;
+            if (gathered == 8) {
+                _write(small, first + j - 8, 8, total, t, u, delta, p, table_t, table_F, rows, work, terms, out);
+                gathered = 0;
+            }
+        }
+    }
+    if (gathered > 0) {
+        _write(small, first + j - gathered, gathered, total, t, u, delta, p, table_t, table_F, rows, work, terms, out);
+    }
+    return j;
+}
+
+/* Make n runs, each with its own parameters, start and end, and write the outputs asked for.
+
+   settings: rtol, the time of the start, longest step, steps that a run may take, whether ln h may serve as the
+   independent variable.
+   runs: of each run t_end, u_stop, ln h, delta (which follows from the force here), 3 parameters.
+   targets: the times, or with at_gaps = 1 the values of ln h, of the outputs, in the order of passage; those of run k
+   from pitch*k on.
+   out: t, h, delta, what is given, its rate, a, F_ela, C, dh_dt, ddelta_dt, dX_dt, X, each n*count numbers; the status of each run, as
+   hertz_dry_integrate returns it, or 10 if it took too many steps, 11 if the gap left the range of double precision;
+   and the largest estimated error of its outputs, relative.
+   What a run does not reach is left as it is. */
+void hertz_dry_runs(int64_t n, int64_t count, int64_t at_gaps, int64_t pitch, const double *restrict settings, const double *restrict runs, const double *restrict targets, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
+{
+    double state[17];
+    double worst[1];
+    double steps[448];
+    double p[3];
+    for (int64_t run = 0; run < n; run++) {
+        const int64_t at = 7 * run;
+        for (int64_t k = 0; k < 3; k++) {
+            p[k] = runs[at + 4 + k];
+        }
+        for (int64_t k = 0; k < 17; k++) {
+            state[k] = 0.0;
+        }
+        state[0] = settings[1];
+        state[1] = runs[at + 2];
+        state[2] = runs[at + 3];
+        state[12] = settings[2];
+        state[13] = settings[4];
+        worst[0] = 0.0;
+        int64_t j = 0;
+        int64_t ended = 2;
+        while (ended == 2) {
+            ended = hertz_dry_integrate(runs[at], runs[at + 1], settings[0], p, table_t, table_F, rows, 32, state, steps);
+            j = _collect(0.001 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, pitch * run, (int64_t)state[9], steps, p, table_t, table_F, rows, out);
+            if (ended == 2 && state[4] + state[5] > settings[3]) {
+                ended = 10;
+            } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
+                ended = 11;
+            }
+        }
+        out[12 * n * count + run] = (double)ended;
+        out[12 * n * count + n + run] = worst[0];
+    }
 }
