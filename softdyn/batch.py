@@ -381,6 +381,8 @@ def _call(
         status[part], error[part] = written[height * count * n :].reshape(2, n)
         return n
 
+    if kernel.target == "numba":  # compiled here if it never was, and not by all threads at once
+        kernel.functions.runs(0, 0, 0, 0, settings, np.empty(0), np.empty(0), *table, np.empty(0))
     done = 0
     with ThreadPoolExecutor(cpu_count() or 1) as pool:
         for n in pool.map(make, range(0, runs, CALL)):

@@ -64,7 +64,7 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
 
 
 def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
-    """Compile everything now, on no data, so that compiling is not taken for running."""
+    """Compile now, on no data, so that compiling is not taken for running; but ``runs``, which few scenes need."""
     none, p = np.empty(0), np.ones(max(1, len(manifest["parameters"])))
     table = manifest["drive"] == "table"
     drive: tuple[Any, ...] = (np.zeros(2), np.zeros(2), 2) if table else (np.zeros(max(1, manifest["constants"])),)
@@ -74,4 +74,3 @@ def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
     functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(17), none)
     functions.passages(0, none, none, none, none)
     functions.sample(0, none, 0, none, none)
-    functions.runs(0, 0, 0, 0, none, none, none, *(drive if table else ()), none)
