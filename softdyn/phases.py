@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from sympy import Expr, S, diff, latex, oo, powsimp, simplify
 
 from softdyn.derive.dimensions import DIMENSIONLESS
+from softdyn.derive.films import branches
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.regimes import Crossover, Diagram, Regime, Side
+from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
 from softdyn.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
 from softdyn.plane import (
     Plane,
     boundaries,
-    films,
     holds,
     largest_forces,
     logarithm,
@@ -281,11 +281,18 @@ def _inline(expr: Expr) -> str:
 
 def draw_films(axes: Axes, diagram: Diagram, plane: Plane, side: Side) -> tuple[Array, Array] | None:
     """Films of one side, stable ones solid and unstable ones dashed; returns the longest piece."""
-    pieces = list(films(diagram.law, plane, side))
-    for X, Y, stable in pieces:
-        axes.plot(X, Y, color=FILM, lw=2.2, ls="-" if stable else (0, (3, 1.5)), zorder=3)
-    longest = max(pieces, key=lambda piece: float(np.hypot(np.ptp(piece[0]), np.ptp(piece[1]))), default=None)
-    return None if longest is None else longest[:2]
+    pieces = []
+    for branch in branches(diagram.law):
+        if branch.force[0] * SIGN[side] > 0:
+            X, Y = np.log10(branch.h), np.log10(np.abs(branch.force) / plane.unit)
+            axes.plot(X, Y, color=FILM, lw=2.2, ls="-" if branch.stable else (0, (3, 1.5)), zorder=3)
+            inside = (plane.xlim[0] < X) & (plane.xlim[1] > X) & (plane.ylim[0] < Y) & (plane.ylim[1] > Y)
+            pieces.append((X[inside], Y[inside]))
+    return max(
+        (piece for piece in pieces if len(piece[0]) > 1),
+        key=lambda piece: float(np.hypot(np.ptp(piece[0]), np.ptp(piece[1]))),
+        default=None,
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------- labels
