@@ -22,7 +22,7 @@ from softdyn.particles.step import System
 from softdyn.results import written_whole
 
 FRAME = tuple(field.name for field in fields(Frame))
-CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched")
+CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched", "T")
 
 
 def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
@@ -33,7 +33,7 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
     about = (scene.parameters, scene.mixing, scene.gap, scene.reach, scene.shear_rate, scene.constants, scene.rtol)
     walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid) for wall in checked.walls]
     pushes = [(np.array(push.particles).tolist(), list(push.force)) for push in scene.pushes]
-    holds = [(np.array(hold.particles).tolist(), hold.axes, hold.velocity) for hold in scene.holds]
+    holds = [(np.array(hold.particles).tolist(), hold.axes, hold.velocity, hold.spin) for hold in scene.holds]
     total.update(json.dumps([*about, walls, pushes, holds], default=str, sort_keys=True).encode())
     return total.hexdigest()
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,8 @@ class Contacts:
         Gaps.
     touched : array of bool
         Whether the contact has been within its range.
+    T : array, shape (n, d)
+        Tangential forces, from i to j; of no columns without tangential motion.
     """
 
     i: Integers
@@ -86,6 +88,7 @@ class Contacts:
     q: Array
     h: Array
     touched: NDArray[np.bool_]
+    T: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.i)

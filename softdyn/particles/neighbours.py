@@ -29,7 +29,8 @@ def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Co
     with_walls = np.append(radii, np.zeros(walls))
     n = len(i)
     none = np.empty(0)
-    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), np.zeros(n, bool))
+    touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
+    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), touched, nothing)
 
 
 def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
@@ -48,6 +49,10 @@ def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKern
         if name == "R":
             row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
             row[wall] = 2 * checked.radii[i[wall]]
+            continue
+        if name == "size_ratio":
+            row[:] = checked.radii[i] * checked.radii[partner] / (checked.radii[i] + checked.radii[partner]) ** 2
+            row[wall] = 0.0
             continue
         given = scene.parameters[name]
         values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
@@ -120,6 +125,7 @@ def find_contacts(
     _, r, _ = directions(contacts, x, cell, walls)
     apart = r - contacts.S
     contacts.h = apart.copy()
+    contacts.T = np.zeros((len(contacts), x.shape[1] if kernel.tangential else 0))
     if old is None:
         if scene.gap is not None:
             contacts.h = np.maximum(apart, float(scene.gap))
@@ -128,6 +134,7 @@ def find_contacts(
     mine, source = _common(contacts, old)
     contacts.h[mine] = old.h[source]
     contacts.touched[mine] = old.touched[source]
+    contacts.T[mine] = old.T[source]
     left = np.ones(len(old), bool)
     left[source] = False
     # a pair still within the range keeps its contact, however far its centres are: it is listed anew
@@ -155,7 +162,7 @@ def _joined(contacts: Contacts, old: Contacts, rows: NDArray[np.int64]) -> Conta
     order = np.lexsort((*shift.T, j, i))
     both = {
         name: np.concatenate([getattr(contacts, name), getattr(old, name)[rows]])[order]
-        for name in ("S", "h", "touched")
+        for name in ("S", "h", "touched", "T")
     }
     q = np.concatenate([contacts.q, old.q[:, rows]], axis=1)[:, order]
     return Contacts(i[order], j[order], shift[order], q=np.ascontiguousarray(q), **both)

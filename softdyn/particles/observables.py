@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 def relative_viscosity(result: ParticleResult) -> Array:
     """Viscosity relative to the fluid's, at each frame: 1 + sigma_xy/(eta shear_rate), the particles' part added.
 
-    In two dimensions the spheres are a layer one unit of length deep.
+    The symmetric part of the stress is taken, which does the work: where drag resists rotations, there is another. In
+    two dimensions the spheres are a layer one unit of length deep.
 
     Raises
     ------
@@ -24,7 +25,7 @@ def relative_viscosity(result: ParticleResult) -> Array:
     if not rate or not np.isfinite(result.box).all():
         raise ValueError("a relative viscosity needs a shear flow in a periodic box")
     eta = float(result.parameters["eta"])
-    return 1 + result.stress[:, 0, 1] / (eta * rate)
+    return 1 + (result.stress[:, 0, 1] + result.stress[:, 1, 0]) / (2 * eta * rate)
 
 
 def normal_stress_differences(result: ParticleResult) -> tuple[Array, Array]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
-from softdyn.particles.step import WORKS, System, contact_state
+from softdyn.particles.sliding import rotations
+from softdyn.particles.step import System, contact_state, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Energies exchanged since the start: see :data:`softdyn.particles.step.WORKS`, and what is stored elastically.
-ENERGIES = (*WORKS, "stored")
 HISTORY = ("step_t", "step_dt", "step_residual", "step_error", "step_contacts")
 
 
@@ -39,14 +38,18 @@ class Frame:
     h, delta, F : array, shape (contacts,)
     n : array, shape (contacts, d)
     stress : array, shape (d, d)
-        > 0 in tension. In a periodic box that of the contacts, force/length^(d-1); otherwise the virial of contacts and
-        drag, force times length.
+        > 0 in tension; of the force along the first axis on a plane normal to the second. In a periodic box that of the
+        contacts, force/length^(d-1); otherwise the virial of contacts and drag, force times length.
     cell : array, shape (d, d)
         Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
     walls : array, shape (walls, d)
         A point of each wall.
-    energy : array, shape (len(ENERGIES),)
-        Exchanged since the start.
+    energy : array
+        Exchanged since the start: see :func:`softdyn.particles.step.works`; and what is stored elastically.
+    T : array, shape (contacts, d)
+        Tangential forces, from i to j; of no columns without tangential motion.
+    spin : array, shape (N, rotations)
+        Angular velocities; of no columns without tangential motion.
     """
 
     t: float
@@ -62,15 +65,20 @@ class Frame:
     cell: Array
     walls: Array
     energy: Array
+    T: Array
+    spin: Array
 
 
 def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, energy: Array) -> Frame:
-    """Frame of a state."""
+    """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
+    v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
     n, r, _ = directions(contacts, x, cell, system.walls)
     values = contact_state(system, contacts, contacts.S - r, contacts.h)
     F = values["F_ela"]
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
+    if system.kernel.tangential:
+        stress -= np.einsum("c,ca,cb->ab", r, contacts.T, n)
     if np.any(system.drag > 0) and not system.box.periodic.any():
         resisting = system.drag[:, None] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
@@ -91,6 +99,8 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         cell,
         np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
         energy,
+        contacts.T[near],
+        spin,
     )
 
 
@@ -116,12 +126,16 @@ class ParticleResult:
         ``contact_j`` (walls from N on), ``contact_h``, ``contact_delta`` (deflection of each surface),
         ``contact_F``, ``contact_n`` (direction from i to j);
 
+        with tangential motion ``contact_T`` (tangential force, from i to j), and ``spin`` (frames, N, rotations), the
+        angular velocities;
+
         for each step, ``step_t``, ``step_dt``, ``step_residual`` (of the force balance, relative to the largest force),
         ``step_error`` (in units of what is allowed), ``step_contacts`` (how many within their range).
         Each is an attribute, too.
     energy : mapping from str to float
         Put in by ``external`` forces, the ``flow`` and the moving ``box``; ``stored`` elastically; taken by ``gaps``,
-        ``drag``, ``remote`` forces and the dependence of F_ela on h (``U_h``); ``imbalance``, what is left over
+        ``drag``, ``remote`` forces and the dependence of F_ela on h (``U_h``), with tangential motion also by
+        ``sliding``, ``rolling`` and a change of the tangential stiffness (``k_t``); ``imbalance``, what is left over
         relative to the sum of all sizes.
     stats : mapping
     """
@@ -143,10 +157,11 @@ class ParticleResult:
         return len(self.arrays["t"])
 
     def contacts(self, frame: int) -> dict[str, NDArray[Any]]:
-        """Contacts of one frame: i, j, h, delta, F, n."""
+        """Contacts of one frame: i, j, h, delta, F, n, and T with tangential motion."""
         frame = range(len(self))[frame]
         start, end = self.arrays["contact_start"][frame : frame + 2]
-        return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
+        names = [name for name in ("i", "j", "h", "delta", "F", "n", "T") if f"contact_{name}" in self.arrays]
+        return {name: self.arrays[f"contact_{name}"][start:end] for name in names}
 
     def plot(self) -> Figure:
         """Draw the contact network at the end, and what is measured on the run.
@@ -233,10 +248,14 @@ def gather(
         "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
         "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
     }
+    if system.kernel.tangential:
+        arrays["spin"] = np.array([frame.spin for frame in frames]).reshape(-1, count, rotations(d))
+        arrays["contact_T"] = np.concatenate([np.empty((0, d)), *(frame.T for frame in frames)])
     for name in ("i", "j", "h", "delta", "F", "n"):
         empty = np.empty((0, d) if name == "n" else 0, dtype=np.int64 if name in "ij" else float)
         arrays[f"contact_{name}"] = np.concatenate([empty, *(getattr(frame, name) for frame in frames)])
-    arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(ENERGIES)}
+    energies = (*works(system), "stored")
+    arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(energies)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
     arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}
     return ParticleResult(

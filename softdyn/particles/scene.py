@@ -16,6 +16,7 @@ from softdyn.expression import FUNCTIONS, parse
 from softdyn.expression import evaluate as evaluate_expression
 from softdyn.particles.geometry import Box, Wall, find_pairs
 from softdyn.particles.kernel import ContactKernel
+from softdyn.particles.sliding import rotations
 from softdyn.scene import SMALLEST_RTOL, TARGETS, range_fault, suggestion
 
 Array = NDArray[np.float64]
@@ -58,11 +59,15 @@ class Hold:
         Which of "xyz".
     velocity : sequence of (float or str), optional
         One for each of the axes; 0 without.
+    spin : sequence of (float or str), optional
+        Angular velocity, where there is tangential motion: one number in two dimensions, three in three. Without it the
+        particles turn as torques make them.
     """
 
     particles: Sequence[int]
     axes: str
     velocity: Sequence[float | str] | None = None
+    spin: Sequence[float | str] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,8 @@ class ParticleScene:
     reach : float, optional
         Range of a contact: beyond this gap there is none, and from half of it on film and remote force fade. Without
         it all pairs are in contact.
+    tangential : bool
+        Whether particles slide, roll and turn, as their law declares.
     box : sequence of float or None, optional
         Edges of the periodic box; None along an axis that is not periodic.
     walls : sequence of Wall
@@ -116,6 +123,7 @@ class ParticleScene:
     mixing: Mapping[str, str] = field(default_factory=dict)
     gap: float | None = None
     reach: float | None = None
+    tangential: bool = False
     box: Sequence[float | None] | None = None
     walls: Sequence[Wall] = ()
     shear_rate: float = 0.0
@@ -144,6 +152,10 @@ class Checked:
     fixed : array of bool, shape (N, d)
     force, velocity : function of t
     times : array
+    turned : array of bool, shape (N,)
+        Particles whose rotation is given.
+    spin : function of t
+        Angular velocity of these, shape (N, rotations).
     """
 
     x: Array
@@ -156,6 +168,8 @@ class Checked:
     force: Callable[[float], Array]
     velocity: Callable[[float], Array]
     times: Array
+    turned: NDArray[np.bool_]
+    spin: Callable[[float], Array]
 
 
 def check(scene: ParticleScene) -> Checked:
@@ -209,6 +223,10 @@ def check(scene: ParticleScene) -> Checked:
         faults.append(f"{count} particles need a range of their contacts, [contacts] range")
     box = _box(scene, d, faults)
     walls = _walls(scene, d, faults)
+    if not isinstance(scene.tangential, (bool, np.bool_)):
+        faults.append(f"tangential must be true or false, not {scene.tangential!r}")
+    if scene.tangential and d == 1:
+        faults.append("[contacts] tangential: in one dimension there is no tangential motion")
     if scene.shear_rate and d == 1:
         faults.append("a shear flow needs two dimensions at least")
     if scene.shear_rate and not scene.drag and not box.periodic[: min(d, 2)].all():
@@ -228,7 +246,8 @@ def check(scene: ParticleScene) -> Checked:
     fixed, velocity = _holds(scene, count, d)
     force = _pushes(scene, count, d)
     _require_used(scene)
-    return Checked(x, radii, species, names, box, walls, fixed, force, velocity, _times(scene))
+    turned, spin = _spins(scene, count, d)
+    return Checked(x, radii, species, names, box, walls, fixed, force, velocity, _times(scene), turned, spin)
 
 
 def _array(name: str, values: Any) -> Array:
@@ -383,9 +402,8 @@ def _constants(scene: ParticleScene) -> dict[str, float]:
 
 def _require_used(scene: ParticleScene) -> None:
     texts = [value for push in scene.pushes for value in push.force if isinstance(value, str)]
-    texts += [
-        value for hold in scene.holds if hold.velocity is not None for value in hold.velocity if isinstance(value, str)
-    ]
+    given = [list(values) for hold in scene.holds for values in (hold.velocity, hold.spin) if values is not None]
+    texts += [value for values in given for value in values if isinstance(value, str)]
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
@@ -443,6 +461,46 @@ def _holds(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_],
     return fixed, _sum_of(terms, count, d, "velocity")
 
 
+def _spins(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+    """Rotations that are given."""
+    turned = np.zeros(count, dtype=bool)
+    terms = []
+    m = rotations(d)
+    for number, hold in enumerate(scene.holds):
+        if hold.spin is None:
+            continue
+        where = f"[[hold]] {number}"
+        if not scene.tangential:
+            raise SceneError(f"{where}: spin has no meaning without tangential motion, [contacts] tangential = true")
+        if isinstance(hold.spin, str) or not isinstance(hold.spin, Sequence) or len(hold.spin) != m:
+            raise SceneError(f"{where}: spin needs {m} component{'s' if m > 1 else ''} in {d} dimensions")
+        particles = _numbers_of(hold.particles, count, where)
+        twice = particles[turned[particles]]
+        if len(twice):
+            raise SceneError(f"{where}: {particles_named(twice)} given two spins")
+        turned[particles] = True
+        for axis, value in enumerate(hold.spin):
+            if value != 0:
+                terms.append((particles, axis, _function(scene, value, f"{where}: spin {axis}")))
+    return turned, _sum_of(terms, count, m, "spin")
+
+
+def with_rotations(
+    checked: Checked,
+) -> tuple[NDArray[np.bool_], Callable[[float], Array], Callable[[float], Array]]:
+    """Fixed coordinates, force and velocity for the coordinates (x, R theta): no external torques."""
+    count, d = checked.x.shape
+    fixed = np.concatenate([checked.fixed, np.repeat(checked.turned[:, None], rotations(d), axis=1)], axis=1)
+
+    def force(t: float) -> Array:
+        return np.concatenate([checked.force(t), np.zeros((count, rotations(d)))], axis=1)
+
+    def velocity(t: float) -> Array:
+        return np.concatenate([checked.velocity(t), checked.radii[:, None] * checked.spin(t)], axis=1)
+
+    return fixed, force, velocity
+
+
 def _times(scene: ParticleScene) -> Array:
     given = scene.times
     if isinstance(given, (int, np.integer)) and not isinstance(given, bool):
@@ -471,11 +529,14 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     """
     faults, varying = [], []
     if np.ptp(checked.radii) > 0 or checked.walls:
-        varying.append("R")
+        varying += ["R", "size_ratio"] if scene.tangential else ["R"]
     if not isinstance(scene.parameters, Mapping):
         raise SceneError(f"[parameters] must map names to numbers, not {scene.parameters!r}")
-    if "R" in scene.parameters:
-        faults.append("[parameters] R follows from the radii of the particles: leave it out")
+    faults += [
+        f"[parameters] {name} follows from the radii of the particles: leave it out"
+        for name in ("R", "size_ratio")
+        if name in scene.parameters
+    ]
     for name, value in scene.parameters.items():
         if not isinstance(value, Mapping):
             if not _is_number(value):
@@ -528,6 +589,8 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
         if name not in names and name != "R" and not (name == "eta" and scene.drag)
     ]
     for name in names:
+        if name == "size_ratio":
+            continue
         if name not in given:
             faults.append(f"[parameters] {name} is missing")
             continue

@@ -22,7 +22,9 @@ class State:
     ----------
     t, dt : float
         Time, and the step to try next.
-    x, v : array, shape (N, d)
+    x : array, shape (N, d)
+    v : array, shape (N, d + rotations)
+        Velocities, and with tangential motion radius times angular velocity.
     y_rate : array, shape (contacts,)
         Guess of dy/dt for the next step.
     contacts : Contacts
