@@ -320,6 +320,9 @@ TAKEN = {
     "drag": ("lost by drag", GREEN),
     "remote": ("remote forces", PURPLE),
     "U_h": ("$U_h$ term", "0.5"),
+    "sliding": ("lost in sliding", "tab:red"),
+    "rolling": ("lost in rolling", "tab:brown"),
+    "k_t": ("$k_t$ term", "0.7"),
 }
 
 
@@ -327,11 +330,12 @@ def _draw_energy(axes: Axes, result: ParticleResult) -> None:
     """Each term of the balance that is there; all that is given is the sum of all that is taken."""
     given = sum(result.arrays[f"energy_{name}"] for name in ("external", "flow", "box"))
     axes.plot(result.t, given, color="k", label="given")
-    for name, (label, colour) in TAKEN.items():
-        values = result.arrays[f"energy_{name}"]
+    taken = {name: result.arrays[f"energy_{name}"] for name in TAKEN if f"energy_{name}" in result.arrays}
+    for name, values in taken.items():
+        label, colour = TAKEN[name]
         if values.any():
             axes.plot(result.t, values, color=colour, label=label)
-    axes.plot(result.t, sum(result.arrays[f"energy_{name}"] for name in TAKEN), color="w", linestyle=":", linewidth=1)
+    axes.plot(result.t, sum(taken.values()), color="w", linestyle=":", linewidth=1)
     axes.set(xlabel="time $t$", ylabel="energy")
     axes.legend(fontsize="x-small")
     axes.grid(alpha=0.3)

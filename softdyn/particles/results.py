@@ -15,7 +15,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
-from softdyn.particles.step import System, contact_state, works
+from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, contact_state, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -273,8 +273,10 @@ SHAPES = {
     "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d", "shear_rate": "",
     "cell": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
     "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
-    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in ENERGIES},
+    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in (*WORKS, "stored")},
 }  # fmt: skip
+#: Shapes of what tangential motion adds; m rotations.
+TANGENTIAL_SHAPES = {"spin": "fNm", "contact_T": "cd", **{f"energy_{name}": "f" for name in TANGENTIAL_WORKS}}
 
 
 def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:
@@ -286,7 +288,7 @@ def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
         If an array is missing, or does not fit the others.
     """
     sizes: dict[str, int] = {}
-    for name, shape in SHAPES.items():
+    for name, shape in {**SHAPES, **(TANGENTIAL_SHAPES if "contact_T" in arrays else {})}.items():
         array = arrays[name]
         if array.dtype.kind not in "fiub" or array.ndim != len(shape):
             raise ValueError(f"{name} is not an array of {len(shape)} dimensions of numbers")
