@@ -326,12 +326,18 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     return faults
 
 
+def chains(limit: Limit) -> tuple[tuple[Expr, ...], ...]:
+    """Return the orderings of a limit, one or several, each from the smallest to the largest."""
+    order = limit.order
+    several = isinstance(order, tuple) and order and isinstance(order[0], tuple)
+    return order if several else (order,)
+
+
 def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     """An ordering holds sizes that can be compared, h or delta among them."""
     order = limit.order
-    chains = order if isinstance(order, tuple) and order and isinstance(order[0], tuple) else (order,)
-    whole = all(isinstance(chain, tuple) and len(chain) >= 2 for chain in chains)
-    lengths = [length for chain in chains for length in chain] if whole else []
+    whole = all(isinstance(chain, tuple) and len(chain) >= 2 for chain in chains(limit))
+    lengths = [length for chain in chains(limit) for length in chain] if whole else []
     allowed = set(known.values()) - {a}
     strange = [x for x in lengths if not (isinstance(x, Expr) and _is_monomial(x) and x.free_symbols <= allowed)]
     if strange or not whole:
@@ -339,18 +345,14 @@ def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) ->
             f"order must hold sizes, from smallest to largest, such as (h, delta, R), not {strange or order}: products "
             "of powers of h, delta (-delta in tension), F, R and the parameters"
         ]
-    mirrored = {delta: -delta, F: -F}
-    sides = [
-        side
-        for side, change in (("compression", {}), ("tension", mirrored))
-        if all(_sized(length.subs(change, simultaneous=True)).is_positive for length in lengths)
-    ]
-    if not sides:
+    size, pressed = Symbol("delta", positive=True), Symbol("F", positive=True)
+    sides = ({delta: sign * size, F: sign * pressed} for sign in (1, -1))
+    if not any(all(length.subs(side).is_positive for length in lengths) for side in sides):
         return [f"order holds sizes, which are positive on one side, of compression or tension; {order} is not"]
     if not any(length.has(h, delta, F) for length in lengths):
         return [f"order must say how h and delta compare, as in (h, delta, R); {order} does not"]
     faults = []
-    for chain in chains:
+    for chain in chains(limit):
         found = {str(dimension_of(length, {**DIMENSIONS, **law.parameters})) for length in chain}
         if len(found) > 1:
             faults.append(f"order compares {' with '.join(sorted(found))} in {chain}")
@@ -361,11 +363,6 @@ def _is_monomial(expr: Expr) -> bool:
     """Whether an expression is a number times rational powers of symbols."""
     powers = expr.as_powers_dict()
     return all(base.is_Symbol or base.is_number for base in powers) and all(p.is_Rational for p in powers.values())
-
-
-def _sized(length: Expr) -> Expr:
-    """With delta and F positive."""
-    return length.subs({delta: Symbol("delta", positive=True), F: Symbol("F", positive=True)})
 
 
 def _typical_faults(law: ContactLaw) -> list[str]:

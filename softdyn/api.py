@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softdyn.errors import SceneError
+from softdyn.laws import law_of
 from softdyn.pair import Progress, simulate_pair
 from softdyn.results import PairResult, load_result
 from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
@@ -96,7 +97,7 @@ def check(law: ContactLaw | str | Path) -> list[Finding]:
     """
     from softdyn.derive.limits import check_limits
 
-    return check_limits(_law(law))
+    return check_limits(law_of(law))
 
 
 def regimes(law: ContactLaw | str | Path) -> Diagram:
@@ -123,7 +124,7 @@ def regimes(law: ContactLaw | str | Path) -> Diagram:
     """
     from softdyn.derive.regimes import discover
 
-    return discover(_law(law))
+    return discover(law_of(law))
 
 
 def films(law: ContactLaw | str | Path) -> Films | None:
@@ -159,10 +160,4 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     """
     from softdyn.report import write_report as write
 
-    write(_law(law), Path(path))
-
-
-def _law(law: ContactLaw | str | Path) -> ContactLaw:
-    from softdyn.laws import find, load
-
-    return load(find(law))[0]
+    write(law_of(law), Path(path))

@@ -16,6 +16,7 @@ from typing import Any
 
 import softdyn
 from softdyn.errors import SceneError, SoftdynError
+from softdyn.laws import law_of
 
 EXAMPLES = """
 LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Python, and is run.
@@ -224,14 +225,8 @@ def _laws(options: argparse.Namespace) -> int:
     return 0
 
 
-def _law(text: str) -> Any:
-    from softdyn.laws import find, load
-
-    return load(find(text))[0]
-
-
 def _derive(options: argparse.Namespace) -> int:
-    law = _law(options.law)
+    law = law_of(options.law)
     from softdyn.derive.typeset import FORMATS
 
     print(FORMATS[options.format](law), end="")
@@ -240,7 +235,7 @@ def _derive(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
-        law = _law(options.law)
+        law = law_of(options.law)
         from softdyn.derive.limits import check_limits
         from softdyn.tables import limits_data, limits_text
 
@@ -261,7 +256,7 @@ def _regimes(options: argparse.Namespace) -> int:
     if options.plot is not None and options.plot.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
     with _patience(f"the regimes of {options.law}"):
-        law = _law(options.law)
+        law = law_of(options.law)
         from softdyn.derive.films import find_films
         from softdyn.derive.regimes import discover
         from softdyn.tables import regimes_data, regimes_text
@@ -291,7 +286,7 @@ def _regimes(options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace) -> int:
     with _patience(f"the report on {options.law}", 10 * PATIENCE):
-        law = _law(options.law)
+        law = law_of(options.law)
         from softdyn.report import write_report
 
         path: Path = options.output or Path(f"{law.name}.html")
@@ -301,7 +296,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    laws = [_law(text) for text in (options.law, options.other)]
+    laws = [law_of(text) for text in (options.law, options.other)]
     from softdyn.compare import comparison_text
 
     print(comparison_text(*laws), end="")

@@ -204,7 +204,6 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],
-        "operations": ir.operations,
         "source": emit(ir, target),
         "suffix": suffix(target),
         "depends": depends,

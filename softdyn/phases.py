@@ -17,11 +17,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
-from sympy import Expr, S, diff, latex, oo, powsimp, simplify
+from sympy import Expr, S, diff, latex, powsimp, simplify
 
 from softdyn.derive.dimensions import DIMENSIONLESS
 from softdyn.derive.films import branches
 from softdyn.derive.forms import force, force_unit
+from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
@@ -492,9 +493,9 @@ def draw_curves(
 
 
 def _one_sided(law: ContactLaw) -> str:
-    if law.F_ela == oo:
+    if is_rigid(law):
         return "the law is rigid"
-    return "the law has no gap" if law.zeta == 0 else "the model holds nowhere here"
+    return "the law has no gap" if is_dry(law) else "the model holds nowhere here"
 
 
 def force_key(figure: Figure, diagram: Diagram, plane: Plane) -> None:

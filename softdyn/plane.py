@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import Expr, S, Symbol, diff, lambdify, oo
+from sympy import Expr, S, Symbol, diff, lambdify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.cones import cut, dot, primitive
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
-from softdyn.derive.law import typical_values, without_typical
+from softdyn.derive.law import is_rigid, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
 from softdyn.errors import SceneError
@@ -462,7 +462,7 @@ def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str,
     """
     equations, sign = _equations(law), SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
-    rigid = law.F_ela == oo
+    rigid = is_rigid(law)
     found = deflections(law, side, gaps, forces)
     deflection = sign * found * (not rigid)
     with np.errstate(all="ignore"):

@@ -385,10 +385,10 @@ def balance(
             slow = trial.residual > CONTRACTION * now.residual
             now, curvature = trial, trial_curvature
         elif fresh:
-            raise StepFailed(_unbalanced(system, now, free))
+            raise StepFailed(_unbalanced(now, free))
         if not better or slow:
             newton.solve, fresh = None, False
-    raise StepFailed(_unbalanced(system, now, free))
+    raise StepFailed(_unbalanced(now, free))
 
 
 def _forces_on(system: System, force: Array) -> Array:
@@ -483,23 +483,12 @@ def _unsolved(contacts: Contacts, now: Balance, count: int) -> str:
     return f"{_pair(contacts, c, count)}, at r={now.r[c]:.6g}, has no gap that solves its equation"
 
 
-def _unbalanced(system: System, now: Balance, free: Flags) -> str:
+def _unbalanced(now: Balance, free: Flags) -> str:
     worst = int(np.argmax(np.abs(np.where(free, now.reaction, 0.0)).max(axis=1)))
     return (
         f"Newton's iteration for the positions does not converge: the forces on particle {worst} balance to "
         f"{now.residual:.1e} of the largest force only"
     )
-
-
-def state_of(gap: Array, start: Array) -> Array:
-    """Return y(h) = (h/g - g/h)/2."""
-    return (gap / start - start / gap) / 2
-
-
-def gap_of(y: Array, start: Array) -> Array:
-    """Return h(y), the inverse of :func:`state_of`, without loss at either end."""
-    factor = np.abs(y) + np.sqrt(1 + y * y)
-    return np.where(y > 0, start * factor, start / factor)
 
 
 def take_step(
@@ -543,11 +532,11 @@ def take_step(
         for name, power in powers(system, contacts, found, when, x_rates[stage], y_rates[stage]).items():
             work[name] += dt * WEIGHTS[stage] * power
     errors = [dt * np.tensordot(ERROR, rates, 1) for rates in (x_rates, T_rates)]
-    error = _error(system, contacts, found, dt * (ERROR @ y_rates), *errors)
+    error = _error(system, found, dt * (ERROR @ y_rates), *errors)
     return Step(found, error, x_rates, y_rates, work)
 
 
-def _error(system: System, contacts: Contacts, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
+def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
     """Error of a step relative to what is allowed.
 
     The root of the mean square over contacts within their range, and a tenth of the largest; likewise over particles,
