@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array
-from scipy.sparse.linalg import LinearOperator, bicgstab, splu
+from scipy.sparse.linalg import LinearOperator, splu
 
 Array = NDArray[np.float64]
 
@@ -192,16 +192,47 @@ def _softest(matrix: bsr_array) -> Array:
     return vectors[:, 0]
 
 
+def _inner(a: Array, b: Array) -> float:
+    """Product, not by the BLAS, whose threads cost more than it."""
+    return float(np.einsum("i,i->", a, b))
+
+
 def _stabilised(matrix: bsr_array, width: int) -> Callable[[Array], Array]:
+    """Van der Vorst's BiCGStab."""
     count = matrix.shape[0] // width
     rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
     inverse = np.linalg.inv(matrix.data[rows == matrix.indices])
-    shape = (matrix.shape[0],) * 2
-    diagonal = LinearOperator(shape, matvec=lambda v: np.einsum("iab,ib->ia", inverse, v.reshape(count, width)).ravel())
+
+    def precondition(v: Array) -> Array:
+        return np.einsum("iab,ib->ia", inverse, v.reshape(count, width)).reshape(-1)
 
     def solve(b: Array) -> Array:
-        x, _ = bicgstab(matrix, b.reshape(-1), rtol=CG_TOLERANCE, maxiter=CG_ITERATIONS, M=diagonal)
-        return np.asarray(x).reshape(b.shape)
+        x, residual = np.zeros(b.size), b.reshape(-1).copy()
+        shadow, direction, image = residual.copy(), np.zeros(b.size), np.zeros(b.size)
+        goal = CG_TOLERANCE**2 * _inner(residual, residual)
+        before = length = weight = 1.0
+        for _ in range(CG_ITERATIONS):
+            if _inner(residual, residual) <= goal:
+                break
+            now = _inner(shadow, residual)
+            direction = residual + now / before * length / weight * (direction - weight * image)
+            towards = precondition(direction)
+            image = matrix @ towards
+            along = _inner(shadow, image)
+            if along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
+                break
+            length = now / along
+            half = residual - length * image
+            aside = precondition(half)
+            turned = matrix @ aside
+            size = _inner(turned, turned)
+            weight = _inner(turned, half) / size if size > 0 else 0.0
+            x += length * towards + weight * aside
+            residual = half - weight * turned
+            before = now
+            if weight == 0:
+                break
+        return x.reshape(b.shape)
 
     return solve
 
@@ -220,24 +251,20 @@ def _conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
     def precondition(v: Array) -> Array:
         return np.einsum("iab,ib->ia", inverse, v.reshape(count, d)).reshape(-1)
 
-    def inner(a: Array, b: Array) -> float:
-        # not the BLAS, whose threads cost more than such a product
-        return float(np.einsum("i,i->", a, b))
-
     def solve(b: Array) -> Array:
         x, residual = np.zeros(b.size), b.reshape(-1).copy()
-        goal = CG_TOLERANCE**2 * inner(residual, residual)
+        goal = CG_TOLERANCE**2 * _inner(residual, residual)
         direction = np.zeros(b.size)
         before = 1.0
         for _ in range(CG_ITERATIONS):
-            if inner(residual, residual) <= goal:
+            if _inner(residual, residual) <= goal:
                 break
             towards = precondition(residual)
-            now = inner(residual, towards)
+            now = _inner(residual, towards)
             direction = towards + now / before * direction
             before = now
             image = matrix @ direction
-            curvature = inner(direction, image)
+            curvature = _inner(direction, image)
             if not curvature > 0:
                 raise Indefinite(partial(np.reshape, direction, (count, d)))
             x += now / curvature * direction
