@@ -34,9 +34,10 @@ examples:
   softdyn plot result.npz                    draw the result
   softdyn convert result.npz -o result.gsd   many particles, to be opened in OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
+  softdyn stress                             the pair engine where it is hard: right, refused, or wrong
 
-exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
-carried to its end, with the reason on stderr
+exit status: 0 done; 1 a limit is not proved, a generated file would change, or something is wrong under stress; 2 wrong
+input, or a run that cannot be carried to its end, with the reason on stderr
 """
 
 #: Endings of pictures.
@@ -200,6 +201,18 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         default=Path("softdyn-results/bench"),
         help="of the report on pairs; default: %(default)s",
+    )
+
+    stress = add(
+        "stress", _stress, "run the pair engine where it is hard, and tell where it is right, and where it refuses"
+    )
+    stress.add_argument(
+        "-o",
+        dest="folder",
+        metavar="DIR",
+        type=Path,
+        default=Path("softdyn-results/stress"),
+        help="default: %(default)s",
     )
 
     reproduce = add(
@@ -552,6 +565,12 @@ def _bench(options: argparse.Namespace) -> int:
 
         return bench_particles()
     from softdyn.bench import main
+
+    return main(options.folder)
+
+
+def _stress(options: argparse.Namespace) -> int:
+    from softdyn.stress import main
 
     return main(options.folder)
 

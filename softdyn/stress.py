@@ -292,7 +292,7 @@ def hostile_cells() -> Iterable[Cell]:
             where = ("hostile", name, f"{value:g}")
             yield judge(where, partial(simulate, **scene(value)), error, 1e-8)
     for rtol in (1e-15, 1e-16, 0.0, -1e-9, 1.0):
-        where = ("hostile", "rtol beyond its bounds", f"{rtol:g}")
+        where = ("rtol", "beyond its bounds", f"{rtol:g}")
         yield judge(where, partial(simulate, **PLAIN, rtol=rtol), lambda _: math.inf, 0.0)
 
 
@@ -388,7 +388,8 @@ def draw(report: dict[str, Any]) -> Any:
         group: [cell for cell in report["cells"] if cell["group"] == group]
         for group in dict.fromkeys(cell["group"] for cell in report["cells"])
     }
-    sides = (["push", "hostile"], [group for group in groups if group not in ("push", "hostile")])
+    left = ["push", "hostile", "rtol"]
+    sides = (left, [group for group in groups if group not in left])
     rows = {group: list(dict.fromkeys(cell["name"] for cell in cells)) for group, cells in groups.items()}
     heights = [[len(rows[group]) + 2.5 for group in side if group in rows] for side in sides]
     figure = Figure(figsize=(13, 0.19 * max(map(sum, heights)) + 0.6), layout="constrained")
@@ -407,7 +408,7 @@ def draw(report: dict[str, Any]) -> Any:
                     margin = math.log10(cell["allowed"] / max(cell["error"], 1e-17)) if cell["allowed"] else 0.0
                     colour = green(0.25 + 0.6 * min(max(margin, 0.0), 6.0) / 6.0)
                 axes.add_patch(_square(x, y, colour))
-                label = "" if cell["error"] is None or group == "hostile" else f"{cell['error']:.0e}"
+                label = "" if cell["error"] is None or group in ("hostile", "rtol") else f"{cell['error']:.0e}"
                 axes.text(x + 0.5, y + 0.5, label, ha="center", va="center", fontsize=5.5)
             axes.set(xlim=(0, len(columns)), ylim=(len(rows[group]), 0), title=group)
             axes.title.set_fontsize(9)

@@ -162,7 +162,7 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array) -> float:
         trial = delta - step
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
-            return trial
+            return trial if stiffness[0] > 0.0 else nan
         if residual > 0.0:
             high = delta
         elif residual < 0.0:
@@ -304,8 +304,9 @@ def _deflections(h: array, F: array, delta: array, p: array, w: array, force: ar
                 moving += 1
         if moving == 0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(8):
-        if not (fabs(force[i]) <= 1e-9 * fabs(delta[i]) and delta[i] > 0.0):
+        if not (fabs(force[i]) <= 1e-9 * fabs(delta[i]) and delta[i] * F[i] >= 0.0 and stiffness[i] > 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w)
 
 
@@ -497,8 +498,9 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
                             dt = 4.0 * dt
                         else:
                             moving = 1
-        # while the gap moves, it serves as the independent variable: its time is an integral, without iterations
-        if state[13] == 1.0 and fabs(u_dot) > 0.1 * fabs(slopes[7]):
+        # while the gap moves, it serves as the independent variable: its time is an integral, without iterations;
+        # of a rate that is hardly a number it would overflow
+        if state[13] == 1.0 and fabs(u_dot) > 0.1 * fabs(slopes[7]) and fabs(u_dot) > 1e-290:
             stride = fabs(stride) if u_dot > 0.0 else -fabs(stride)
             landing = 0.0
             step = stride
@@ -514,9 +516,10 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
             passes += 1.0
             astray: int = 0
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
             for i in range(8):
                 u_z[i] = 0.0
-                above[i] = step / u_rate[i]
+                above[i] = step / (u_rate[i] + 0.0 * deflection[i])
                 if not above[i] > 0.0:
                     astray += 1
             for j in range(8):
@@ -633,6 +636,9 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
             _deflections(h, given, deflection, p, w, above, below)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            for i in range(8):
+                u_rate[i] += 0.0 * deflection[i]
             if renew == 1:
                 for i in range(8):
                     _slopes(i, h[i], deflection[i], given[i], p, slopes)
@@ -695,8 +701,11 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
         # written so that nan rejects the step
         error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
         left = _left(fabs(d1 - d2) / error, error)
+        # where the step is mildest: a law can be a thousand times stiffer at its end than on the way
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
+        for i in range(7):
+            decay = -step * slopes[i] if -step * slopes[i] < decay else decay
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
         factor = 0.9 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)

@@ -244,7 +244,7 @@ static inline double _solve_delta(double h, double F, double guess, const double
         double trial = delta - step;
         /* Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding */
         if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
-            return trial;
+            return stiffness[0] > 0.0 ? trial : NAN;
         }
         if (residual > 0.0) {
             high = delta;
@@ -399,8 +399,9 @@ static inline void _deflections(const double *restrict h, const double *restrict
             break;
         }
     }
+    /* on the branch where F_ela rises from 0 with delta: a law may have others */
     for (int64_t i = 0; i < 8; i++) {
-        if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]) && delta[i] > 0.0)) {
+        if (!(fabs(force[i]) <= 1e-09 * fabs(delta[i]) && delta[i] * F[i] >= 0.0 && stiffness[i] > 0.0)) {
             delta[i] = _solve_delta(h[i], F[i], NAN, p, w);
         }
     }
@@ -634,8 +635,9 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
                 }
             }
         }
-        /* while the gap moves, it serves as the independent variable: its time is an integral, without iterations */
-        if (state[13] == 1.0 && fabs(u_dot) > 0.1 * fabs(slopes[7])) {
+        /* while the gap moves, it serves as the independent variable: its time is an integral, without iterations; */
+        /* of a rate that is hardly a number it would overflow */
+        if (state[13] == 1.0 && fabs(u_dot) > 0.1 * fabs(slopes[7]) && fabs(u_dot) > 1e-290) {
             stride = u_dot > 0.0 ? fabs(stride) : -fabs(stride);
             landing = 0.0;
             step = stride;
@@ -654,9 +656,10 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
             }
             passes += 1.0;
             int64_t astray = 0;
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
             for (int64_t i = 0; i < 8; i++) {
                 u_z[i] = 0.0;
-                above[i] = step / u_rate[i];
+                above[i] = step / (u_rate[i] + 0.0 * deflection[i]);
                 if (!(above[i] > 0.0)) {
                     astray += 1;
                 }
@@ -800,6 +803,10 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            for (int64_t i = 0; i < 8; i++) {
+                u_rate[i] += 0.0 * deflection[i];
+            }
             if (renew == 1) {
                 for (int64_t i = 0; i < 8; i++) {
                     _slopes(i, h[i], deflection[i], given[i], p, slopes);
@@ -878,8 +885,12 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
         /* written so that nan rejects the step */
         error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
         const double left = _left(fabs(d1 - d2) / error, error);
-        const double decay = -step * slopes[7];
+        /* where the step is mildest: a law can be a thousand times stiffer at its end than on the way */
+        double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
+        for (int64_t i = 0; i < 7; i++) {
+            decay = -step * slopes[i] < decay ? -step * slopes[i] : decay;
+        }
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
         factor = 0.9 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
