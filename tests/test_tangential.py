@@ -81,7 +81,7 @@ def slid_at(system: System, state: Any, known: sliding.Known, moved: Array, s: f
     n, r, curvature = directions(contacts, state.x + moved[:, :d], lattice(system.box, 0.0), system.walls)
     nothing = np.zeros(len(r))
     *_, values = solve_contacts(system, contacts.S - r, s, contacts.h, nothing, nothing.copy(), contacts.q)
-    images = s * image_velocities(system, contacts)
+    images = s * image_velocities(system, contacts, 0.0)
     return sliding.slide(known, contacts, values, n, r, curvature, moved, images, s), n
 
 

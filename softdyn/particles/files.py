@@ -21,6 +21,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "contacts": ("gap", "range", "tangential"),
     "box": ("lengths",),
     "flow": ("shear_rate", "drag"),
+    "stress": ("xy", "xx", "yy", "zz", "pressure", "viscosity"),
     "until": ("t", "strain"),
     "output": ("times",),
     "accuracy": ("rtol",),
@@ -28,7 +29,7 @@ KEYS: dict[str, tuple[str, ...]] = {
 LISTS: dict[str, tuple[str, ...]] = {
     "push": ("particles", "force"),
     "hold": ("particles", "axes", "velocity", "spin"),
-    "wall": ("point", "normal", "rigid"),
+    "wall": ("point", "normal", "rigid", "velocity"),
 }
 OPEN = ("parameters", "mixing", "constants")
 TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
@@ -99,12 +100,17 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         "tangential": data.get("contacts", {}).get("tangential", False),
         "shear_rate": flow.get("shear_rate", 0.0),
         "drag": flow.get("drag", 0.0),
+        "stress": {name: value for name, value in data.get("stress", {}).items() if name != "viscosity"},
+        "stress_viscosity": data.get("stress", {}).get("viscosity"),
         "pushes": [Push(_those(entry["particles"], placed), _list(entry["force"])) for entry in data.get("push", [])],
         "holds": [
             Hold(_those(entry["particles"], placed), str(entry["axes"]), entry.get("velocity"), entry.get("spin"))
             for entry in data.get("hold", [])
         ],
-        "walls": [Wall(entry["point"], entry["normal"], entry.get("rigid", True)) for entry in data.get("wall", [])],
+        "walls": [
+            Wall(entry["point"], entry["normal"], entry.get("rigid", True), entry.get("velocity"))
+            for entry in data.get("wall", [])
+        ],
         "until": _end(data["until"], flow),
         **placed,
     }

@@ -17,7 +17,13 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
+from softdyn.particles.observables import (
+    coordination,
+    is_sheared,
+    normal_stress_differences,
+    relative_viscosity,
+    strain,
+)
 from softdyn.plots import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.results import written_whole
 
@@ -58,7 +64,7 @@ def plot_particles(result: ParticleResult) -> Figure:
     few = max(len(result.contacts(frame)["h"]) for frame in range(len(result.t))) <= FEW
     draw = _draw_histories if few else _draw_distribution
     periodic = bool(np.isfinite(result.box).all())
-    sheared = periodic and bool(result.arrays["shear_rate"]) and "eta" in result.parameters
+    sheared = periodic and is_sheared(result) and "eta" in result.parameters
     left: list[Panel] = [_draw_stress]
     left += [_draw_viscosity] if sheared else []
     left += [_draw_normal_stresses] if periodic and result.x.shape[2] > 1 else []
@@ -128,8 +134,7 @@ def animate(result: ParticleResult, path: Path) -> Path:
 
 
 def _when(result: ParticleResult, frame: int) -> str:
-    t, rate = float(result.t[frame]), float(result.arrays["shear_rate"])
-    return f"t = {t:.4g}" + (f", strain = {rate * t:.3f}" if rate else "")
+    return f"t = {result.t[frame]:.4g}" + (f", strain = {strain(result)[frame]:.3f}" if is_sheared(result) else "")
 
 
 def largest_force(result: ParticleResult, frames: Iterable[int]) -> float:

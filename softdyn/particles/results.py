@@ -44,6 +44,8 @@ class Frame:
         Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
     walls : array, shape (walls, d)
         A point of each wall.
+    gradient : array, shape (d, d)
+        Velocity gradient of the background flow.
     energy : array
         Exchanged since the start: see :func:`softdyn.particles.step.works`; and what is stored elastically.
     T : array, shape (contacts, d)
@@ -64,6 +66,7 @@ class Frame:
     stress: Array
     cell: Array
     walls: Array
+    gradient: Array
     energy: Array
     T: Array
     spin: Array
@@ -98,6 +101,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         stress,
         cell,
         np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
+        system.box.gradient,
         energy,
         contacts.T[near],
         spin,
@@ -114,10 +118,11 @@ class ParticleResult:
     parameters : mapping
     arrays : mapping from str to array
         ``t`` (frames,), ``x`` and ``v`` (frames, N, d): positions, never wrapped, and velocities; ``stress`` (frames,
-        d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``, ``shear_rate``;
+        d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``;
 
         ``box`` (d,): lengths of the periodic box at the start, inf along axes that are not periodic; ``cell`` (frames,
-        d, d): its lattice vectors as columns, 0 along such axes; ``wall_point`` (frames, walls, d), ``wall_normal``
+        d, d): its lattice vectors as columns, 0 along such axes; ``gradient`` (frames, d, d) of the background flow's
+        velocity, with which it moves; ``wall_point`` (frames, walls, d), ``wall_normal``
         (walls, d), from the particles into the wall, ``wall_rigid`` (walls,);
 
         ``energy_external``, ``energy_flow``, ... (frames,): each of the terms of ``energy`` up to that frame;
@@ -129,7 +134,8 @@ class ParticleResult:
         with tangential motion ``contact_T`` (tangential force, from i to j), and ``spin`` (frames, N, rotations), the
         angular velocities;
 
-        for each step, ``step_t``, ``step_dt``, ``step_residual`` (of the force balance, relative to the largest force),
+        for each step, ``step_t``, ``step_dt``, ``step_residual`` (of the balance of forces, and of an imposed stress,
+        relative to the largest),
         ``step_error`` (in units of what is allowed), ``step_contacts`` (how many within their range).
         Each is an attribute, too.
     energy : mapping from str to float
@@ -241,8 +247,8 @@ def gather(
         "species": checked.species,
         "box": checked.box.lengths,
         "species_names": np.array(checked.names),
-        "shear_rate": np.array(checked.box.shear_rate),
         "cell": np.array([frame.cell for frame in frames]).reshape(-1, d, d),
+        "gradient": np.array([frame.gradient for frame in frames]).reshape(-1, d, d),
         "wall_point": np.array([frame.walls for frame in frames]).reshape(len(frames), len(checked.walls), d),
         "wall_normal": np.array([wall.normal for wall in checked.walls]).reshape(len(checked.walls), d),
         "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
@@ -270,8 +276,8 @@ def gather(
 
 #: Shapes of what every result holds, a letter for each size: f frames, N particles, w walls, c contacts, n steps.
 SHAPES = {
-    "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d", "shear_rate": "",
-    "cell": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
+    "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d",
+    "cell": "fdd", "gradient": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
     "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
     **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in (*WORKS, "stored")},
 }  # fmt: skip

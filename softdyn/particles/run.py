@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,7 @@ def simulate_particles(
     newton = Newton()
     key = checkpoints.fingerprint(scene, checked, system)
     if resume and checkpoint is not None and checkpoint.exists():
-        state = checkpoints.load(checkpoint, key)
+        state = checkpoints.load(checkpoint, key, checked)
     else:
         state = start(scene, checked, system, newton)
     last = time.monotonic()
@@ -154,6 +155,8 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
         force=force,
         velocity=velocity,
         rtol=float(scene.rtol),
+        imposed=checked.imposed,
+        wall_velocity=checked.wall_velocity,
     )
     return checked, system
 
@@ -169,7 +172,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         If there is no equilibrium to start from.
     """
     x = checked.x.copy()
-    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, checked.walls)
+    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, system.box, system.walls)
     closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
@@ -185,6 +188,8 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         y_rate=np.zeros(len(contacts)),
         contacts=contacts,
         listed=listed,
+        box=system.box,
+        walls=system.walls,
         work=dict.fromkeys(works(system), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
@@ -206,6 +211,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
                 f"at the start, with the gaps as given, the forces have no equilibrium: {_why(system, state, error)}"
             ) from None
         state.x = found.x[:, : x.shape[1]]
+        contacts.h = found.h  # beyond the range gaps follow the centres
         if found.slid is not None:
             contacts.T = found.slid.force
         newton.forget()
@@ -232,6 +238,11 @@ def _stored(system: System, state: State) -> float:
 def _free(system: System) -> NDArray[np.bool_]:
     """Positions that follow from forces, shape (N, d)."""
     return np.asarray(~system.fixed[:, : system.dimension])
+
+
+def _present(system: System, state: State) -> System:
+    """With the box and the walls as they are now."""
+    return replace(system, box=state.box, walls=state.walls)
 
 
 def _exchanged(system: System, state: State) -> Array:
@@ -316,6 +327,7 @@ def integrate(
     IntegrationError
         The state is then the last good one.
     """
+    system = _present(system, state)
     farthest = 2 * float(checked.radii.max()) + (0.0 if math.isinf(system.reach) else system.reach) + state.listed.skin
     until = float(scene.until)
     if not state.frames and checked.times[0] == 0.0:
@@ -335,7 +347,8 @@ def integrate(
             step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
             error = step.error
             when = landing if dt == left else state.t + dt
-            moved = travelled(state.listed, step.end.x[:, : system.dimension], system.box, when, farthest, system.walls)
+            ends = step.end.x[:, : system.dimension]
+            moved = travelled(state.listed, ends, step.system.box, when, farthest, step.system.walls)
             if not math.isinf(system.reach) and moved > 1.0:
                 if travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0:
                     _list_again(scene, checked, system, newton, state)
@@ -362,6 +375,7 @@ def integrate(
                 state.v, state.y_rate = np.zeros_like(state.v), np.zeros_like(state.y_rate)
             continue
         state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.x_rates[-1]
+        system, state.box, state.walls = step.system, step.system.box, step.system.walls
         # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
         state.y_rate = step.y_rates[-1] / np.sqrt(1 + step.end.y**2)
         state.contacts.h = step.end.h
@@ -396,7 +410,7 @@ def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: 
     old = state.contacts
     rates = dict(zip(_names(old), state.y_rate.tolist(), strict=True))
     state.contacts, state.listed, _, dropped = find_contacts(
-        scene, checked, system.kernel, state.x, state.t, old, checked.walls
+        scene, checked, system.kernel, state.x, state.t, old, system.box, system.walls
     )
     state.y_rate = np.array([rates.get(name, 0.0) for name in _names(state.contacts)])
     closed = np.flatnonzero(~(state.contacts.h > 0))
@@ -441,7 +455,7 @@ def _why(system: System, state: State, error: Exception) -> str:
 def _result(
     scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State, began: float
 ) -> ParticleResult:
-    stored = _stored(system, state) - state.stored0
+    stored = _stored(_present(system, state), state) - state.stored0
     work = state.work
     given = work["external"] + work["flow"] + work["box"]
     taken = stored + work["U_h"] + work["gaps"] + work["drag"] + work["remote"]

@@ -17,6 +17,7 @@ from softdyn.expression import evaluate as evaluate_expression
 from softdyn.particles.geometry import Box, Wall, find_pairs
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.sliding import rotations
+from softdyn.particles.surroundings import Imposed
 from softdyn.scene import SMALLEST_RTOL, TARGETS, range_fault, suggestion
 
 Array = NDArray[np.float64]
@@ -99,6 +100,13 @@ class ParticleScene:
     walls : sequence of Wall
     shear_rate : float
         Background flow u = shear_rate y along x; a periodic box is sheared with it.
+    stress : mapping from str to (float or str)
+        Imposed on a box that is periodic along all axes, which then shears or stretches as it must: "xy", the shear
+        stress, instead of a shear rate; "xx", "yy", "zz", along an axis, > 0 in tension; or "pressure", minus a third
+        (in two dimensions, half) of their sum, at which the box keeps its shape. Numbers, or expressions of t; stress
+        of the contacts and of the fluid, 2 eta D.
+    stress_viscosity : float, optional
+        Viscosity eta of the fluid in that; the parameter eta by default.
     drag : float
         What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none.
     pushes : sequence of Push
@@ -127,6 +135,8 @@ class ParticleScene:
     box: Sequence[float | None] | None = None
     walls: Sequence[Wall] = ()
     shear_rate: float = 0.0
+    stress: Mapping[str, float | str] = field(default_factory=dict)
+    stress_viscosity: float | None = None
     drag: float = 0.0
     pushes: Sequence[Push] = ()
     holds: Sequence[Hold] = ()
@@ -156,6 +166,9 @@ class Checked:
         Particles whose rotation is given.
     spin : function of t
         Angular velocity of these, shape (N, rotations).
+    imposed : Imposed, optional
+    wall_velocity : function of t, optional
+        Velocities of the walls, shape (walls, d), if any of them moves.
     """
 
     x: Array
@@ -170,6 +183,8 @@ class Checked:
     times: Array
     turned: NDArray[np.bool_]
     spin: Callable[[float], Array]
+    imposed: Imposed | None
+    wall_velocity: Callable[[float], Array] | None
 
 
 def check(scene: ParticleScene) -> Checked:
@@ -247,7 +262,23 @@ def check(scene: ParticleScene) -> Checked:
     force = _pushes(scene, count, d)
     _require_used(scene)
     turned, spin = _spins(scene, count, d)
-    return Checked(x, radii, species, names, box, walls, fixed, force, velocity, _times(scene), turned, spin)
+    imposed, wall_velocity = _imposed(scene, box), _wall_velocity(scene, d)
+    return Checked(
+        x,
+        radii,
+        species,
+        names,
+        box,
+        walls,
+        fixed,
+        force,
+        velocity,
+        _times(scene),
+        turned,
+        spin,
+        imposed,
+        wall_velocity,
+    )
 
 
 def _array(name: str, values: Any) -> Array:
@@ -314,8 +345,62 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
         if not isinstance(wall.rigid, (bool, np.bool_)):
             faults.append(f"wall {number}: rigid must be true or false, not {wall.rigid!r}")
             continue
-        walls.append(Wall(point, normal / size, bool(wall.rigid)))
+        if wall.velocity is not None and (isinstance(wall.velocity, str) or len(wall.velocity) != d):
+            faults.append(f"wall {number}: velocity needs {d} components, one for each axis")
+            continue
+        walls.append(Wall(point, normal / size, bool(wall.rigid), wall.velocity))
     return tuple(walls)
+
+
+def _wall_velocity(scene: ParticleScene, d: int) -> Callable[[float], Array] | None:
+    terms = []
+    for number, wall in enumerate(scene.walls):
+        for axis, value in enumerate(wall.velocity or ()):
+            if value != 0:
+                where = f"wall {number}: velocity along {AXES[axis]}"
+                terms.append((np.array([number]), axis, _function(scene, value, where)))
+    return _sum_of(terms, len(scene.walls), d, "velocity of wall") if terms else None
+
+
+def _imposed(scene: ParticleScene, box: Box) -> Imposed | None:
+    """Stress imposed on the box."""
+    if not scene.stress:
+        if scene.stress_viscosity is not None:
+            raise SceneError("[stress] viscosity resists a box whose stress is imposed, and none is")
+        return None
+    d = len(box.lengths)
+    known = [*(["xy"] if d > 1 else []), *(2 * axis for axis in AXES[:d]), "pressure"]
+    faults = [
+        f"[stress] unknown component {name!r}{suggestion(name, known)}" for name in scene.stress if name not in known
+    ]
+    if not box.periodic.all():
+        faults.append("[stress] a stress is imposed on a box that is periodic along all axes: give its lengths")
+    if "xy" in scene.stress and scene.shear_rate:
+        faults.append(
+            "[stress] xy and [flow] shear_rate: the shear rate follows from the shear stress; give one of them"
+        )
+    if "pressure" in scene.stress and any(2 * axis in scene.stress for axis in AXES):
+        faults.append("[stress] pressure and the stress along an axis: give either")
+    if scene.walls or scene.holds:
+        faults.append(
+            "[stress] walls and held particles do not move with a box whose stress is imposed: leave them out"
+        )
+    viscosity = scene.stress_viscosity if scene.stress_viscosity is not None else scene.parameters.get("eta")
+    if isinstance(viscosity, Mapping) or not _is_number(viscosity) or not viscosity > 0:  # type: ignore[operator]
+        faults.append("[stress] viscosity, or the parameter eta, must be a positive number: it resists the box")
+    if faults:
+        raise SceneError(_listed(faults))
+    names = tuple(name for name in known if name in scene.stress)
+    functions = [_function(scene, scene.stress[name], f"[stress] {name}") for name in names]
+    signs = np.array([-1.0 if name == "pressure" else 1.0 for name in names])
+
+    def values(t: float) -> Array:
+        found = np.array([function(t) for function in functions])
+        if not np.isfinite(found).all():
+            raise SceneError(f"[stress] {names[int(np.argmin(np.isfinite(found)))]} has no finite value at t={t:.6g}")
+        return signs * found
+
+    return Imposed(names, values, float(viscosity))  # type: ignore[arg-type]
 
 
 def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
@@ -404,6 +489,8 @@ def _require_used(scene: ParticleScene) -> None:
     texts = [value for push in scene.pushes for value in push.force if isinstance(value, str)]
     given = [list(values) for hold in scene.holds for values in (hold.velocity, hold.spin) if values is not None]
     texts += [value for values in given for value in values if isinstance(value, str)]
+    texts += [value for wall in scene.walls for value in wall.velocity or () if isinstance(value, str)]
+    texts += [value for value in scene.stress.values() if isinstance(value, str)]
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")

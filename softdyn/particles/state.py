@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Contacts
+from softdyn.particles.geometry import Box, Contacts, Wall
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.results import Frame
 
@@ -29,6 +29,8 @@ class State:
         Guess of dy/dt for the next step.
     contacts : Contacts
     listed : Listed
+    box : Box
+    walls : tuple of Wall
     work : dict
         Energies exchanged since the start.
     stored0 : float
@@ -46,6 +48,8 @@ class State:
     y_rate: Array
     contacts: Contacts
     listed: Listed
+    box: Box
+    walls: tuple[Wall, ...]
     work: dict[str, float]
     stored0: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)

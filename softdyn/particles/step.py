@@ -28,6 +28,7 @@ from softdyn.particles import linear, sliding
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, flow, lattice
 from softdyn.particles.kernel import ContactKernel, energies
 from softdyn.particles.method import ERROR, GAMMA, NODES, STAGES, WEIGHTS
+from softdyn.particles.surroundings import Imposed, balance_under_stress, coordinates, moves, placed
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -37,6 +38,8 @@ MOST_ITERATIONS = 40
 CONTRACTION = 0.2
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
+#: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
+INSTANT = 1e-200
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -66,6 +69,10 @@ class System:
         External force on each particle, and velocity of the fixed coordinates, shape (N, d + rotations).
     rtol : float
         Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
+    imposed : Imposed, optional
+        Stress imposed on the box.
+    wall_velocity : function of t, optional
+        Velocities of the walls, shape (walls, d).
     """
 
     kernel: ContactKernel
@@ -79,6 +86,21 @@ class System:
     force: Callable[[float], Array]
     velocity: Callable[[float], Array]
     rtol: float
+    imposed: Imposed | None = None
+    wall_velocity: Callable[[float], Array] | None = None
+
+    @property
+    def box_rates(self) -> Array:
+        """Rates of the box that the imposed stress makes unknown, as they are."""
+        if self.imposed is None:
+            return np.empty(0)
+        G = self.box.gradient
+        return np.array(
+            [
+                G[0, 0] if name == "pressure" else G["xyz".index(name[0]), "xyz".index(name[1])]
+                for name in self.imposed.names
+            ]
+        )
 
     @property
     def dimension(self) -> int:
@@ -165,6 +187,8 @@ class Step:
     y_rates : array, shape (stages, contacts)
     work : dict
         Energy of each kind, exchanged over the step; see :data:`WORKS`.
+    system : System
+        With the box and the walls as they are at the end.
     """
 
     end: Balance
@@ -172,6 +196,7 @@ class Step:
     x_rates: Array
     y_rates: Array
     work: dict[str, float]
+    system: System
 
 
 #: Energy put in by external forces and by what holds fixed coordinates, by the flow, and by the moving box; energy
@@ -319,14 +344,14 @@ def balance(
     cell, external = lattice(system.box, t), system.force(t)
     gauge = gauge_axes(system)
     drag = system.resistance
-    images = s * image_velocities(system, contacts) if known is not None else None
+    images = s * image_velocities(system, contacts, t) if known is not None else None
     moving = bool(np.any(system.drag > 0)) and s > 0
     free = ~system.fixed
     turning = turns_freely(system)
 
     def evaluate(x: Array, y: Array) -> tuple[Balance, Array]:
         n, r, curvature = directions(contacts, x[:, :d], cell, system.walls)
-        h, F, F_r, values = solve_contacts(system, contacts.S - r, s or instant, start, y_star, y, contacts.q)
+        h, F, F_r, values = solve_contacts(system, contacts.S - r, s or INSTANT, start, y_star, y, contacts.q)
         newton.counts["contacts"] += len(r)
         reaction = _forces_on(system, contact_forces(contacts, F, n, count)) - external
         resisting = drag * ((x - x_star) / s - background(system, x)) if moving else np.zeros_like(x)
@@ -342,11 +367,12 @@ def balance(
         wrong = _largest(np.where(free, reaction, 0.0))
         stiffest = max(_largest(F_r), _largest(values["stiff"])) if known is not None else _largest(F_r)
         noise = ROUNDING * stiffest * (_largest(x) + float(system.radii.max()))
+        if wrong - noise > system.force_tolerance * largest:
+            noise += _uncertainty(contacts, h, F, r)
+            noise += ROUNDING * _largest(drag) / s * _largest(x) if moving else 0.0
         relative = max(wrong - noise, 0.0) / largest if largest > 0 else wrong
         return Balance(x, y, h, F, F_r, n, r, reaction, relative, slid, values), curvature
 
-    # where no time passes the film holds for an instant, but not beyond its range
-    instant = 1e-200 if known is not None else 0.0
     now, curvature = evaluate(x, y.copy())
     for attempt in range(4):
         if math.isfinite(now.residual):
@@ -408,10 +434,21 @@ def background(system: System, x: Array) -> Array:
     return np.concatenate([u, rotation], axis=1)
 
 
-def image_velocities(system: System, contacts: Contacts) -> Array:
-    """Velocity of the image of particle j with the box, shape (contacts, d)."""
-    cell_rate = lattice(system.box, 1.0) - lattice(system.box, 0.0)
-    return contacts.shift @ cell_rate.T
+def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
+    """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d)."""
+    velocities = contacts.shift @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
+    if system.wall_velocity is not None:
+        count = len(system.radii)
+        on = contacts.j >= count
+        velocities[on] = system.wall_velocity(t)[contacts.j[on] - count]
+    return velocities
+
+
+def _uncertainty(contacts: Contacts, h: Array, F: Array, r: Array) -> float:
+    """By how much forces are uncertain, as gaps are found to 1e-12: more than little, where forces start from none."""
+    deflection = np.abs(contacts.S - r + h) / 2
+    stiffness = np.divide(np.abs(F), deflection, out=np.zeros_like(F), where=deflection > 0)
+    return float((stiffness * h).max(initial=0.0)) * 1e-12
 
 
 def _largest(values: Array) -> float:
@@ -511,6 +548,10 @@ def take_step(
     y_rates = np.zeros((3, len(start)))
     T_rates, angle_rates = np.zeros((3, *contacts.T.shape)), np.zeros((3, len(start)))
     work = dict.fromkeys(works(system), 0.0)
+    here, surround = system, moves(system)
+    z = coordinates(system, t) if surround else np.empty(0)
+    z_rates = np.zeros((3, len(z)))
+    rates = system.box_rates
     guess_x, guess_y = v, y_rate
     for stage in range(3):
         when = t + NODES[stage] * dt
@@ -523,17 +564,33 @@ def take_step(
         if sliding_start is not None:
             T_star = contacts.T + dt * np.tensordot(STAGES[stage, :stage], T_rates[:stage], 1)
             known = replace(sliding_start, force=T_star, angle=dt * (STAGES[stage, :stage] @ angle_rates[:stage]))
-        found = balance(system, contacts, newton, when, s, x_star, first, start, y_star, y_star + s * guess_y, known)
+        guess = y_star + s * guess_y
+
+        def solve(here: System, x: Array) -> Balance:
+            return balance(here, contacts, newton, when, s, x_star, x, start, y_star, guess, known)  # noqa: B023
+
+        if surround:
+            z_star = z + dt * (STAGES[stage, :stage] @ z_rates[:stage])
+            here, z_rates[stage] = placed(system, when, s, z_star, rates)
+        if system.imposed is None:
+            found = solve(here, first)
+        else:
+            found, here, z_rates[stage], rates = balance_under_stress(
+                system, contacts, newton, when, s, z_star, rates, solve, first
+            )
         if known is not None and found.slid is not None:
             T_rates[stage] = (found.slid.turned - known.force) / s
             angle_rates[stage] = (found.slid.angle - known.angle) / s
         x_rates[stage] = guess_x = (found.x - x_star) / s
         y_rates[stage] = guess_y = (found.y - y_star) / s
-        for name, power in powers(system, contacts, found, when, x_rates[stage], y_rates[stage]).items():
+        for name, power in powers(here, contacts, found, when, x_rates[stage], y_rates[stage]).items():
             work[name] += dt * WEIGHTS[stage] * power
     errors = [dt * np.tensordot(ERROR, rates, 1) for rates in (x_rates, T_rates)]
     error = _error(system, found, dt * (ERROR @ y_rates), *errors)
-    return Step(found, error, x_rates, y_rates, work)
+    if surround and system.imposed is not None:
+        # errors of the strains of the box, as of positions
+        error = max(error, _largest(dt * (ERROR @ z_rates[:, : system.dimension + 1])) / system.rtol)
+    return Step(found, error, x_rates, y_rates, work, here)
 
 
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
@@ -579,20 +636,19 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, 
     u = background(system, at.x)
     resisting = system.resistance * (v - u)
     held = np.where(system.fixed, at.reaction, 0.0)
-    cell_rate = (lattice(system.box, t + 1.0) - lattice(system.box, t)) if system.box.shear_rate else None
-    carried = 0.0
-    images = np.zeros_like(at.n)
-    if cell_rate is not None and cell_rate.any():
-        images = contacts.shift @ cell_rate.T
-        carried = -float(np.sum(at.F * np.einsum("ij,ij->i", at.n, images)))
+    images = image_velocities(system, contacts, t)
+    pushed = at.F[:, None] * at.n
+    if at.slid is not None:
+        pushed = pushed + at.slid.force
+    carried = -np.sum(pushed * images, axis=1)
+    box = contacts.j < len(v)
     more = {}
     if at.slid is not None:
-        carried -= float(np.sum(at.slid.force * images))
         more = tangential_powers(system, contacts, at, values, v, images, h_rate)
     return {
-        "external": float(np.sum((system.force(t) + held) * v)),
+        "external": float(np.sum((system.force(t) + held) * v)) + float(carried[~box].sum()),
         "flow": -float(np.sum(resisting * u)),
-        "box": carried,
+        "box": float(carried[box].sum()),
         "gaps": float(np.sum(values["friction"] * h_rate**2)),
         "drag": float(np.sum(resisting * (v - u))),
         "remote": -float(np.sum(values["remote"] * h_rate)),
