@@ -1,7 +1,7 @@
 /* Contact law cone: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
- * Source: Sneddon 1965, doi:10.1016/0020-7225(65)90019-4; friction of arXiv:0803.1573
- * Law 4f742644f34ed761:
+ * Source: Sneddon, Int. J. Eng. Sci. 3 (1965) 47; friction of arXiv:0803.1573
+ * Law 477bece85fee419c:
  *     a = sqrt(2)*R*sqrt(h)/sqrt(R + h) + 2*Abs(delta)/(pi*m)
  *     F_ela = E*a*delta
  *     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)

@@ -1,7 +1,7 @@
 """Contact law steric: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
-Source: Alexander 1977, de Gennes 1987, doi:10.1016/0001-8686(87)85003-0; equal_spheres
-Law 7d2da81005b0bcb5:
+Source: Alexander 1977; de Gennes, Adv. Colloid Interface Sci. 27 (1987) 189; equal_spheres
+Law 8934d7f84e49ea39:
     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
     F_ela = 4*E*a*delta/(3*(1 - nu**2))
     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
