@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.results import ParticleResult
+if TYPE_CHECKING:
+    from softdyn.particles.results import ParticleResult
 
 Array = NDArray[np.float64]
 
