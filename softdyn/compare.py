@@ -149,23 +149,24 @@ def comparison_text(first: Any, second: Any) -> str:
 
 
 def _parameters(laws: Sequence[ContactLaw]) -> dict[str, float]:
-    """Values of all parameters of the laws; those that several laws have are the same."""
-    from softdyn.derive.law import is_dry, is_rigid, sample_values
+    """Typical values of all parameters of the laws; those that several laws have are the same."""
+    from softdyn.derive.law import is_dry, is_rigid
     from softdyn.derive.symbols import COMMON_PARAMETERS
+    from softdyn.plane import parameter_values
 
     found: dict[str, float] = {symbol.name: 1.0 for symbol in COMMON_PARAMETERS}
     dimensions: dict[str, Any] = {}
     for law in laws:
         if is_dry(law) or is_rigid(law):
             raise SceneError(f"compare: {law.name} has no {'friction' if is_dry(law) else 'deflection'} to compare")
-        values = sample_values(law)
         for symbol, dimension in law.parameters.items():
             if dimensions.setdefault(symbol.name, dimension) != dimension:
                 raise SceneError(
                     f"compare: the parameter {symbol.name} is a {dimensions[symbol.name]} in {laws[0].name}, and a "
                     f"{dimension} in {law.name}; rename one of them"
                 )
-            found.setdefault(symbol.name, float(values[symbol]))
+        for symbol, value in parameter_values(law).items():
+            found.setdefault(symbol.name, value)
     return found
 
 
@@ -243,10 +244,10 @@ def _holds(law: ContactLaw, regime: Regime, gaps: Array, forces: Array) -> NDArr
     from sympy import lambdify
 
     from softdyn.derive.forms import force
-    from softdyn.derive.law import sample_values
+    from softdyn.derive.law import typical_values
     from softdyn.derive.symbols import COMMON_PARAMETERS, h
 
-    units = {**dict.fromkeys(COMMON_PARAMETERS, 1), **sample_values(law)}
+    units = {**dict.fromkeys(COMMON_PARAMETERS, 1), **typical_values(law)}
     ratios = [condition.ratio for condition in regime.conditions]
     if "delta" in regime.forms:
         ratios.append(regime.delta)
