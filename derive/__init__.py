@@ -15,8 +15,8 @@ from softdyn.derive.dimensions import (
     VISCOSITY,
     Dimension,
 )
-from softdyn.derive.law import ContactLaw, Limit
-from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa
+from softdyn.derive.law import ContactLaw, Limit, Tangential
+from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa, size_ratio
 
 __all__ = [
     "DIMENSIONLESS",
@@ -34,9 +34,11 @@ __all__ = [
     "F",
     "Limit",
     "R",
+    "Tangential",
     "a",
     "delta",
     "eta",
     "h",
     "kappa",
+    "size_ratio",
 ]

@@ -201,7 +201,7 @@ def leading(series: Series, what: object = "the expression") -> tuple[Order, Exp
         raise UndecidedError(f"{what} is smaller than any power of the ratios")
     candidates = minimal([*series.terms, *series.remainder])
     if len(candidates) > 1:
-        raise SplitError(_minus(candidates[0], candidates[1]), what)
+        raise SplitError(minus(candidates[0], candidates[1]), what)
     (dominant,) = candidates
     if dominant not in series.terms:
         raise CancelError(f"the leading terms of {what} cancel, to the order kept")
@@ -372,7 +372,8 @@ def _plus(left: Order, right: Order) -> Order:
     return tuple(x + y for x, y in zip(left, right, strict=True))
 
 
-def _minus(left: Order, right: Order) -> Order:
+def minus(left: Order, right: Order) -> Order:
+    """Order of a quotient."""
     return tuple(x - y for x, y in zip(left, right, strict=True))
 
 
@@ -380,8 +381,8 @@ def relative(series: Series, what: object = "the expression") -> Series:
     """Return series/leading term - 1: the corrections to the leading term."""
     dominant, coefficient = leading(series, what)
     return Series(
-        {_minus(e, dominant): c / coefficient for e, c in series.terms.items() if e != dominant},
-        frozenset(_minus(r, dominant) for r in series.remainder),
+        {minus(e, dominant): c / coefficient for e, c in series.terms.items() if e != dominant},
+        frozenset(minus(r, dominant) for r in series.remainder),
     )
 
 
@@ -546,13 +547,13 @@ def _grows_exponentially(expr: Expr, scale: Scale) -> bool:
     """Whether an expression is exp, sinh or cosh of an argument that grows as a power of the ratios."""
     if not isinstance(expr, (exp, sinh, cosh)):
         return False
-    dominant, coefficient = _leading_or_unit(expand(expr.args[0], scale), expr.args[0], scale)
+    dominant, coefficient = _leading_or_unit(expand(expr.args[0], scale), expr.args[0])
     return negligible(zero(scale), dominant) and (
         isinstance(expr, cosh) or sign_of(coefficient, expr.args[0], scale) > 0
     )
 
 
-def _leading_or_unit(argument: Series, what: Expr, scale: Scale) -> tuple[Order, Expr]:
+def _leading_or_unit(argument: Series, what: Expr) -> tuple[Order, Expr]:
     """Return the leading term of an argument, which must be small, of order one or large throughout the cone."""
     dominant, coefficient = leading(argument, what)
     if any(x > 0 for x in dominant) and any(x < 0 for x in dominant):
@@ -563,7 +564,7 @@ def _leading_or_unit(argument: Series, what: Expr, scale: Scale) -> tuple[Order,
 def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
     unit = zero(scale)
     if argument.terms or argument.remainder:
-        dominant, coefficient = _leading_or_unit(argument, expr.args[0], scale)
+        dominant, coefficient = _leading_or_unit(argument, expr.args[0])
         if negligible(unit, dominant):
             if isinstance(expr, tanh):
                 # up to less than any power of the ratios

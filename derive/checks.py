@@ -56,9 +56,17 @@ from sympy.core.numbers import Exp1 as EulerNumber
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
-from softdyn.derive.dimensions import FORCE, FRICTION, LENGTH, Dimension, DimensionMismatchError, dimension_of
+from softdyn.derive.dimensions import (
+    DIMENSIONLESS,
+    FORCE,
+    FRICTION,
+    LENGTH,
+    Dimension,
+    DimensionMismatchError,
+    dimension_of,
+)
 from softdyn.derive.soundness import rewritable, tidy
-from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, F, R, a, delta, eta, h
+from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, F, R, a, delta, eta, h, size_ratio
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -69,6 +77,13 @@ SIGNATURES = {
     "F_ela": ((a, delta), FORCE),
     "zeta": ((a, h), FRICTION),
     "F_adh": ((a, h), FORCE),
+}
+
+TANGENTIAL = {
+    "sliding": ((a, h, size_ratio), FRICTION),
+    "coupling": ((a, h, size_ratio), FRICTION * LENGTH),
+    "rolling": ((a, h, size_ratio), FRICTION * LENGTH**2),
+    "k_t": ((a, h), FORCE / LENGTH),
 }
 
 #: Functions that every target prints.
@@ -86,7 +101,7 @@ RESERVED = frozenset(
     enum except extern finally float for from global goto if import in inline int is lambda long nonlocal not or
     pass raise register restrict return short signed sizeof static struct switch try typedef union unsigned void
     volatile while with yield array empty inf isfinite jit nan numba sqrt fabs exp log expm1 log1p pow sin cos tan
-    NAN INFINITY HUGE_VAL None True False
+    NAN INFINITY HUGE_VAL None True False size_ratio
     asin acos atan sinh cosh tanh asinh acosh atanh erf erfc abs min max range
     """.split()
 )
@@ -114,9 +129,54 @@ def faults_of(law: ContactLaw) -> list[str]:
             found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
         faults += found
         sound = sound and not found
-    faults += _typical_faults(law) + _limit_faults(law, known)
+    faults += _tangential_faults(law, known) + _typical_faults(law) + _limit_faults(law, known)
     if sound and not faults:
         faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
+    if sound and not faults and law.tangential is not None:
+        faults += _tangential_positivity_faults(law)
+    return faults
+
+
+def _tangential_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
+    if law.tangential is None:
+        return []
+    faults = []
+    for name, (arguments, dimension) in TANGENTIAL.items():
+        expr = getattr(law.tangential, name, None)
+        where = f"tangential {name}"
+        if not isinstance(expr, Expr):
+            faults.append(f"{where} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
+            continue
+        found = _symbol_faults(where, expr, arguments, law, known) + _node_faults(where, expr)
+        known_dimensions = {**DIMENSIONS, **law.parameters, size_ratio: DIMENSIONLESS}
+        faults += found or _dimension_faults(where, expr, dimension, known_dimensions)
+    return faults
+
+
+def _tangential_positivity_faults(law: ContactLaw) -> list[str]:
+    """Sliding and elasticity resist, and so does every combination of sliding and rolling."""
+    t = law.tangential
+    assert t is not None
+    combined = t.sliding * t.rolling - (1 - 4 * size_ratio) * t.coupling**2
+    quantities = {"sliding": t.sliding, "k_t": t.k_t}
+    if t.rolling != 0 or t.coupling != 0:
+        quantities |= {"sliding rolling - D^2 coupling^2": combined}
+    faults = []
+    size = Dummy("d", positive=True)
+    for name, quantity in quantities.items():
+        ratios = (0, Rational(1, 8), Rational(1, 4)) if quantity.has(size_ratio) else (0,)
+        for ratio, side in product(ratios, (1, -1)):
+            expr = tidy(quantity.subs(size_ratio, ratio).subs(a, law.a).subs(delta, side * size))
+            witness = None if proved_positive(expr) else _nonpositive_witness(expr, size, law)
+            if witness is not None:
+                gap, deflection, own, found = witness
+                at = {"h": gap, "delta": side * deflection, **own}
+                point = ", ".join(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in at.items())
+                faults.append(
+                    f"tangential {name} must be positive for h > 0 and |delta| < R, but at size_ratio={ratio}, {point} "
+                    f"(R = E = eta = 1) it is {mpmath.nstr(found, 6)}"
+                )
+                break
     return faults
 
 
@@ -266,12 +326,18 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     return faults
 
 
+def chains(limit: Limit) -> tuple[tuple[Expr, ...], ...]:
+    """Return the orderings of a limit, one or several, each from the smallest to the largest."""
+    order = limit.order
+    several = isinstance(order, tuple) and order and isinstance(order[0], tuple)
+    return order if several else (order,)
+
+
 def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     """An ordering holds sizes that can be compared, h or delta among them."""
     order = limit.order
-    chains = order if isinstance(order, tuple) and order and isinstance(order[0], tuple) else (order,)
-    whole = all(isinstance(chain, tuple) and len(chain) >= 2 for chain in chains)
-    lengths = [length for chain in chains for length in chain] if whole else []
+    whole = all(isinstance(chain, tuple) and len(chain) >= 2 for chain in chains(limit))
+    lengths = [length for chain in chains(limit) for length in chain] if whole else []
     allowed = set(known.values()) - {a}
     strange = [x for x in lengths if not (isinstance(x, Expr) and _is_monomial(x) and x.free_symbols <= allowed)]
     if strange or not whole:
@@ -279,18 +345,14 @@ def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) ->
             f"order must hold sizes, from smallest to largest, such as (h, delta, R), not {strange or order}: products "
             "of powers of h, delta (-delta in tension), F, R and the parameters"
         ]
-    mirrored = {delta: -delta, F: -F}
-    sides = [
-        side
-        for side, change in (("compression", {}), ("tension", mirrored))
-        if all(_sized(length.subs(change, simultaneous=True)).is_positive for length in lengths)
-    ]
-    if not sides:
+    size, pressed = Symbol("delta", positive=True), Symbol("F", positive=True)
+    sides = ({delta: sign * size, F: sign * pressed} for sign in (1, -1))
+    if not any(all(length.subs(side).is_positive for length in lengths) for side in sides):
         return [f"order holds sizes, which are positive on one side, of compression or tension; {order} is not"]
     if not any(length.has(h, delta, F) for length in lengths):
         return [f"order must say how h and delta compare, as in (h, delta, R); {order} does not"]
     faults = []
-    for chain in chains:
+    for chain in chains(limit):
         found = {str(dimension_of(length, {**DIMENSIONS, **law.parameters})) for length in chain}
         if len(found) > 1:
             faults.append(f"order compares {' with '.join(sorted(found))} in {chain}")
@@ -301,11 +363,6 @@ def _is_monomial(expr: Expr) -> bool:
     """Whether an expression is a number times rational powers of symbols."""
     powers = expr.as_powers_dict()
     return all(base.is_Symbol or base.is_number for base in powers) and all(p.is_Rational for p in powers.values())
-
-
-def _sized(length: Expr) -> Expr:
-    """With delta and F positive."""
-    return length.subs({delta: Symbol("delta", positive=True), F: Symbol("F", positive=True)})
 
 
 def _typical_faults(law: ContactLaw) -> list[str]:
@@ -418,7 +475,7 @@ def _nonpositive_witness(
     """Gap, size of the deflection, own parameters and value where expr <= 0 in the physical domain, if found."""
     from softdyn.derive.law import parameters_of
 
-    own = [symbol for symbol in parameters_of(law) if symbol in law.parameters]
+    own = [symbol for symbol in parameters_of(law, tangential=True) if symbol in law.parameters]
     function = lambdify([h, size, *own], expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath")
     gaps = [mpmath.mpf(10) ** k for k in (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)]
     sizes = [mpmath.mpf(10) ** k for k in (-14, -9, -6, -4, -2, -1)] + [mpmath.mpf(1) / 2, mpmath.mpf(99) / 100]

@@ -36,16 +36,17 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Integer, Max, Min, Symbol, diff, simplify
+from sympy import Expr, Integer, Max, Min, Rational, Symbol, diff, simplify
 
 from softdyn.derive import dynamics as d
+from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
 from softdyn.derive.kernel import Saving
-from softdyn.derive.law import is_dry, is_rigid, law_hash, parameters_of
+from softdyn.derive.law import is_dry, is_rigid, law_hash, parameters_of, tangential_expressions, tangential_hash
 from softdyn.derive.printing import Assignment, operations, straight_line
 from softdyn.derive.soundness import sound
 from softdyn.derive.specialise import C, dF_ddelta, dF_dh
-from softdyn.derive.symbols import a, delta, h
+from softdyn.derive.symbols import a, delta, h, size_ratio
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
@@ -87,10 +88,13 @@ class ContactNeeds:
         Parameters that differ from contact to contact; the others are uniform.
     fading : bool
         Whether contacts have a range.
+    tangential : bool
+        Whether particles slide and roll on one another; then "size_ratio" may be among the varying ones, too.
     """
 
     varying: tuple[str, ...] = ()
     fading: bool = False
+    tangential: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,8 @@ class ContactIR:
         Whether contacts have a range.
     outputs : tuple of str
         Rows of what ``state`` gives.
+    tangential : tuple of str
+        Rows of what ``contacts`` gives besides of tangential motion; empty without it.
     iteration, tangent, state, elastic : ContactCode
         H and dH/dy; the force and its consistent tangent; the outputs; the elastic force and its slope in h.
     """
@@ -129,6 +135,7 @@ class ContactIR:
     varying: tuple[str, ...]
     fading: bool
     outputs: tuple[str, ...]
+    tangential: tuple[str, ...]
     iteration: ContactCode
     tangent: ContactCode
     state: ContactCode
@@ -190,10 +197,10 @@ def stage_equation() -> dict[Symbol, Expr]:
     return {rho: rate, rho_h: rate_h, rho_r: rate_r, H: residual, H_h: by_h, H_r: by_r, h_r: gap, F_r: force}
 
 
-def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
+def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbol, Expr]:
     """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
     # the names of a law's own parameters may be those of the kernel's variables
-    own = {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in parameters_of(law)}
+    own = {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in parameters_of(law, tangential)}
     values = {symbol: expr.xreplace(own) for symbol, expr in partials(law).items()}
 
     def relative(variable: Symbol) -> Expr:
@@ -203,6 +210,11 @@ def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
         return sound(total(symbol, variable).subs(values))
 
     generic = d.generic_dynamics()
+    sliding: dict[Symbol, Expr] = {}
+    if tangential and law.tangential is not None:
+        declared = tangential_stage.tangential_definitions(law.tangential)
+        sliding = {symbol: values[symbol] for symbol in (d.a_h, d.a_delta)}
+        sliding |= {symbol: expr.xreplace(own) for symbol, expr in declared.items()}
     return {
         delta: (overlap + h) / 2,
         a: sound(law.a).xreplace(own),
@@ -229,6 +241,7 @@ def contact_definitions(law: ContactLaw) -> dict[Symbol, Expr]:
         remote: w * F_adh,
         # beyond the range the gap follows the centres, at a rate that the contact does not know
         dh_dt: -(F_ela / w - F_adh) / zeta,
+        **sliding,
     }
 
 
@@ -238,22 +251,29 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
     Raises
     ------
     LawError
-        If the law is rigid or dry: then a contact has no gap state, or no deflection; or if a varying parameter is not
-        the law's.
+        If the law is rigid or dry: then a contact has no gap state, or no deflection; if a varying parameter is not the
+        law's; or if tangential motion is asked for, and the law does not declare any.
     """
-    names = tuple(symbol.name for symbol in parameters_of(law))
+    names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential))
+    names += (size_ratio.name,) if needs.tangential else ()
     faults = [f"{name!r} is no parameter; there are {', '.join(names)}" for name in needs.varying if name not in names]
     if is_rigid(law) or is_dry(law):
         faults.append(
             "many particles need both an elastic force and a friction; for nearly rigid particles choose a large E"
         )
+    if needs.tangential and law.tangential is None:
+        faults.append(
+            "tangential motion is asked for, and the law declares none: give it tangential=Tangential(sliding=..., "
+            "k_t=...), or leave [contacts] tangential out"
+        )
     if faults:
         raise LawError(law.name, tuple(faults))
-    definitions = contact_definitions(law)
+    definitions = contact_definitions(law, needs.tangential)
+    sliding = tangential_outputs(needs)
     savings: list[Saving] = []
 
     def count() -> int:
-        return sum(operations(straight_line([H, H_h, Y_h, F_r], definitions)).values())
+        return sum(operations(straight_line([H, H_h, Y_h, F_r, *sliding], definitions)).values())
 
     def specialise(rule: str, known: dict[Symbol, Expr]) -> None:
         nonlocal definitions
@@ -267,11 +287,15 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
     if law.F_adh == 0:
         nothing = dict.fromkeys((F_adh, remote_h, remote_delta), Integer(0))
         specialise("no remote force", nothing)
+    if needs.tangential and size_ratio.name not in needs.varying:
+        specialise("equal radii", {size_ratio: Rational(1, 4)})
+        names = tuple(name for name in names if name != size_ratio.name)
 
+    outputs = (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
     lines = {
         "iteration": straight_line([H, H_h, Y_h], definitions),
-        "tangent": straight_line([F_ela, F_r], definitions),
-        "state": straight_line(OUTPUTS, definitions),
+        "tangent": straight_line([F_ela, F_r, *sliding], definitions),
+        "state": straight_line(outputs, definitions),
         "elastic": straight_line([F_ela, dF_dh], {k: e for k, e in definitions.items() if k != delta}),
     }
     uniform = tuple(name for name in names if name not in needs.varying)
@@ -283,16 +307,20 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         taken = [tuple(pair for pair in group if pair[0] in used) for group in named]
         return ContactCode(taken[0], taken[1], tuple(lines[part]))
 
+    declared = tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh"))
+    by_name = tangential_expressions(law.tangential) if needs.tangential and law.tangential is not None else {}
+    slides = tuple((name, str(expr)) for name, expr in by_name.items())
     return ContactIR(
         name=law.name,
         source=law.source or "no source given",
-        law_hash=law_hash(law),
-        declaration=tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh")),
+        law_hash=law_hash(law) + (f", {tangential_hash(law)}" if needs.tangential else ""),
+        declaration=(*declared, *slides),
         fixed=(),
         uniform=uniform,
         varying=varying,
         fading=needs.fading,
-        outputs=tuple(symbol.name for symbol in OUTPUTS),
+        outputs=tuple(symbol.name for symbol in outputs),
+        tangential=tuple(symbol.name for symbol in sliding),
         iteration=code("iteration"),
         tangent=code("tangent"),
         state=code("state"),
@@ -303,6 +331,14 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
     )
 
 
+def tangential_outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
+    """What the kernel gives of tangential motion: equal spheres have no lever."""
+    if not needs.tangential:
+        return ()
+    given = tangential_stage.OUTPUTS if size_ratio.name in needs.varying else tangential_stage.OUTPUTS[:-1]
+    return tuple(symbol for x in given for symbol in (x, tangential_stage.ALONG[x]))
+
+
 def code_name(parameter: str) -> str:
     """Return the name of a parameter in the code."""
-    return parameter if parameter in ("R", "E", "eta") else f"own_{parameter}"
+    return parameter if parameter in ("R", "E", "eta", size_ratio.name) else f"own_{parameter}"

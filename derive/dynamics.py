@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, oo, simplify, solve
+from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, simplify, solve
 
+from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.soundness import sound, tidy
 from softdyn.derive.symbols import F, R, a, delta, h
 
@@ -194,7 +195,7 @@ def stiffness_of(law: ContactLaw) -> Expr:
 def partials(law: ContactLaw) -> dict[Symbol, Expr]:
     """Return the declared expressions and their partial derivatives, in (a, h, delta), sound in floating point."""
     # rigid particles have no elastic force of their own: they transmit any
-    elastic = h * 0 if law.F_ela == oo else law.F_ela
+    elastic = h * 0 if is_rigid(law) else law.F_ela
     return {
         F_ela: sound(elastic),
         F_adh: sound(law.F_adh),
@@ -227,10 +228,10 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
     """
     values = partials(law)
     generic = generic_dynamics()
-    if law.F_ela == oo:
+    if is_rigid(law):
         return _rigid_quantities(law, values)
     stiffness = sound(generic.stiffness.subs(values))
-    if law.zeta == 0:
+    if is_dry(law):
         rates = {"ddelta_dt": dF_dt / (2 * stiffness), "dX_dt": -dF_dt / stiffness}
         return {"a": sound(law.a), "F_ela": values[F_ela], "C": stiffness, **rates}
     friction = sound((generic.friction.subs(C, stiffness)).subs(values))
@@ -270,7 +271,7 @@ def _rigid_quantities(law: ContactLaw, values: dict[Symbol, Expr]) -> dict[str, 
 
 def law_jacobians(law: ContactLaw) -> dict[str, Matrix]:
     """Jacobians of the rates of the state, by state formulation, in a, h, delta, dh_dt, ddelta_dt, C and zeta."""
-    if law.F_ela == oo or law.zeta == 0:
+    if is_rigid(law) or is_dry(law):
         return {}  # one state variable, or none
     values = {symbol: expr for symbol, expr in partials(law).items() if symbol != zeta}
     return {

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from sympy import Add, Expr, Mul, Pow, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
@@ -220,6 +221,7 @@ FAINTEST = 1e-20
 Point = tuple[float, float, float]
 
 
+@lru_cache(maxsize=16)
 def branches(law: ContactLaw) -> tuple[Branch, ...]:
     """Films at the law's typical parameters, by branches; R = E = eta = 1.
 

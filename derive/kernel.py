@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Add, Expr, Integer, Mul, Rational, Symbol, diff, together
+from sympy import Add, Dummy, Expr, Integer, Mul, Rational, Symbol, diff, together
 
 from softdyn.derive.law import is_rigid, law_hash, parameters_of, range_text, ranges_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
@@ -20,6 +20,7 @@ from softdyn.derive.specialise import (
     OUTPUTS,
     RULES,
     SLOPES,
+    Deflection,
     Equations,
     F_ela,
     Needs,
@@ -102,6 +103,8 @@ class KernelIR:
         errors within the step, of ln h at a given time and of the time at a given gap.
     slope_names : tuple of str
         The Jacobian's entries in the code.
+    rising : bool
+        Whether F_ela is known to rise with delta at any gap and deflection.
     terms : tuple of str
         What Newton's iteration for delta uses of the gap alone.
     gap_terms, newton, gap_rate, slopes, quantities, force, given : Code
@@ -133,6 +136,7 @@ class KernelIR:
     components: int
     width: int
     slope_names: tuple[str, ...]
+    rising: bool
     terms: tuple[str, ...]
     gap_terms: Code
     newton: Code
@@ -170,7 +174,8 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     definitions = equations.definitions
     # rigid particles transmit any force, without a deflection
     rigid = is_rigid(law)
-    gap_terms, terms, newton = ([], (), []) if rigid else newton_step(definitions)
+    rising = rigid or rises(definitions, needs.deflection)
+    gap_terms, terms, newton = ([], (), []) if rigid else newton_step(definitions, rising)
     by_force = needs.control == "force"
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
     entries = (SLOPES[0], SLOPES[2]) if by_force else SLOPES
@@ -211,6 +216,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
         components=1 if by_force else 2,
         width=7 + PANEL_NODES if by_force and needs.drive == "constant" else 5 + (STAGES + 1) * (1 if by_force else 2),
         slope_names=tuple(symbol.name for symbol in entries),
+        rising=rising,
         terms=terms,
         gap_terms=code(gap_terms),
         newton=code(newton),
@@ -237,8 +243,17 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     )
 
 
+def rises(definitions: Mapping[Symbol, Expr], deflection: Deflection) -> bool:
+    """Whether F_ela is seen to rise with delta, from the signs of its terms: what rises otherwise is not known to."""
+    size = Dummy("delta", positive=True)
+    slope = definitions[dF_ddelta]
+    radius = Dummy("a", positive=True)
+    sides = {"compression": (1,), "tension": (-1,), "either": (1, -1)}[deflection]
+    return all(slope.subs(a, radius).subs(delta, side * size).is_positive for side in sides)
+
+
 def newton_step(
-    definitions: Mapping[Symbol, Expr],
+    definitions: Mapping[Symbol, Expr], rising: bool
 ) -> tuple[list[Assignment], tuple[str, ...], list[Assignment]]:
     """Code of a step of Newton's iteration for delta at a given gap, (F_ela - F)/(dF_ela/d(delta)).
 
@@ -251,21 +266,28 @@ def newton_step(
     terms : tuple of str
         The names of these terms.
     step : list of Assignment
-        Of ``newton``, in the terms, delta, F and the parameters.
+        Of ``newton``, in the terms, delta, F and the parameters; and of ``dF_ddelta``, unless F_ela is known to rise.
     """
     # a keeps its name; what else there is follows from it
     named = {symbol: expr for symbol, expr in definitions.items() if symbol == a}
-    quotient = (definitions[F_ela] - F) / definitions[dF_ddelta]
-    found = [_by_gap_first({**named, NEWTON: form}) for form in (quotient, together(quotient))]
+    slope = definitions[dF_ddelta]
+    if not rising:
+        quotient = (definitions[F_ela] - F) / dF_ddelta
+        return _by_gap_first({**named, dF_ddelta: slope, NEWTON: quotient}, (NEWTON, dF_ddelta))
+    quotient = (definitions[F_ela] - F) / slope
+    found = [_by_gap_first({**named, NEWTON: form}, (NEWTON,)) for form in (quotient, together(quotient))]
     return min(found, key=lambda parts: _cost(parts[2]))
 
 
 def _by_gap_first(
-    definitions: Mapping[Symbol, Expr],
+    definitions: Mapping[Symbol, Expr], wanted: tuple[Symbol, ...]
 ) -> tuple[list[Assignment], tuple[str, ...], list[Assignment]]:
     """Split what leads to a step of Newton's iteration into what depends on the gap alone, and the rest."""
     hoisted: dict[Expr, Symbol] = {}
-    moving = {delta, F, *(symbol for symbol, expr in definitions.items() if expr.has(delta))}
+    moving = {delta, F}
+    for symbol, expr in definitions.items():
+        if expr.free_symbols & moving:
+            moving.add(symbol)
 
     def term(expr: Expr) -> Expr:
         """Stand-in for an expression without delta, if it is more than a name and depends on the gap."""
@@ -287,7 +309,7 @@ def _by_gap_first(
     rest = {symbol: visit(expr) for symbol, expr in definitions.items()}
     terms = {symbol: expr for expr, symbol in hoisted.items()}
     names = tuple(symbol.name for symbol in terms)
-    return straight_line(terms, {**definitions, **terms}), names, straight_line([NEWTON], rest)
+    return straight_line(terms, {**definitions, **terms}), names, straight_line(wanted, rest)
 
 
 def _cost(lines: list[Assignment]) -> int:

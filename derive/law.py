@@ -47,6 +47,40 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
+class Tangential:
+    """What a contact does to tangential motion: sliding friction in series with tangential elasticity, and rolling.
+
+    All are functions of a and h, and but for k_t of ``size_ratio``. With D = (R1 - R2)/(R1 + R2), surfaces that slide
+    at the velocity u and roll at w = (omega1 - omega2) x n exert the force sliding u + D coupling w and the moment
+    D coupling u + rolling w: see :mod:`softdyn.derive.tangential`.
+
+    Parameters
+    ----------
+    sliding : Expr
+        Friction coefficient of sliding, force/velocity.
+    k_t : Expr
+        Tangential stiffness of the contact, force/length: of both surfaces together.
+    coupling, rolling : Expr or int
+        Friction coefficients of the coupling, force, and of rolling, force times length, each per velocity.
+    """
+
+    sliding: Expr
+    k_t: Expr
+    coupling: Expr = S.Zero
+    rolling: Expr = S.Zero
+
+    def __post_init__(self) -> None:
+        for name, value in tangential_expressions(self).items():
+            if isinstance(value, int):
+                object.__setattr__(self, name, Integer(value))
+
+
+def tangential_expressions(tangential: Tangential) -> dict[str, Expr]:
+    """Return the declared expressions, by name."""
+    return {name: getattr(tangential, name) for name in ("sliding", "coupling", "rolling", "k_t")}
+
+
+@dataclass(frozen=True, eq=False)
 class ContactLaw:
     """A contact law: four sympy expressions in the symbols of :mod:`softdyn.derive.symbols`.
 
@@ -62,6 +96,8 @@ class ContactLaw:
         Normal friction coefficient, a function of a and h. 0 declares a dry contact: h = 0.
     F_adh : Expr or int
         Remote force, a function of a and h; > 0 is repulsive.
+    tangential : Tangential, optional
+        What tangential motion meets, in scenes of many particles that ask for it.
     parameters : mapping from Symbol to Dimension
         The law's own parameters, besides R, E and eta, which any law may use.
     ranges : mapping from Symbol to (low, high), or to Interval
@@ -89,6 +125,7 @@ class ContactLaw:
     F_ela: Expr
     zeta: Expr
     F_adh: Expr = S.Zero
+    tangential: Tangential | None = None
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
     ranges: Mapping[Symbol, Interval | tuple[Expr | int, Expr | int]] = field(default_factory=dict)
     typical: Mapping[Symbol, Expr | int] = field(default_factory=dict)
@@ -144,9 +181,11 @@ def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
     }
 
 
-def parameters_of(law: ContactLaw) -> tuple[Symbol, ...]:
+def parameters_of(law: ContactLaw, tangential: bool = False) -> tuple[Symbol, ...]:
     """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
     used = {R}.union(*(expr.free_symbols for expr in expressions(law).values()))
+    if tangential and law.tangential is not None:
+        used = used.union(*(expr.free_symbols for expr in tangential_expressions(law.tangential).values()))
     common = [symbol for symbol in COMMON_PARAMETERS if symbol in used]
     own = sorted((symbol for symbol in used if symbol in law.parameters), key=lambda symbol: symbol.name)
     return (*common, *own)
@@ -188,4 +227,12 @@ def law_hash(law: ContactLaw) -> str:
     ranges = ranges_of(law)
     own = [f"{srepr(symbol)}: {law.parameters[symbol]} {ranges.get(symbol)}" for symbol in law.parameters]
     text = "\n".join([law.name, law.source, *(srepr(expr) for expr in expressions(law).values()), *own])
+    return sha256(text.encode()).hexdigest()[:16]
+
+
+def tangential_hash(law: ContactLaw) -> str:
+    """Fingerprint of what kernels with tangential motion depend on besides; empty if the law has none."""
+    if law.tangential is None:
+        return ""
+    text = "\n".join(srepr(expr) for expr in tangential_expressions(law.tangential).values())
     return sha256(text.encode()).hexdigest()[:16]

@@ -42,6 +42,7 @@ from softdyn.derive.asymptotics import (
     scale_of,
 )
 from softdyn.derive.balance import contact_series, definitions, series_of, settle, size
+from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, facets, orthants
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.law import is_rigid, sample_values
@@ -115,12 +116,6 @@ class Piece:
     chain: tuple[tuple[Expr, Expr], ...] = ()
     rate: tuple[Expr, ...] = ()
     certificate: tuple[tuple[float, float], ...] = ()
-
-
-def chains(limit: Limit) -> tuple[tuple[Expr, ...], ...]:
-    """Return the orderings of a limit, one or several, each from the smallest to the largest."""
-    order = limit.order
-    return tuple(order) if order and isinstance(order[0], tuple) else (order,)
 
 
 def inequalities(limit: Limit) -> list[tuple[Expr, Expr]]:
@@ -287,7 +282,7 @@ def _judge(
     tends, slowly = _without_logarithms(ratio, scale)
     if tends is None:
         return Piece("undecided", None, f"found/claimed = {ratio}: how its logarithms compare depends on the scaling")
-    chain = tuple(_chain(law, series, name, directions, cone, side))
+    chain = tuple(_chain(law, series, directions, cone, side))
     rate, corrections = _rate(found, claim, quantity)
     if slowly:
         rate = (_simplified(ratio / tends - 1),)
@@ -388,7 +383,6 @@ def _rate(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ...]
 def _chain(
     law: ContactLaw,
     series: Mapping[str, Series | UndecidedError],
-    name: str,
     directions: Mapping[Symbol, Normal],
     cone: Cone,
     side: int,

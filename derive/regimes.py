@@ -23,7 +23,6 @@ from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, log, powsimp, simpli
 from softdyn.derive.asymptotics import (
     KEPT,
     MOST_OPERATIONS,
-    Order,
     OutOfTimeError,
     Scale,
     Series,
@@ -33,6 +32,7 @@ from softdyn.derive.asymptotics import (
     is_zero,
     leading,
     minimal,
+    minus,
     multiplied,
     raised,
     scale_of,
@@ -481,17 +481,13 @@ def _stretch(balance: Series, power: Expr, scale: Scale) -> Series:
 def _at_given_force(quantity: Series, stretch: Series, scale: Scale, power: Expr = S.Zero) -> Series:
     """Series of quantity/leading form * stretch**power, where delta becomes delta * stretch."""
     dominant, coefficient = leading(quantity)
-    parts = [Series({}, frozenset(_less(r, dominant) for r in quantity.remainder))]
+    parts = [Series({}, frozenset(minus(r, dominant) for r in quantity.remainder))]
     for order, term in quantity.terms.items():
-        relative = Series({_less(order, dominant): term / coefficient})
+        relative = Series({minus(order, dominant): term / coefficient})
         steepness = _steepness(term) + power
         stretched = raised(stretch, steepness, "delta", scale) if steepness != 0 else Series({zero(scale): S.One})
         parts.append(multiplied(relative, stretched, scale.kept))
     return added(parts)
-
-
-def _less(order: Order, dominant: Order) -> Order:
-    return tuple(x - y for x, y in zip(order, dominant, strict=True))
 
 
 def _decided(series: Series | UndecidedError) -> Series:

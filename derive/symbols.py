@@ -12,6 +12,9 @@ a         radius of the interacting region                       length
 F         force transmitted by the contact, > 0 pushes apart     force
 kappa     F/(E R^2)                                              none
 ========= ====================================================== ===========
+
+Tangential motion has one more, ``size_ratio`` = R1 R2/(R1 + R2)^2 of a pair: 1/4 of equal spheres, 0 of a sphere and a
+plane.
 """
 
 from sympy import Expr, Symbol
@@ -26,6 +29,7 @@ delta = Symbol("delta", real=True)
 a = Symbol("a", positive=True)
 F = Symbol("F", real=True)
 kappa: Expr = F / (E * R**2)
+size_ratio = Symbol("size_ratio", nonnegative=True)
 
 #: Symbols that any law may use without declaring them, with their dimensions.
 DIMENSIONS: dict[Symbol, Dimension] = {

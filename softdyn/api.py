@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from softdyn.batch import Batch, simulate_batch
 from softdyn.errors import SceneError
+from softdyn.laws import law_of
 from softdyn.pair import simulate_pair
 from softdyn.results import PairResult, load_result
 from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
@@ -39,7 +40,7 @@ __all__ = [
 
 def simulate(
     scene: Scene | str | Path | None = None, *, progress: Callable[[Any, Any], None] | None = None, **keywords: Any
-) -> PairResult | Batch:
+) -> Any:
     """Simulate a scene, or many at once.
 
     Parameters
@@ -54,8 +55,7 @@ def simulate(
 
     Returns
     -------
-    PairResult
-        Or, of many runs, a :class:`softdyn.Batch`.
+    PairResult, or Batch of many runs
 
     Raises
     ------
@@ -155,7 +155,7 @@ def check(law: ContactLaw | str | Path) -> list[Finding]:
     """
     from softdyn.derive.limits import check_limits
 
-    return check_limits(_law(law))
+    return check_limits(law_of(law))
 
 
 def regimes(law: ContactLaw | str | Path) -> Diagram:
@@ -182,7 +182,7 @@ def regimes(law: ContactLaw | str | Path) -> Diagram:
     """
     from softdyn.derive.regimes import discover
 
-    return discover(_law(law))
+    return discover(law_of(law))
 
 
 def films(law: ContactLaw | str | Path) -> Films | None:
@@ -218,10 +218,4 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     """
     from softdyn.report import write_report as write
 
-    write(_law(law), Path(path))
-
-
-def _law(law: ContactLaw | str | Path) -> ContactLaw:
-    from softdyn.laws import find, load
-
-    return load(find(law))[0]
+    write(law_of(law), Path(path))

@@ -93,7 +93,7 @@ def bench(
     report = {
         "made": time.strftime("%Y-%m-%d"),
         "command": "softdyn bench",
-        "machine": f"{platform.machine()}, {_processor()}",
+        "machine": f"{platform.machine()}, {processor()}",
         "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **_versions()},
         "missing": missing,
         "cases": {case.name: case.about for case in cases()},
@@ -110,7 +110,7 @@ def bench(
     return report
 
 
-def _processor() -> str:
+def processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))

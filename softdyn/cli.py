@@ -16,6 +16,7 @@ from typing import Any
 
 import softdyn
 from softdyn.errors import SceneError, SoftdynError
+from softdyn.laws import law_of
 
 EXAMPLES = """
 LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Python, and is run.
@@ -33,9 +34,10 @@ examples:
   softdyn plot result.npz                    draw the result
   softdyn convert result.npz -o result.gsd   many particles, to be opened in OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
+  softdyn stress                             the pair engine where it is hard: right, refused, or wrong
 
-exit status: 0 done; 1 a limit is not proved, or a generated file would change; 2 wrong input, or a run that cannot be
-carried to its end, with the reason on stderr
+exit status: 0 done; 1 a limit is not proved, a generated file would change, or something is wrong under stress; 2 wrong
+input, or a run that cannot be carried to its end, with the reason on stderr
 """
 
 #: Endings of pictures.
@@ -201,6 +203,18 @@ def _parser() -> argparse.ArgumentParser:
         help="of the report on pairs; default: %(default)s",
     )
 
+    stress = add(
+        "stress", _stress, "run the pair engine where it is hard, and tell where it is right, and where it refuses"
+    )
+    stress.add_argument(
+        "-o",
+        dest="folder",
+        metavar="DIR",
+        type=Path,
+        default=Path("softdyn-results/stress"),
+        help="default: %(default)s",
+    )
+
     reproduce = add(
         "reproduce", _reproduce, "draw the papers' figures from runs: 3 and 4 of part 1; the duration of T1 processes"
     )
@@ -224,14 +238,8 @@ def _laws(options: argparse.Namespace) -> int:
     return 0
 
 
-def _law(text: str) -> Any:
-    from softdyn.laws import find, load
-
-    return load(find(text))[0]
-
-
 def _derive(options: argparse.Namespace) -> int:
-    law = _law(options.law)
+    law = law_of(options.law)
     from softdyn.derive.typeset import FORMATS
 
     print(FORMATS[options.format](law), end="")
@@ -240,7 +248,7 @@ def _derive(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
-        law = _law(options.law)
+        law = law_of(options.law)
         from softdyn.derive.limits import check_limits
         from softdyn.tables import limits_data, limits_text
 
@@ -261,7 +269,7 @@ def _regimes(options: argparse.Namespace) -> int:
     if options.plot is not None and options.plot.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
     with _patience(f"the regimes of {options.law}"):
-        law = _law(options.law)
+        law = law_of(options.law)
         from softdyn.derive.films import find_films
         from softdyn.derive.regimes import discover
         from softdyn.tables import regimes_data, regimes_text
@@ -291,7 +299,7 @@ def _regimes(options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace) -> int:
     with _patience(f"the report on {options.law}", 10 * PATIENCE):
-        law = _law(options.law)
+        law = law_of(options.law)
         from softdyn.report import write_report
 
         path: Path = options.output or Path(f"{law.name}.html")
@@ -301,7 +309,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    laws = [_law(text) for text in (options.law, options.other)]
+    laws = [law_of(text) for text in (options.law, options.other)]
     from softdyn.compare import comparison_text
 
     print(comparison_text(*laws), end="")
@@ -560,6 +568,12 @@ def _bench(options: argparse.Namespace) -> int:
 
         return bench_particles()
     from softdyn.bench import main
+
+    return main(options.folder)
+
+
+def _stress(options: argparse.Namespace) -> int:
+    from softdyn.stress import main
 
     return main(options.folder)
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair import deflection, evaluate
+from softdyn.laws import law_of
 from softdyn.quadrature import times_at_gaps
+from softdyn.states import deflection, evaluate
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
@@ -119,13 +120,11 @@ def compare(first: Any, second: Any, gaps: Sequence[float] = GAPS, kappas: Seque
         SceneError if the gaps or the forces are none of the kind, if a law lacks friction or deflection, or if a
         parameter of one name means different things in the two laws.
     """
-    from softdyn.laws import find, load
-
     if len(gaps) < 2 or not all(0 < low < high for high, low in itertools.pairwise(gaps)):
         raise SceneError(f"compare: gaps must be two or more, positive and falling, not {list(gaps)}")
     if not kappas or not all(kappa > 0 for kappa in kappas):
         raise SceneError(f"compare: kappas must be positive, not {list(kappas)}")
-    laws = [load(find(law))[0] for law in (first, second)]
+    laws = [law_of(law) for law in (first, second)]
     parameters = _parameters(laws)
     tables = [_table(law, parameters, gaps, kappas) for law in laws]
     values: dict[str, Any] = {
@@ -150,24 +149,24 @@ def comparison_text(first: Any, second: Any) -> str:
 
 
 def _parameters(laws: Sequence[ContactLaw]) -> dict[str, float]:
-    """Values of all parameters of the laws; those that several laws have are the same."""
-    from softdyn.derive.balance import is_dry, is_rigid
-    from softdyn.derive.law import sample_values
+    """Typical values of all parameters of the laws; those that several laws have are the same."""
+    from softdyn.derive.law import is_dry, is_rigid
     from softdyn.derive.symbols import COMMON_PARAMETERS
+    from softdyn.plane import parameter_values
 
     found: dict[str, float] = {symbol.name: 1.0 for symbol in COMMON_PARAMETERS}
     dimensions: dict[str, Any] = {}
     for law in laws:
         if is_dry(law) or is_rigid(law):
             raise SceneError(f"compare: {law.name} has no {'friction' if is_dry(law) else 'deflection'} to compare")
-        values = sample_values(law)
         for symbol, dimension in law.parameters.items():
             if dimensions.setdefault(symbol.name, dimension) != dimension:
                 raise SceneError(
                     f"compare: the parameter {symbol.name} is a {dimensions[symbol.name]} in {laws[0].name}, and a "
                     f"{dimension} in {law.name}; rename one of them"
                 )
-            found.setdefault(symbol.name, float(values[symbol]))
+        for symbol, value in parameter_values(law).items():
+            found.setdefault(symbol.name, value)
     return found
 
 
@@ -245,10 +244,10 @@ def _holds(law: ContactLaw, regime: Regime, gaps: Array, forces: Array) -> NDArr
     from sympy import lambdify
 
     from softdyn.derive.forms import force
-    from softdyn.derive.law import sample_values
+    from softdyn.derive.law import typical_values
     from softdyn.derive.symbols import COMMON_PARAMETERS, h
 
-    units = {**dict.fromkeys(COMMON_PARAMETERS, 1), **sample_values(law)}
+    units = {**dict.fromkeys(COMMON_PARAMETERS, 1), **typical_values(law)}
     ratios = [condition.ratio for condition in regime.conditions]
     if "delta" in regime.forms:
         ratios.append(regime.delta)

@@ -18,10 +18,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import Expr, diff, oo
+from sympy import Expr, diff
 
 from softdyn.derive.forms import force
-from softdyn.derive.law import parameters_of
+from softdyn.derive.law import is_dry, is_rigid, parameters_of
 from softdyn.derive.regimes import SIGN, Diagram, Regime, Side
 from softdyn.derive.symbols import h
 from softdyn.errors import IntegrationError, SceneError
@@ -157,9 +157,9 @@ def measure(diagram: Diagram, target: str = "auto") -> Measurement:
     CompileError
     """
     law = diagram.law
-    if law.F_ela == oo or law.zeta == 0:
+    if is_rigid(law) or is_dry(law):
         raise SceneError(
-            f"law {law.name!r} is one-sided, without a {'deflection' if law.F_ela == oo else 'gap'}: "
+            f"law {law.name!r} is one-sided, without a {'deflection' if is_rigid(law) else 'gap'}: "
             "the pair engine cannot run it; measure the law that it is a limit of"
         )
     shown = plane_of(diagram)

@@ -7,7 +7,6 @@ from the equality of two leading forms.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +31,7 @@ from softdyn.derive.law import expressions
 from softdyn.derive.regimes import Crossover, Diagram, Regime
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
+from softdyn.formulas import displayed
 from softdyn.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 from softdyn.results import written_whole
 
@@ -487,19 +487,7 @@ def figure4(law: ContactLaw) -> Figure:
 
 def formula(name: str, expr: Expr) -> str:
     """Mathtext of "name = expression", in the form that is easiest to read."""
-    return f"{name} = {large_fractions(product_text(expr))}"
-
-
-def large_fractions(text: str) -> str:
-    """Set the fractions of a mathtext in full size, but for those in exponents."""
-    pieces, exponents = [], [False]
-    for piece in re.split(r"(\^?\{|\}|\\frac)", text):
-        if piece.endswith("{"):
-            exponents.append(exponents[-1] or piece == "^{")
-        elif piece == "}":
-            exponents.pop()
-        pieces.append(r"\dfrac" if piece == r"\frac" and not exponents[-1] else piece)
-    return "".join(pieces)
+    return f"{name} = {displayed(product_text(expr))}"
 
 
 def box(

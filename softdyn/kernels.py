@@ -171,9 +171,9 @@ def manifest_of(
 ) -> dict[str, Any]:
     """Return the source of a kernel of a kind, and what must be known to call it: from the cache, or from ``make``."""
     if reference.law is not None:
-        from softdyn.derive.law import law_hash
+        from softdyn.derive.law import law_hash, tangential_hash
 
-        identity = ["object", law_hash(reference.law)]
+        identity = ["object", law_hash(reference.law), tangential_hash(reference.law)]
     elif reference.path is not None:
         identity = ["file", str(reference.path), reference.name]
     else:
@@ -214,7 +214,6 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],
-        "operations": ir.operations,
         "source": emit(ir, target),
         "suffix": suffix(target),
         "depends": depends,

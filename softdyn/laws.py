@@ -137,6 +137,17 @@ def load(reference: LawReference) -> tuple[ContactLaw, dict[str, str]]:
     return next(iter(laws.values())), depends
 
 
+def law_of(law: ContactLaw | str | Path) -> ContactLaw:
+    """Law that the user wrote the name of, or handed over.
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is no such law, or if it is faulty.
+    """
+    return load(find(law))[0]
+
+
 def digest(path: Path | str) -> str:
     """SHA-256 of a file; empty if it cannot be read."""
     try:

@@ -42,6 +42,8 @@ IN_TIME = 12
 ALLOWED_ERROR = 10.0
 REPEATS = 2
 TIGHTEST = 1e-16
+#: Errors grow as the linearised equation has it while they are small.
+SMALL_ERROR = 0.1
 #: Stands for an estimate that overflows.
 LARGEST_ERROR = 1e300
 
@@ -452,11 +454,11 @@ def _ill_conditioned(scene: Scene, stats: dict[str, Any]) -> tuple[str, ...]:
     error = stats.get("error", 0.0)
     if error <= ALLOWED_ERROR * scene.rtol:
         return ()
-    known = f"the gap at a given time is known to {error:.1e} only, relative, and rtol is {scene.rtol:g}"
-    if scene.times is None:
-        known = f"the outputs are known to {error:.1e} only, in t and in h, relative, and rtol is {scene.rtol:g}"
+    what = "the gap at a given time is" if scene.times is not None else "the outputs, t and h, are"
+    # estimates are of small errors: beyond them they tell no more than that
+    known = f"known to {error:.1e} only, relative, and rtol is {scene.rtol:g}" if error < SMALL_ERROR else "not known"
     aside = "; the times of given gaps may be better conditioned ([output] gaps)" if scene.times is not None else ""
-    return (f"{known}: on the way errors, of rounding if no other, grow by as much{aside}",)
+    return (f"{what} {known}: on the way errors, of rounding if no other, grow by as much{aside}",)
 
 
 def model_warnings(kernel: Kernel, p: Array, largest: float, delta: Array) -> tuple[str, ...]:

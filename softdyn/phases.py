@@ -17,18 +17,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
-from sympy import Expr, S, diff, latex, oo, powsimp, simplify
+from sympy import Expr, S, diff, latex, powsimp, simplify
 
 from softdyn.derive.dimensions import DIMENSIONLESS
+from softdyn.derive.films import branches
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.regimes import Crossover, Diagram, Regime, Side
+from softdyn.derive.law import is_dry, is_rigid
+from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
 from softdyn.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
 from softdyn.plane import (
     Plane,
     boundaries,
-    films,
     holds,
     largest_forces,
     logarithm,
@@ -84,20 +85,13 @@ def draw(diagram: Diagram, measured: Measurement | None = None) -> Figure:
     """
     sides, plane = sides_of(diagram), plane_of(diagram)
     with paper_style():
-        title = caption(diagram)
-        head = HEAD + LINE * title.count("\n")
-        height = head + 6.4 * len(sides)
-        figure = Figure(figsize=(14, height))
-        FigureCanvasAgg(figure)
-        grids = figure.add_gridspec(
-            len(sides), 1, left=0.05, right=0.985, top=1 - head / height, bottom=0.5 / height, hspace=0.2
-        )
+        figure, margins = _captioned(diagram, 14, 6.4 * len(sides), left=0.05)
+        grids = figure.add_gridspec(len(sides), 1, **margins, right=0.985, hspace=0.2)
         for i, side in enumerate(sides):
             grid = grids[i].subgridspec(2, 3, width_ratios=(1.5, 1, 1), wspace=0.24, hspace=0.3)
             draw_map(figure.add_subplot(grid[:, 0]), diagram, plane, side, len(sides) == 1)
             panels = [figure.add_subplot(grid[k // 2, 1 + k % 2]) for k in range(4)]
             draw_curves(panels, diagram, plane, side, measured)
-        figure.suptitle(title, x=0.05, y=1 - 0.15 / height, ha="left", va="top", fontsize=10)
         force_key(figure, diagram, plane)
     return figure
 
@@ -111,23 +105,16 @@ def phase_diagram(diagram: Diagram) -> Figure:
         If the law gives no typical value of one of its own parameters.
     """
     sides, plane = sides_of(diagram), plane_of(diagram)
+    width = 0.9 + 6.1 * len(sides)
     with paper_style():
-        title = caption(diagram)
-        head = HEAD + LINE * title.count("\n")
-        width, height = 0.9 + 6.1 * len(sides), head + 5.8
-        figure = Figure(figsize=(width, height))
-        FigureCanvasAgg(figure)
-        grid = figure.add_gridspec(
-            1, len(sides), left=0.7 / width, right=1 - 0.2 / width, top=1 - head / height, bottom=0.5 / height,
-            wspace=0.15,
-        )  # fmt: skip
+        figure, margins = _captioned(diagram, width, 5.8, left=0.7 / width)
+        grid = figure.add_gridspec(1, len(sides), **margins, right=1 - 0.2 / width, wspace=0.15)
         for i, side in enumerate(sides):
             draw_map(figure.add_subplot(grid[i]), diagram, plane, side, len(sides) == 1)
-        figure.suptitle(title, x=0.7 / width, y=1 - 0.15 / height, ha="left", va="top", fontsize=10)
     return figure
 
 
-def exponent_plots(diagram: Diagram, measured: Measurement | None = None) -> Figure:
+def exponent_plots(diagram: Diagram) -> Figure:
     """Draw deflection, gap rate and their local exponents against the gap, at several forces.
 
     Raises
@@ -137,21 +124,25 @@ def exponent_plots(diagram: Diagram, measured: Measurement | None = None) -> Fig
     """
     sides, plane = sides_of(diagram), plane_of(diagram)
     with paper_style():
-        title = caption(diagram)
-        head = HEAD + LINE * title.count("\n")
-        height = head + 6.4 * len(sides)
-        figure = Figure(figsize=(11, height))
-        FigureCanvasAgg(figure)
-        grids = figure.add_gridspec(
-            len(sides), 1, left=0.065, right=0.985, top=1 - head / height, bottom=0.5 / height, hspace=0.2
-        )
+        figure, margins = _captioned(diagram, 11, 6.4 * len(sides), left=0.065)
+        grids = figure.add_gridspec(len(sides), 1, **margins, right=0.985, hspace=0.2)
         for i, side in enumerate(sides):
             grid = grids[i].subgridspec(2, 2, wspace=0.18, hspace=0.28)
             panels = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(4)]
-            draw_curves(panels, diagram, plane, side, measured)
-        figure.suptitle(title, x=0.065, y=1 - 0.15 / height, ha="left", va="top", fontsize=10)
+            draw_curves(panels, diagram, plane, side, None)
         force_key(figure, diagram, plane)
     return figure
+
+
+def _captioned(diagram: Diagram, width: float, below: float, left: float) -> tuple[Figure, dict[str, float]]:
+    """Figure with its caption, and the margins of what comes below it; in inches, but for the left one."""
+    title = caption(diagram)
+    head = HEAD + LINE * title.count("\n")
+    height = head + below
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=left, y=1 - 0.15 / height, ha="left", va="top", fontsize=10)
+    return figure, {"left": left, "top": 1 - head / height, "bottom": 0.5 / height}
 
 
 def caption(diagram: Diagram) -> str:
@@ -233,7 +224,7 @@ def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool
             axes.plot(*map(float, at), "o", color=INK, ms=4.5, zorder=4)
     longest_film = draw_films(axes, diagram, plane, side)
     labels = Labels(axes)
-    _name_regions(labels, shown, [regime for regime in regimes if not regime.inside], plane)
+    _name_regions(labels, shown, plane)
     _label_outside(labels, regimes, plane)
     if longest_film:
         labels.along(*longest_film, r"$h_\mathrm{eq}(F)$", FILM, 1.4)
@@ -281,11 +272,18 @@ def _inline(expr: Expr) -> str:
 
 def draw_films(axes: Axes, diagram: Diagram, plane: Plane, side: Side) -> tuple[Array, Array] | None:
     """Films of one side, stable ones solid and unstable ones dashed; returns the longest piece."""
-    pieces = list(films(diagram.law, plane, side))
-    for X, Y, stable in pieces:
-        axes.plot(X, Y, color=FILM, lw=2.2, ls="-" if stable else (0, (3, 1.5)), zorder=3)
-    longest = max(pieces, key=lambda piece: float(np.hypot(np.ptp(piece[0]), np.ptp(piece[1]))), default=None)
-    return None if longest is None else longest[:2]
+    pieces = []
+    for branch in branches(diagram.law):
+        if branch.force[0] * SIGN[side] > 0:
+            X, Y = np.log10(branch.h), np.log10(np.abs(branch.force) / plane.unit)
+            axes.plot(X, Y, color=FILM, lw=2.2, ls="-" if branch.stable else (0, (3, 1.5)), zorder=3)
+            inside = (plane.xlim[0] < X) & (plane.xlim[1] > X) & (plane.ylim[0] < Y) & (plane.ylim[1] > Y)
+            pieces.append((X[inside], Y[inside]))
+    return max(
+        (piece for piece in pieces if len(piece[0]) > 1),
+        key=lambda piece: float(np.hypot(np.ptp(piece[0]), np.ptp(piece[1]))),
+        default=None,
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------- labels
@@ -383,7 +381,7 @@ def contains(polygon: Array, points: Array) -> bool:
     return bool(np.all(turns >= -1e-6) or np.all(turns <= 1e-6))
 
 
-def _name_regions(labels: Labels, shown: dict[str, list[Array]], outside: Sequence[Regime], plane: Plane) -> None:
+def _name_regions(labels: Labels, shown: dict[str, list[Array]], plane: Plane) -> None:
     """Write the name of each regime into its region; beside it, with a line, where it is too small."""
     axes = labels.axes
     for name, polygons in sorted(shown.items(), key=lambda item: sum(map(_area, item[1]))):
@@ -485,9 +483,9 @@ def draw_curves(
 
 
 def _one_sided(law: ContactLaw) -> str:
-    if law.F_ela == oo:
+    if is_rigid(law):
         return "the law is rigid"
-    return "the law has no gap" if law.zeta == 0 else "the model holds nowhere here"
+    return "the law has no gap" if is_dry(law) else "the model holds nowhere here"
 
 
 def force_key(figure: Figure, diagram: Diagram, plane: Plane) -> None:

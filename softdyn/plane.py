@@ -15,14 +15,13 @@ from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from contourpy import contour_generator
 from numpy.typing import NDArray
-from sympy import Expr, S, Symbol, diff, lambdify, oo
+from sympy import Expr, S, Symbol, diff, lambdify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.cones import cut, dot, primitive
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
-from softdyn.derive.law import typical_values, without_typical
+from softdyn.derive.law import is_rigid, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
 from softdyn.errors import SceneError
@@ -43,8 +42,6 @@ LEAST = (-4.0, 2.0)
 MOST_DECADES = 14.0
 #: Forces that curves are drawn for, about.
 MOST_CURVES = 7
-#: Points along each side of the window between which films are looked for.
-FILM_GRID = 240
 
 
 @dataclass(frozen=True)
@@ -465,7 +462,7 @@ def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str,
     """
     equations, sign = _equations(law), SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
-    rigid = law.F_ela == oo
+    rigid = is_rigid(law)
     found = deflections(law, side, gaps, forces)
     deflection = sign * found * (not rigid)
     with np.errstate(all="ignore"):
@@ -480,30 +477,3 @@ def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str,
         found, lambda1 = np.zeros(gaps.shape), np.nan
     solved = np.isfinite(found)
     return {"delta": found, **{name: np.where(solved, value, np.nan) for name, value in named.items()}}
-
-
-def films(law: ContactLaw, plane: Plane, side: Side) -> Iterator[tuple[Array, Array, bool]]:
-    """Equilibrium films, F_adh = F, in the window: log10(h/R), log10(kappa), and whether the gap returns to them.
-
-    They are contours of log10(F/F_adh) over the plane, so that they may turn back in h and in F.
-    """
-    if law.F_adh == 0:
-        return
-    X, Y = np.linspace(*plane.xlim, FILM_GRID), np.linspace(*plane.ylim, FILM_GRID)
-
-    def excess(X: Array, Y: Array) -> Array:
-        forces = plane.unit * 10.0**Y
-        remote = SIGN[side] * states(law, side, 10.0**X, forces)["F_adh"]
-        with np.errstate(all="ignore"):
-            # far from a film, how far does not matter
-            return np.where(np.isnan(remote), np.nan, np.log10(np.clip(forces / np.maximum(remote, 1e-300), 1e-3, 1e3)))
-
-    Z = np.ma.masked_invalid(excess(X[None], Y[:, None]))
-    for line in contour_generator(X, Y, Z).lines(0.0):
-        x_line, y_line = np.asarray(line).T
-        # the gap closes where F > F_adh, and in tension where F is the smaller in size: at larger gaps, if it is stable
-        step = 0.5 * (X[1] - X[0])
-        stable = (excess(x_line + step, y_line) > excess(x_line - step, y_line)) == (side == "compression")
-        for start, end in pairwise([0, *(np.flatnonzero(np.diff(stable)) + 1), len(x_line)]):
-            part = slice(max(0, start - 1), end)
-            yield x_line[part], y_line[part], bool(stable[start])

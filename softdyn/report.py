@@ -1,7 +1,7 @@
 """All that is known of a law, as one web page to hand to a colleague.
 
 The page holds everything itself: formulas and figures are drawings within it, and it needs neither a network nor a
-script. The same law and versions give the same bytes.
+script. The same law and versions give the same bytes, unless something is given up for the time that it takes.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from markupsafe import Markup
 from sympy import Eq, Expr, S, Symbol, sstr
 
 import softdyn
+from softdyn.derive.checks import chains
 from softdyn.derive.dynamics import generic_dynamics, law_quantities, partials
 from softdyn.derive.emit import emit
 from softdyn.derive.films import Film, Films, find_films
@@ -37,10 +38,10 @@ from softdyn.derive.law import (
     range_text,
     ranges_of,
 )
-from softdyn.derive.limits import Finding, chains, check_limits, ordering, side_of
+from softdyn.derive.limits import Finding, check_limits, ordering, side_of
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
-from softdyn.derive.specialise import OUTPUTS, Needs
+from softdyn.derive.specialise import Needs
 from softdyn.derive.symbols import E, F, R, eta
 from softdyn.derive.typeset import (
     RATES,
@@ -54,6 +55,7 @@ from softdyn.derive.typeset import (
 from softdyn.errors import SoftdynError
 from softdyn.formulas import definitions, formula, widest
 from softdyn.results import written_whole
+from softdyn.stock import kinds
 from softdyn.tables import same_size, twin
 
 if TYPE_CHECKING:
@@ -95,8 +97,8 @@ LINE = 46.0
 
 #: Kinds of scenes, and what they need of a kernel; those of ``generated/`` first.
 SCENES: dict[str, Needs] = {
-    "approach: constant force, compression": Needs(deflection="compression", outputs=("a", "X", "dh_dt")),
-    "general: any force, as a table; every output": Needs(drive="table", outputs=OUTPUTS),
+    "approach: constant force, compression": kinds()["approach"],
+    "general: any force, as a table; every output": kinds()["general"],
     "any force, as a table; X alone": Needs(drive="table", outputs=("X",)),
     "force as a table, compression": Needs(drive="table", deflection="compression", outputs=("a", "X", "dh_dt")),
     "pull-off: constant force, tension": Needs(deflection="tension", outputs=("a", "X", "dh_dt")),

@@ -196,6 +196,8 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
     try:
         if path.suffix == ".npz":
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                if "about" not in stored.files:
+                    raise ValueError("it holds no run; the table of a sweep is for numpy.load")
                 about = json.loads(str(stored["about"]))
                 arrays = {name: stored[name] for name in stored.files if name != "about"}
             if about.get("kind") == "particles":

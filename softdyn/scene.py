@@ -166,6 +166,8 @@ def is_particle_scene(data: Mapping[str, Any]) -> bool:
 
 def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
     """Scene from the content of a scene file; paths in it are relative to ``folder``."""
+    if is_particle_scene(data):
+        raise SceneError("it is a scene of many particles, for softdyn run; here one of two is needed, with [pair]")
     faults = _unknown(data, TOP_LEVEL, "")
     for section, keys in KEYS.items():
         content = data.get(section, {})

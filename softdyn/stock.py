@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from softdyn.errors import SceneError
-from softdyn.laws import find, load, stock_laws
+from softdyn.laws import law_of, stock_laws
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def generated_files() -> dict[str, str]:
 
     files = {}
     for name in stock_laws():
-        law, _ = load(find(name))
+        law = law_of(name)
         files[f"{name}/derivation.txt"] = as_text(law)
         files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law, PATIENCE))
         diagram = discover(law, PATIENCE)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from softdyn.batch import Batch, as_arrays, is_plain, simulate_batch, varied_scene
 from softdyn.errors import SceneError
 from softdyn.kernels import tool_digest
-from softdyn.laws import find, load
+from softdyn.laws import law_of
 from softdyn.results import written_whole
 from softdyn.scene import LARGEST_COUNT, Scene, Table, named_numbers
 
@@ -180,7 +180,7 @@ def _identity(scene: Scene, values: Mapping[str, Array]) -> str:
     """Digest of what a sweep is, with its law, so that parts of one are not taken for those of another."""
     from softdyn.derive.law import law_hash
 
-    law = law_hash(load(find(scene.law))[0])
+    law = law_hash(law_of(scene.law))
     given = {name: array.tolist() for name, array in values.items()}
     content = [law, tool_digest(), {**vars(scene), "law": None}, given, PART, PLAIN_PART]
     return sha256(json.dumps(content, default=_as_data, sort_keys=True).encode()).hexdigest()

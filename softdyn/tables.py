@@ -14,10 +14,7 @@ from softdyn.derive.law import parameters_of
 from softdyn.derive.limits import Finding
 from softdyn.derive.regimes import Condition, Diagram, Form, Regime, Side
 from softdyn.derive.symbols import E, R, eta, h
-
-#: What a number of the form stands for; rates are written in V = F/(eta R).
-RATES = ("dh_dt", "dX_dt")
-
+from softdyn.derive.typeset import RATES
 
 # ------------------------------------------------------------------------------------------------------------- limits
 

@@ -39,12 +39,17 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+def forget() -> None:
+    c_target.compiler.cache_clear()
+    c_target._identity_of.cache_clear()
+
+
 @pytest.fixture
 def forget_compiler() -> Iterator[None]:
     """Let the compiler be looked for anew, before and after a test that changes it."""
-    c_target.compiler.cache_clear()
+    forget()
     yield
-    c_target.compiler.cache_clear()
+    forget()
 
 
 def write_law(folder: Path, factor: str = "1", imports: str = "", name: str = "mine") -> Path:
@@ -417,7 +422,7 @@ def other_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forget_compi
         path.write_text(f"#!/bin/sh\n{text.replace('REAL', ' '.join(real))}\n")
         path.chmod(0o755)
         monkeypatch.setenv("CC", str(path))
-        c_target.compiler.cache_clear()
+        forget()
 
     return use
 
@@ -562,7 +567,7 @@ def test_a_compiler_that_CC_names_wrongly_is_reported(
     empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", "no-such-compiler --flag")
-    c_target.compiler.cache_clear()
+    forget()
     with pytest.raises(CompileError, match="CC is no-such-compiler --flag"):
         build(write_law(tmp_path))
 

@@ -364,6 +364,7 @@ def test_help_shows_every_command_with_examples() -> None:
         "sweep",
         "plot",
         "bench",
+        "stress",
         "reproduce",
         "examples:",
         "exit status",

@@ -775,3 +775,10 @@ def test_laws_that_mean_different_things_by_one_name_are_refused() -> None:
     clash = ContactLaw("clash", a=other + Abs(delta), F_ela=E * a * delta, zeta=eta * a, parameters={other: LENGTH})
     with pytest.raises(SceneError, match="the parameter m is a dimensionless in cone, and a length in clash"):
         compare("cone", clash)
+
+
+def test_a_law_without_typical_values_is_compared_with_none() -> None:
+    """Values made up would be told as typical ones."""
+    bare = replace(LAWS["cone"], name="bare", typical={}, limits=())
+    with pytest.raises(SceneError, match="law 'bare' gives no typical value of m"):
+        compare("rognon_gay", bare)

@@ -347,6 +347,27 @@ def test_a_wall_does_not_move_along_with_all_particles() -> None:
     np.testing.assert_allclose(falling.contacts(-1)["F"], 0.1 + 6 * np.pi * falling.v[-1, :, 1], rtol=1e-6)
 
 
+def test_pairs_beyond_the_range_have_no_part_in_the_first_equilibrium() -> None:
+    """A disturbed crystal, whose second neighbours are listed but out of range: their gaps follow the centres."""
+    cell = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]]) * 1.9 / np.sqrt(2)
+    place = np.concatenate([cell + np.array(k) * 1.9 * np.sqrt(2) for k in np.ndindex(3, 3, 3)])
+    length = 3 * 1.9 * np.sqrt(2)
+    x = np.mod(place + 0.05 * np.random.default_rng(2).uniform(-1, 1, place.shape), length)
+    settings: dict[str, Any] = {"positions": x, "box": [length] * 3, "reach": 0.4, "gap": 0.05, "pushes": ()}
+    result = simulate_particles(scene(**settings, until=300.0, rtol=1e-4))
+    assert abs(result.energy["imbalance"]) < 1e-3
+
+
+def test_forces_that_start_from_none_are_found() -> None:
+    """A wall that comes from rest towards particles far away: at first all forces are far below rounding of others."""
+    wall = Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[0.0, "1e-4*t"])
+    result = simulate_particles(
+        scene(positions=[[0.0, 1.5], [4.0, 1.5]], walls=[wall], pushes=(), gap=None, drag=1.0, until=10.0)
+    )
+    assert result.stats["rejected"] == 0
+    assert np.all(result.v[-1, :, 1] > 0)
+
+
 def test_the_result_is_read_back(tmp_path: Any) -> None:
     result = simulate_particles(scene(until=10.0))
     again = load_particles(result.save(tmp_path / "two.npz"))

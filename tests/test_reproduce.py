@@ -485,6 +485,6 @@ def test_products_are_typeset_in_the_customary_order(expression: object, text: s
 
 
 def test_fractions_in_exponents_stay_small() -> None:
-    assert figures.large_fractions(r"\frac{a}{b} e^{- \frac{h}{b}} + \sqrt{\frac{a}{b}}") == (
+    assert figures.displayed(r"\frac{a}{b} e^{- \frac{h}{b}} + \sqrt{\frac{a}{b}}") == (
         r"\dfrac{a}{b} e^{- \frac{h}{b}} + \sqrt{\dfrac{a}{b}}"
     )

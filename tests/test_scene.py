@@ -85,6 +85,11 @@ def test_refusals_name_the_place_and_the_remedy(tmp_path: Path, change: str, int
         assert message in said
 
 
+def test_a_scene_of_many_particles_is_told_where_one_of_two_is_needed(tmp_path: Path) -> None:
+    for section in ("[particles]\npositions = [[0, 0], [3, 0]]\nradii = 1.0\n", "[packing]\nkind = 'random'\n"):
+        assert "it is a scene of many particles, for softdyn run" in refusal(tmp_path, GOOD + section)
+
+
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     text = GOOD.replace("h = 100.0", "h = -1").replace("[until]\nh = 1e-3", "[until]\nt = inf\n[accuracy]\nrtol = 2")
     said = refusal(tmp_path, text)

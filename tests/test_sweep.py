@@ -205,6 +205,8 @@ def test_the_command_writes_one_table(tmp_path: Path) -> None:
         np.testing.assert_allclose(table["varied_kappa"], [1e-3, 1e-2, 1e-1])
         assert table["t"].shape == (3, 2)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.toml", "t.npz"]
+    with pytest.raises(SceneError, match="it holds no run; the table of a sweep is for numpy"):
+        softdyn.load_result(tmp_path / "t.npz")
 
 
 def worker_processes(address: str) -> dict[str, int]:

@@ -18,13 +18,19 @@ held in their deflected shape (0.8035 by quadrature); at constant force, where t
 closes, it is 1.51. Nothing is claimed of the elasticity beyond h ~ R, where delta/R ~ F/(E R^2) up to a constant, nor
 of tension, where only the terms of delta << h are those of spheres; D at h << delta follows from the interpolation.
 
+Tangential motion, in scenes that ask for it: the leading terms, ln(R/h), of the functions Y^A, Y^B and Y^C of Jeffrey &
+Onishi, J. Fluid Mech. 139 (1984) 261, of rigid unequal spheres, R = 2 R1 R2/(R1 + R2), in series with Mindlin's
+stiffness, 2 (1 - nu)/(2 - nu) of the normal one where Hertz's law holds (Johnson 1985, sec. 7.2). A flattened film, of
+the radius a and the thickness h, adds its own pi eta a^2/h. In between and for the stiffness at delta << h these are
+estimates; rolling is that of rigid spheres.
+
 Valid for delta << R, which Hertz's law and half-spaces suppose, in Stokes flow, for no-slip surfaces, and for the
 Poisson ratios of isotropic solids, -1 < nu <= 1/2; most soft solids are incompressible, nu = 1/2.
 """
 
 from sympy import Abs, Interval, Rational, Symbol, log, pi, sqrt
 
-from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, eta, h
+from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, Tangential, a, delta, eta, h, size_ratio
 
 nu = Symbol("nu", real=True)  # Poisson's ratio
 
@@ -32,6 +38,8 @@ hbar = 1 / (1 / R + 1 / h)  # the smaller of gap and radius, smoothly; its slope
 a0 = Rational(3, 2) * sqrt(R * hbar)  # the radius at delta = 0
 modulus = E / (1 - nu**2)  # of plane strain
 brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
+
+shear = pi * eta * R * log(1 + R / h)  # sliding of rigid equal spheres at h << R; log as it vanishes at large gaps
 
 near = 3 * pi * eta * R**2 / (2 * h)
 film = 4 * pi * eta * R**2 * delta**2 / h**3
@@ -44,6 +52,12 @@ law = ContactLaw(
     F_ela=Rational(4, 3) * modulus * a * delta,
     zeta=8 * pi * eta * brenner * a**4 / (R * hbar**2 * (1 + Rational(25, 2) * (a0 / a) ** 6)),
     F_adh=0,
+    tangential=Tangential(
+        sliding=Rational(4, 5) * (2 - 3 * size_ratio) * shear + pi * eta * (a**2 - a0**2) / h,
+        coupling=Rational(3, 5) * R * shear,
+        rolling=Rational(3, 5) * R**2 * shear,
+        k_t=2 * E * a / ((1 + nu) * (2 - nu)),
+    ),
     parameters={nu: DIMENSIONLESS},
     ranges={nu: Interval.Lopen(-1, Rational(1, 2))},
     typical={nu: Rational(1, 2)},

@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,12 @@ from softdyn.particles.run import integrate, prepare, start
 from softdyn.particles.scene import ParticleScene
 from softdyn.particles.step import Newton, contact_forces, contact_state, take_step
 
+if TYPE_CHECKING:
+    from softdyn.derive import ContactLaw
+
 Array = NDArray[np.float64]
 UNIT = {"E": 1.0, "eta": 1.0}
+SPHERES = {**UNIT, "nu": 0.5}
 
 
 def crystal(cells: int) -> tuple[Array, Array, Array]:
@@ -65,30 +69,51 @@ def median_cpu(work: Callable[[], Any], runs: int = 5) -> float:
     return float(np.median(times))
 
 
-def time_kernel(target: str, contacts: int = 200_000) -> float:
+def sliding_law() -> ContactLaw:
+    """``rognon_gay``, which is for normal contacts, with the sliding of rigid spheres and a tangential stiffness."""
+    from sympy import Rational, log, pi
+
+    from softdyn.derive import E, R, Tangential, a, eta, h, size_ratio
+    from softdyn.derive.laws.rognon_gay import law
+
+    shear = pi * eta * R * log(1 + R / h)
+    tangential = Tangential(
+        sliding=Rational(4, 5) * (2 - 3 * size_ratio) * shear,
+        coupling=Rational(3, 5) * R * shear,
+        rolling=Rational(3, 5) * R**2 * shear,
+        k_t=E * a,
+    )
+    return replace(law, tangential=tangential)
+
+
+def time_kernel(law: Any, target: str, tangential: bool, contacts: int = 200_000) -> float:
     """Nanoseconds for force, implicit gap and consistent tangent of one contact of unequal spheres with a range.
 
     Gaps over two decades, pressed and pulled, moved by a few tenths of their gap in the step, with a cold guess.
     """
-    kernel = get_contact_kernel("rognon_gay", target, varying=("R",), fading=True)
+    varying = ("R", "size_ratio") if tangential else ("R",)
+    kernel = get_contact_kernel(law, target, varying=varying, fading=True, tangential=tangential)
     draw = np.random.default_rng(0)
     start = 10 ** draw.uniform(-3, -1, contacts)
     deflection = 10 ** draw.uniform(-4, -1, contacts) * draw.choice([1, 1, 1, -0.3], contacts)
     overlap = 2 * deflection - start + 0.3 * draw.uniform(-1, 1, contacts) * start
-    nothing, p, q = np.zeros(contacts), np.ones(2), np.ones(contacts)
+    values = {**SPHERES, "R": 1.0, "size_ratio": 0.25}
+    nothing, p = np.zeros(contacts), np.array([values[name] for name in kernel.uniform])
+    q = np.repeat([values[name] for name in kernel.varying], contacts)
     y, gap, F, F_r = (np.empty(contacts) for _ in range(4))
+    more = (np.empty(len(kernel.tangential) * contacts),) if tangential else ()
 
     def work() -> None:
         y[:] = 0.0
-        kernel.contacts(contacts, 1.0, 0.5, overlap, start, nothing, p, q, y, gap, F, F_r)
+        kernel.contacts(contacts, 1.0, 0.5, overlap, start, nothing, p, q, y, gap, F, F_r, *more)
 
     work()
     return 1e9 * median_cpu(work) / contacts
 
 
-def time_step(cells: int) -> dict[str, float]:
+def time_step(cells: int, **changes: Any) -> dict[str, float]:
     """Seconds of CPU for one implicit step in three dimensions, its length that of the run, and the memory it takes."""
-    scene = sheared(crystal(cells), rtol=1e-2)
+    scene = sheared(crystal(cells), rtol=1e-2, **changes)
     checked, system = prepare(scene)
     newton = Newton()
     state = start(scene, checked, system, newton)
@@ -184,8 +209,14 @@ def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
 
 def bench_particles() -> int:
     """Measure, and print one line for each figure."""
-    for target in ("c", "numba"):
-        print(f"contact kernel, target {target}: {time_kernel(target):.1f} ns per contact", flush=True)
+    for law, said in ((sliding_law(), ""), ("equal_spheres", ", of a law whose friction holds a logarithm")):
+        for target in ("c", "numba"):
+            normal, both = (time_kernel(law, target, tangential) for tangential in (False, True))
+            print(
+                f"contact kernel{said}, target {target}: {normal:.1f} ns per contact, {both:.1f} with tangential "
+                "motion",
+                flush=True,
+            )
     rows = []
     for cells in (6, 14, 29):
         row = time_step(cells)
@@ -198,6 +229,13 @@ def bench_particles() -> int:
     growth = np.log(rows[-1]["seconds"] / rows[0]["seconds"]) / np.log(rows[-1]["particles"] / rows[0]["particles"])
     memory = (rows[-1]["peak"] - rows[0]["peak"]) / (rows[-1]["contacts"] - rows[0]["contacts"])
     print(f"cost of a step grows as N^{growth:.2f}; {memory:.0f} bytes per contact at the peak")
+    for tangential in (False, True):
+        row = time_step(14, law="equal_spheres", parameters=SPHERES, tangential=tangential)
+        print(
+            f"implicit step of equal_spheres, {'normal and tangential' if tangential else 'normal'}, "
+            f"{row['particles']:.0f} spheres, {row['contacts']:.0f} contacts: {row['seconds']:.3g} s",
+            flush=True,
+        )
     for rate in (1e-4, 1e-6, 1e-8):
         row = time_explicit(rate)
         print(

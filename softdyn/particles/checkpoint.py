@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.geometry import Contacts
+from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.results import Frame
 from softdyn.particles.scene import Checked, ParticleScene
@@ -22,7 +22,7 @@ from softdyn.particles.step import System
 from softdyn.results import written_whole
 
 FRAME = tuple(field.name for field in fields(Frame))
-CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched")
+CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched", "T")
 
 
 def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
@@ -31,10 +31,14 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
     for array in (checked.x, checked.radii, checked.species, checked.fixed, system.p, system.drag, checked.box.lengths):
         total.update(np.ascontiguousarray(array).tobytes())
     about = (scene.parameters, scene.mixing, scene.gap, scene.reach, scene.shear_rate, scene.constants, scene.rtol)
-    walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid) for wall in checked.walls]
+    walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid, wall.velocity) for wall in checked.walls]
     pushes = [(np.array(push.particles).tolist(), list(push.force)) for push in scene.pushes]
-    holds = [(np.array(hold.particles).tolist(), hold.axes, hold.velocity) for hold in scene.holds]
-    total.update(json.dumps([*about, walls, pushes, holds], default=str, sort_keys=True).encode())
+    holds = [(np.array(hold.particles).tolist(), hold.axes, hold.velocity, hold.spin) for hold in scene.holds]
+    total.update(
+        json.dumps(
+            [*about, walls, pushes, holds, dict(scene.stress), scene.stress_viscosity], default=str, sort_keys=True
+        ).encode()
+    )
     return total.hexdigest()
 
 
@@ -58,6 +62,7 @@ def save(path: Path, state: State, key: str) -> None:
                     "work": state.work,
                     "counts": state.counts,
                     "skin": state.listed.skin,
+                    "box": [state.box.shear_rate, state.box.tilt, state.box.since],
                     "frames": len(state.frames),
                 }
             )
@@ -68,6 +73,10 @@ def save(path: Path, state: State, key: str) -> None:
         "history": np.array(state.history, dtype=float).reshape(-1, 5),
         "listed_x": state.listed.x,
         "listed_cell": state.listed.cell,
+        "listed_walls": state.listed.walls,
+        "box_lengths": state.box.lengths,
+        "box_stretch": np.zeros_like(state.box.lengths) if state.box.stretch is None else state.box.stretch,
+        "wall_point": np.array([wall.point for wall in state.walls]),
         **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
     }
     for number, frame in enumerate(state.frames):
@@ -76,7 +85,7 @@ def save(path: Path, state: State, key: str) -> None:
         np.savez(file, **content)
 
 
-def load(path: Path, key: str) -> State:
+def load(path: Path, key: str, checked: Checked) -> State:
     """Read a checkpoint.
 
     Raises
@@ -102,6 +111,10 @@ def load(path: Path, key: str) -> State:
             )
             for number in range(about["frames"])
         ]
+        stretch = arrays["box_stretch"]
+        rate, tilt, since = map(float, about["box"])
+        box = Box(arrays["box_lengths"], rate, tilt, since, stretch if stretch.any() else None)
+        walls = [replace(wall, point=point) for wall, point in zip(checked.walls, arrays["wall_point"], strict=True)]
         history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
         return State(
             t=float(about["t"]),
@@ -110,7 +123,9 @@ def load(path: Path, key: str) -> State:
             v=arrays["v"],
             y_rate=arrays["y_rate"],
             contacts=Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS}),
-            listed=Listed(arrays["listed_x"], arrays["listed_cell"], float(about["skin"])),
+            listed=Listed(arrays["listed_x"], arrays["listed_cell"], arrays["listed_walls"], float(about["skin"])),
+            box=box,
+            walls=tuple(walls),
             work={name: float(value) for name, value in about["work"].items()},
             stored0=float(about["stored0"]),
             counts={name: int(value) for name, value in about["counts"].items()},

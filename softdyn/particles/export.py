@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.particles.observables import is_sheared, strain
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def write_gsd(result: ParticleResult, path: Path) -> None:
     """
     hoomd = require_writer(path)
     count, d = result.x.shape[1:]
-    rate = float(result.arrays["shear_rate"])
+    strains = strain(result) if is_sheared(result) else None
     with written_whole(path) as temporary, hoomd.open(str(temporary), "w") as trajectory:
         for number in range(len(result)):
             placed = boxed(result, number)
@@ -153,8 +154,8 @@ def write_gsd(result: ParticleResult, path: Path) -> None:
                 "bonds/deflection": contacts["delta"][pair],
                 "bonds/force": contacts["F"][pair],
             }
-            if rate:
-                frame.log["strain"] = rate * result.t[number : number + 1]
+            if strains is not None:
+                frame.log["strain"] = strains[number : number + 1]
             trajectory.append(frame)
 
 

@@ -18,17 +18,18 @@ from softdyn.scene import read_toml, suggestion
 KEYS: dict[str, tuple[str, ...]] = {
     "particles": ("positions", "file", "radii", "species"),
     "packing": ("kind", "count", "dimension", "fraction", "seed", "radii", "cells", "spacing"),
-    "contacts": ("gap", "range"),
+    "contacts": ("gap", "range", "tangential"),
     "box": ("lengths",),
     "flow": ("shear_rate", "drag"),
+    "stress": ("xy", "xx", "yy", "zz", "pressure", "viscosity"),
     "until": ("t", "strain"),
     "output": ("times",),
     "accuracy": ("rtol",),
 }
 LISTS: dict[str, tuple[str, ...]] = {
     "push": ("particles", "force"),
-    "hold": ("particles", "axes", "velocity"),
-    "wall": ("point", "normal", "rigid"),
+    "hold": ("particles", "axes", "velocity", "spin"),
+    "wall": ("point", "normal", "rigid", "velocity"),
 }
 OPEN = ("parameters", "mixing", "constants")
 TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
@@ -96,14 +97,20 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         "constants": data.get("constants", {}),
         "gap": data.get("contacts", {}).get("gap"),
         "reach": data.get("contacts", {}).get("range"),
+        "tangential": data.get("contacts", {}).get("tangential", False),
         "shear_rate": flow.get("shear_rate", 0.0),
         "drag": flow.get("drag", 0.0),
+        "stress": {name: value for name, value in data.get("stress", {}).items() if name != "viscosity"},
+        "stress_viscosity": data.get("stress", {}).get("viscosity"),
         "pushes": [Push(_those(entry["particles"], placed), _list(entry["force"])) for entry in data.get("push", [])],
         "holds": [
-            Hold(_those(entry["particles"], placed), str(entry["axes"]), entry.get("velocity"))
+            Hold(_those(entry["particles"], placed), str(entry["axes"]), entry.get("velocity"), entry.get("spin"))
             for entry in data.get("hold", [])
         ],
-        "walls": [Wall(entry["point"], entry["normal"], entry.get("rigid", True)) for entry in data.get("wall", [])],
+        "walls": [
+            Wall(entry["point"], entry["normal"], entry.get("rigid", True), entry.get("velocity"))
+            for entry in data.get("wall", [])
+        ],
         "until": _end(data["until"], flow),
         **placed,
     }

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Box:
-    """A periodic box, or none.
+    """A periodic box, or none, and how it deforms.
 
     Attributes
     ----------
@@ -31,15 +32,31 @@ class Box:
         Edges along the axes; ``inf`` along those that are not periodic.
     shear_rate : float
         The flow is u = shear_rate y along x; 0 without flow.
+    tilt, since : float
+        By how much the second edge leans along x, and the time at which that and the lengths hold.
+    stretch : array, shape (d,), optional
+        Rates at which the lengths grow, relative to them.
     """
 
     lengths: Array
     shear_rate: float = 0.0
+    tilt: float = 0.0
+    since: float = 0.0
+    stretch: Array | None = None
 
     @property
     def periodic(self) -> NDArray[np.bool_]:
         """Axes along which the box repeats itself."""
         return np.isfinite(self.lengths)
+
+    @property
+    def gradient(self) -> Array:
+        """Velocity gradient G of the background flow u = G x, with which the box moves, shape (d, d)."""
+        d = len(self.lengths)
+        gradient = np.zeros((d, d)) if self.stretch is None else np.diag(self.stretch)
+        if d > 1:
+            gradient[0, 1] = self.shear_rate
+        return gradient
 
 
 @dataclass(frozen=True)
@@ -52,11 +69,14 @@ class Wall:
         A point of it, and its unit normal, from the particles into the wall.
     rigid : bool
         Whether it gives in as the particles do, or not at all.
+    velocity : sequence of (float or str), optional
+        One for each axis, numbers or expressions of t; at rest without.
     """
 
     point: Array
     normal: Array
     rigid: bool = True
+    velocity: Sequence[float | str] | None = None
 
 
 @dataclass
@@ -77,6 +97,8 @@ class Contacts:
         Gaps.
     touched : array of bool
         Whether the contact has been within its range.
+    T : array, shape (n, d)
+        Tangential forces, from i to j; of no columns without tangential motion.
     """
 
     i: Integers
@@ -86,6 +108,7 @@ class Contacts:
     q: Array
     h: Array
     touched: NDArray[np.bool_]
+    T: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.i)
@@ -94,16 +117,20 @@ class Contacts:
 def lattice(box: Box, t: float) -> Array:
     """Lattice vectors of the box at time t, as columns; 0 along axes that are not periodic."""
     cell = np.diag(np.where(box.periodic, box.lengths, 0.0))
-    if box.shear_rate and len(cell) > 1 and box.periodic[1]:
-        cell[0, 1] = box.shear_rate * t * cell[1, 1]
+    if len(cell) > 1:
+        cell[0, 1] = box.tilt
+    if box.shear_rate or box.stretch is not None:
+        cell += (t - box.since) * (box.gradient @ cell)
     return cell
 
 
 def flow(box: Box, x: Array) -> Array:
     """Velocity of the background flow at the positions x, shape (N, d)."""
     u = np.zeros_like(x)
+    if box.stretch is not None:
+        u = x * box.stretch
     if box.shear_rate:
-        u[:, 0] = box.shear_rate * x[:, 1]
+        u[:, 0] += box.shear_rate * x[:, 1]
     return u
 
 

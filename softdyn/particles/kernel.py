@@ -40,6 +40,8 @@ class ContactKernel:
         What :func:`state` gives.
     fading : bool
         Whether contacts have a range.
+    tangential : tuple of str
+        What :func:`contacts` gives of tangential motion; empty without it.
     compile_s : float
         Time spent on deriving, building and loading it.
     contacts, state, energy : functions
@@ -57,6 +59,7 @@ class ContactKernel:
     varying: tuple[str, ...]
     outputs: tuple[str, ...]
     fading: bool
+    tangential: tuple[str, ...]
     compile_s: float
     contacts: Callable[..., int]
     state: Callable[..., None]
@@ -80,7 +83,8 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "uniform": ir.uniform,
         "varying": ir.varying,
         "outputs": ir.outputs,
-        "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
+        "tangential": ir.tangential,
+        "positive": [symbol.name for symbol in parameters_of(law, ir.tangential != ()) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "source": emit_contacts(ir, target),
         "suffix": suffix(target),
@@ -89,7 +93,12 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
 
 
 def get_contact_kernel(
-    law: Any, target: str = "auto", *, varying: tuple[str, ...] = (), fading: bool = False
+    law: Any,
+    target: str = "auto",
+    *,
+    varying: tuple[str, ...] = (),
+    fading: bool = False,
+    tangential: bool = False,
 ) -> ContactKernel:
     """Contact kernel of a law, from the cache or made now.
 
@@ -101,6 +110,8 @@ def get_contact_kernel(
         Parameters that differ from contact to contact.
     fading : bool
         Whether contacts have a range.
+    tangential : bool
+        Whether particles slide and roll on one another.
 
     Raises
     ------
@@ -108,7 +119,7 @@ def get_contact_kernel(
     """
     began = time.perf_counter()
     target = choose_target(target)
-    needs = {"varying": tuple(sorted(varying)), "fading": fading}
+    needs = {"varying": tuple(sorted(varying)), "fading": fading, "tangential": tangential}
     manifest = manifest_of(find(law), target, needs, "contacts", contact_manifest)
     back_end = importlib.import_module(f"softdyn.targets.{target}")
     made_by = back_end.identity()
@@ -127,6 +138,7 @@ def get_contact_kernel(
         varying=tuple(manifest["varying"]),
         outputs=tuple(manifest["outputs"]),
         fading=fading,
+        tangential=tuple(manifest["tangential"]),
         compile_s=time.perf_counter() - began,
         contacts=contacts,
         state=state,
@@ -150,7 +162,7 @@ def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Ca
         return lambda *values: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in values))
 
     return (
-        function("contacts", integer, integer, number, *reach, *[array] * 9),
+        function("contacts", integer, integer, number, *reach, *[array] * (10 if manifest["tangential"] else 9)),
         function("state", None, integer, *reach, *[array] * 5),
         function("energy", None, integer, *[array] * 4, integer, array, array, array),
     )
@@ -164,7 +176,7 @@ def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tupl
     contacts, state, energy = (getattr(module, f"{name}_{suffix}") for suffix in ("contacts", "state", "energy"))
     # compile now, on no data, so that compiling is not taken for running
     none, p, reach = np.empty(0), np.ones(max(1, len(manifest["uniform"]))), (1.0,) if fading else ()
-    contacts(0, 0.0, *reach, none, none, none, p, none, none, none, none, none)
+    contacts(0, 0.0, *reach, none, none, none, p, *[none] * (6 if manifest["tangential"] else 5))
     state(0, *reach, none, none, p, none, none)
     energy(0, none, none, p, none, 0, none, none, none)
     return contacts, state, energy

@@ -1,8 +1,8 @@
-"""The linear systems of Newton's iteration: symmetric, one block for each particle and each contact."""
+"""The linear systems of Newton's iteration: symmetric without tangential motion; blocks of particles and contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -103,6 +103,12 @@ def assemble(pattern: Pattern, blocks: Array, diagonal: Array, fixed: NDArray[np
             data[:, a, b] -= np.bincount(pattern.upper, between[:, a, b], minlength=len(data))
             data[:, a, b] -= np.bincount(pattern.lower, between[:, a, b], minlength=len(data))
         data[pattern.diagonal, a, a] += diagonal[:, a]
+    return _finished(pattern, data, fixed)
+
+
+def _finished(pattern: Pattern, data: Array, fixed: NDArray[np.bool_]) -> bsr_array:
+    """Take out the unknowns that are none."""
+    d = data.shape[1]
     if fixed.any():
         rows = np.repeat(np.arange(pattern.count), np.diff(pattern.indptr))
         scale = max(float(np.abs(data[pattern.diagonal]).max(initial=0.0)), 1e-300)
@@ -111,6 +117,23 @@ def assemble(pattern: Pattern, blocks: Array, diagonal: Array, fixed: NDArray[np
             data[pattern.diagonal[fixed[:, a]], a, a] = scale
     size = pattern.count * d
     return bsr_array((data, pattern.indices, pattern.indptr), shape=(size, size))
+
+
+def assemble_quarters(
+    pattern: Pattern, quarters: Sequence[Array], diagonal: Array, fixed: NDArray[np.bool_]
+) -> bsr_array:
+    """Matrix of which the blocks of a contact are given one by one: ii, ij, ji, jj; else as :func:`assemble`."""
+    width = diagonal.shape[1]
+    data = np.zeros((len(pattern.indices), width, width))
+    places = (pattern.diagonal[pattern.i], pattern.upper, pattern.lower, pattern.diagonal[pattern.j[pattern.pair]])
+    for number, (place, block) in enumerate(zip(places, quarters, strict=True)):
+        given = block if number == 0 else block[pattern.pair]
+        for a in range(width):
+            for b in range(width):
+                data[:, a, b] += np.bincount(place, given[:, a, b], minlength=len(data))
+    for a in range(width):
+        data[pattern.diagonal, a, a] += diagonal[:, a]
+    return _finished(pattern, data, fixed)
 
 
 def solver(matrix: bsr_array, d: int) -> tuple[Callable[[Array], Array], str]:
@@ -123,6 +146,17 @@ def solver(matrix: bsr_array, d: int) -> tuple[Callable[[Array], Array], str]:
     if size <= LARGEST_DIRECT[d]:
         return _direct(matrix, d), "sparse LDL^T"
     return _conjugate_gradients(matrix, d), "conjugate gradients, block-diagonal preconditioner"
+
+
+def unsymmetric_solver(matrix: bsr_array, d: int, width: int) -> tuple[Callable[[Array], Array], str]:
+    """Prepare solving with a matrix that is nearly symmetric; as :func:`solver`.
+
+    The part of it that is not symmetric comes with the change of the tangential forces along the distance, and is small
+    where little slides in a step. So pivots stay on the diagonal, and their signs still tell where nothing resists.
+    """
+    if matrix.shape[0] <= LARGEST_DIRECT[d]:
+        return _direct(matrix, width), "sparse LU"
+    return _stabilised(matrix, width), "BiCGStab, block-diagonal preconditioner"
 
 
 def _direct(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
@@ -158,6 +192,51 @@ def _softest(matrix: bsr_array) -> Array:
     return vectors[:, 0]
 
 
+def _inner(a: Array, b: Array) -> float:
+    """Product, not by the BLAS, whose threads cost more than it."""
+    return float(np.einsum("i,i->", a, b))
+
+
+def _stabilised(matrix: bsr_array, width: int) -> Callable[[Array], Array]:
+    """Van der Vorst's BiCGStab."""
+    count = matrix.shape[0] // width
+    rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    inverse = np.linalg.inv(matrix.data[rows == matrix.indices])
+
+    def precondition(v: Array) -> Array:
+        return np.einsum("iab,ib->ia", inverse, v.reshape(count, width)).reshape(-1)
+
+    def solve(b: Array) -> Array:
+        x, residual = np.zeros(b.size), b.reshape(-1).copy()
+        shadow, direction, image = residual.copy(), np.zeros(b.size), np.zeros(b.size)
+        goal = CG_TOLERANCE**2 * _inner(residual, residual)
+        before = length = weight = 1.0
+        for _ in range(CG_ITERATIONS):
+            if _inner(residual, residual) <= goal:
+                break
+            now = _inner(shadow, residual)
+            direction = residual + now / before * length / weight * (direction - weight * image)
+            towards = precondition(direction)
+            image = matrix @ towards
+            along = _inner(shadow, image)
+            if along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
+                break
+            length = now / along
+            half = residual - length * image
+            aside = precondition(half)
+            turned = matrix @ aside
+            size = _inner(turned, turned)
+            weight = _inner(turned, half) / size if size > 0 else 0.0
+            x += length * towards + weight * aside
+            residual = half - weight * turned
+            before = now
+            if weight == 0:
+                break
+        return x.reshape(b.shape)
+
+    return solve
+
+
 def _conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
     count = matrix.shape[0] // d
     rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
@@ -172,24 +251,20 @@ def _conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
     def precondition(v: Array) -> Array:
         return np.einsum("iab,ib->ia", inverse, v.reshape(count, d)).reshape(-1)
 
-    def inner(a: Array, b: Array) -> float:
-        # not the BLAS, whose threads cost more than such a product
-        return float(np.einsum("i,i->", a, b))
-
     def solve(b: Array) -> Array:
         x, residual = np.zeros(b.size), b.reshape(-1).copy()
-        goal = CG_TOLERANCE**2 * inner(residual, residual)
+        goal = CG_TOLERANCE**2 * _inner(residual, residual)
         direction = np.zeros(b.size)
         before = 1.0
         for _ in range(CG_ITERATIONS):
-            if inner(residual, residual) <= goal:
+            if _inner(residual, residual) <= goal:
                 break
             towards = precondition(residual)
-            now = inner(residual, towards)
+            now = _inner(residual, towards)
             direction = towards + now / before * direction
             before = now
             image = matrix @ direction
-            curvature = inner(direction, image)
+            curvature = _inner(direction, image)
             if not curvature > 0:
                 raise Indefinite(partial(np.reshape, direction, (count, d)))
             x += now / curvature * direction

@@ -8,7 +8,6 @@ equations of an index-1 system hold at the end of a step as they do within, and 
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -25,22 +24,3 @@ WEIGHTS: Array = STAGES[2]
 #: Weights of order 2 that do without the last stage; the difference estimates the error, of order 3.
 _EMBEDDED_2 = (0.5 - NODES[0]) / (NODES[1] - NODES[0])
 ERROR: Array = WEIGHTS - np.array([1 - _EMBEDDED_2, _EMBEDDED_2, 0.0])
-
-
-def dense_weights(theta: float) -> Array:
-    """Weights of the stages' rates for the solution at the fraction theta of a step.
-
-    Integrals from 0 to theta of the parabola through the stages' rates: order 2 within the step, and at its end the
-    weights of the method.
-
-    Parameters
-    ----------
-    theta : float
-        0 at the start of the step, 1 at its end.
-    """
-    weights = []
-    for stage in range(3):
-        others = np.delete(NODES, stage)
-        basis = polynomial.polyfromroots(others) / np.prod(NODES[stage] - others)
-        weights.append(polynomial.polyval(theta, polynomial.polyint(basis)))
-    return np.array(weights)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from softdyn.particles.geometry import Box, Contacts, Integers, Wall, directions, find_pairs, lattice
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.scene import MIXING, Checked, ParticleScene
+from softdyn.particles.surroundings import moved_walls
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,8 @@ def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Co
     with_walls = np.append(radii, np.zeros(walls))
     n = len(i)
     none = np.empty(0)
-    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), np.zeros(n, bool))
+    touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
+    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), touched, nothing)
 
 
 def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
@@ -49,6 +51,10 @@ def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKern
             row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
             row[wall] = 2 * checked.radii[i[wall]]
             continue
+        if name == "size_ratio":
+            row[:] = checked.radii[i] * checked.radii[partner] / (checked.radii[i] + checked.radii[partner]) ** 2
+            row[wall] = 0.0
+            continue
         given = scene.parameters[name]
         values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
         of = values[checked.species] if isinstance(given, Mapping) else np.full(count, values[0])
@@ -66,11 +72,14 @@ class Listed:
     ----------
     x : array, shape (N, d)
     cell : array, shape (d, d)
+    walls : array, shape (walls, d)
+        A point of each.
     skin : float
     """
 
     x: Array
     cell: Array
+    walls: Array
     skin: float
 
 
@@ -82,15 +91,15 @@ def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float, wal
     farthest : float
         Distance of the centres at which two particles are looked for.
     """
-    cell = lattice(box, t)
-    affine = np.zeros((x.shape[1],) * 2)
-    if box.shear_rate and box.periodic.any() and x.shape[1] > 1:
-        affine[0, 1] = (cell[0, 1] - listed.cell[0, 1]) / cell[1, 1] if cell[1, 1] else 0.0
+    loose = np.diag(np.where(box.periodic, 0.0, 1.0))
+    affine = (lattice(box, t) - listed.cell) @ np.linalg.inv(listed.cell + loose)
     # motion apart from that of the box
     moved = x - listed.x - listed.x @ affine.T
     if not walls:
         moved = moved - moved.mean(axis=0)
-    return float(2 * np.linalg.norm(moved, axis=1).max() + np.linalg.norm(affine) * farthest) / listed.skin
+    own = float(np.linalg.norm(moved, axis=1).max())
+    closer = own + max(own, moved_walls(walls, listed.walls))
+    return (closer + float(np.linalg.norm(affine)) * farthest) / listed.skin
 
 
 def find_contacts(
@@ -100,6 +109,7 @@ def find_contacts(
     x: Array,
     t: float,
     old: Contacts | None,
+    box: Box,
     walls: tuple[Wall, ...],
 ) -> tuple[Contacts, Listed, int, int]:
     """List the contacts at the given positions; those already listed keep their gaps.
@@ -113,21 +123,24 @@ def find_contacts(
     """
     reach = np.inf if scene.reach is None else float(scene.reach)
     skin = SKIN * float(checked.radii.min())
-    i, j, shift = find_pairs(x, checked.radii, checked.box, t, walls, reach + skin)
+    i, j, shift = find_pairs(x, checked.radii, box, t, walls, reach + skin)
     contacts = bare_contacts(i, j, shift, checked.radii)
     contacts.q = mixed_parameters(scene, checked, kernel, i, j)
-    cell = lattice(checked.box, t)
+    cell = lattice(box, t)
     _, r, _ = directions(contacts, x, cell, walls)
+    listed = Listed(x.copy(), cell, np.array([wall.point for wall in walls]).reshape(len(walls), x.shape[1]), skin)
     apart = r - contacts.S
     contacts.h = apart.copy()
+    contacts.T = np.zeros((len(contacts), x.shape[1] if kernel.tangential else 0))
     if old is None:
         if scene.gap is not None:
             contacts.h = np.maximum(apart, float(scene.gap))
         contacts.touched = contacts.h < reach
-        return contacts, Listed(x.copy(), cell, skin), int(contacts.touched.sum()), 0
+        return contacts, listed, int(contacts.touched.sum()), 0
     mine, source = _common(contacts, old)
     contacts.h[mine] = old.h[source]
     contacts.touched[mine] = old.touched[source]
+    contacts.T[mine] = old.T[source]
     left = np.ones(len(old), bool)
     left[source] = False
     # a pair still within the range keeps its contact, however far its centres are: it is listed anew
@@ -136,7 +149,7 @@ def find_contacts(
         contacts = _joined(contacts, old, held)
         left[held] = False
     dropped = int(np.sum(old.touched & left))
-    return contacts, Listed(x.copy(), cell, skin), 0, dropped
+    return contacts, listed, 0, dropped
 
 
 def _common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -155,7 +168,7 @@ def _joined(contacts: Contacts, old: Contacts, rows: NDArray[np.int64]) -> Conta
     order = np.lexsort((*shift.T, j, i))
     both = {
         name: np.concatenate([getattr(contacts, name), getattr(old, name)[rows]])[order]
-        for name in ("S", "h", "touched")
+        for name in ("S", "h", "touched", "T")
     }
     q = np.concatenate([contacts.q, old.q[:, rows]], axis=1)[:, order]
     return Contacts(i[order], j[order], shift[order], q=np.ascontiguousarray(q), **both)

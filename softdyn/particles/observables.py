@@ -2,29 +2,48 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.results import ParticleResult
+if TYPE_CHECKING:
+    from softdyn.particles.results import ParticleResult
 
 Array = NDArray[np.float64]
+
+
+def is_sheared(result: ParticleResult) -> bool:
+    """Whether there is a shear flow."""
+    return bool(result.x.shape[2] > 1 and result.gradient[:, 0, 1].any())
+
+
+def strain(result: ParticleResult) -> Array:
+    """Shear strain of the background flow at each frame: the integral of its rate."""
+    if np.isfinite(result.box[1]):
+        lean: Array = result.cell[:, 0, 1] / result.cell[:, 1, 1]
+        return lean
+    rate: Array = result.gradient[:, 0, 1] * result.t
+    return rate
 
 
 def relative_viscosity(result: ParticleResult) -> Array:
     """Viscosity relative to the fluid's, at each frame: 1 + sigma_xy/(eta shear_rate), the particles' part added.
 
-    In two dimensions the spheres are a layer one unit of length deep.
+    The symmetric part of the stress is taken, which does the work: where drag resists rotations, there is another. In
+    two dimensions the spheres are a layer one unit of length deep. Where nothing shears, as at the start under an
+    imposed stress, it is nan.
 
     Raises
     ------
     ValueError
         If the run has no shear flow, or no periodic box to take a stress of.
     """
-    rate = float(result.arrays["shear_rate"])
-    if not rate or not np.isfinite(result.box).all():
+    if not is_sheared(result) or not np.isfinite(result.box).all():
         raise ValueError("a relative viscosity needs a shear flow in a periodic box")
-    eta = float(result.parameters["eta"])
-    return 1 + result.stress[:, 0, 1] / (eta * rate)
+    viscous = float(result.parameters["eta"]) * result.gradient[:, 0, 1]
+    shear = (result.stress[:, 0, 1] + result.stress[:, 1, 0]) / 2
+    return 1 + np.divide(shear, viscous, out=np.full(len(result), np.nan), where=viscous != 0)
 
 
 def normal_stress_differences(result: ParticleResult) -> tuple[Array, Array]:

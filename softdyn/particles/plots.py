@@ -17,7 +17,13 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
+from softdyn.particles.observables import (
+    coordination,
+    is_sheared,
+    normal_stress_differences,
+    relative_viscosity,
+    strain,
+)
 from softdyn.plots import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.results import written_whole
 
@@ -58,7 +64,7 @@ def plot_particles(result: ParticleResult) -> Figure:
     few = max(len(result.contacts(frame)["h"]) for frame in range(len(result.t))) <= FEW
     draw = _draw_histories if few else _draw_distribution
     periodic = bool(np.isfinite(result.box).all())
-    sheared = periodic and bool(result.arrays["shear_rate"]) and "eta" in result.parameters
+    sheared = periodic and is_sheared(result) and "eta" in result.parameters
     left: list[Panel] = [_draw_stress]
     left += [_draw_viscosity] if sheared else []
     left += [_draw_normal_stresses] if periodic and result.x.shape[2] > 1 else []
@@ -128,8 +134,7 @@ def animate(result: ParticleResult, path: Path) -> Path:
 
 
 def _when(result: ParticleResult, frame: int) -> str:
-    t, rate = float(result.t[frame]), float(result.arrays["shear_rate"])
-    return f"t = {t:.4g}" + (f", strain = {rate * t:.3f}" if rate else "")
+    return f"t = {result.t[frame]:.4g}" + (f", strain = {strain(result)[frame]:.3f}" if is_sheared(result) else "")
 
 
 def largest_force(result: ParticleResult, frames: Iterable[int]) -> float:
@@ -320,6 +325,9 @@ TAKEN = {
     "drag": ("lost by drag", GREEN),
     "remote": ("remote forces", PURPLE),
     "U_h": ("$U_h$ term", "0.5"),
+    "sliding": ("lost in sliding", "tab:red"),
+    "rolling": ("lost in rolling", "tab:brown"),
+    "k_t": ("$k_t$ term", "0.7"),
 }
 
 
@@ -327,11 +335,12 @@ def _draw_energy(axes: Axes, result: ParticleResult) -> None:
     """Each term of the balance that is there; all that is given is the sum of all that is taken."""
     given = sum(result.arrays[f"energy_{name}"] for name in ("external", "flow", "box"))
     axes.plot(result.t, given, color="k", label="given")
-    for name, (label, colour) in TAKEN.items():
-        values = result.arrays[f"energy_{name}"]
+    taken = {name: result.arrays[f"energy_{name}"] for name in TAKEN if f"energy_{name}" in result.arrays}
+    for name, values in taken.items():
+        label, colour = TAKEN[name]
         if values.any():
             axes.plot(result.t, values, color=colour, label=label)
-    axes.plot(result.t, sum(result.arrays[f"energy_{name}"] for name in TAKEN), color="w", linestyle=":", linewidth=1)
+    axes.plot(result.t, sum(taken.values()), color="w", linestyle=":", linewidth=1)
     axes.set(xlabel="time $t$", ylabel="energy")
     axes.legend(fontsize="x-small")
     axes.grid(alpha=0.3)

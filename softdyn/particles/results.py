@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
-from softdyn.particles.step import WORKS, System, contact_state
+from softdyn.particles.sliding import rotations
+from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, contact_state, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Energies exchanged since the start: see :data:`softdyn.particles.step.WORKS`, and what is stored elastically.
-ENERGIES = (*WORKS, "stored")
 HISTORY = ("step_t", "step_dt", "step_residual", "step_error", "step_contacts")
 
 
@@ -39,14 +38,20 @@ class Frame:
     h, delta, F : array, shape (contacts,)
     n : array, shape (contacts, d)
     stress : array, shape (d, d)
-        > 0 in tension. In a periodic box that of the contacts, force/length^(d-1); otherwise the virial of contacts and
-        drag, force times length.
+        > 0 in tension; of the force along the first axis on a plane normal to the second. In a periodic box that of the
+        contacts, force/length^(d-1); otherwise the virial of contacts and drag, force times length.
     cell : array, shape (d, d)
         Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
     walls : array, shape (walls, d)
         A point of each wall.
-    energy : array, shape (len(ENERGIES),)
-        Exchanged since the start.
+    gradient : array, shape (d, d)
+        Velocity gradient of the background flow.
+    energy : array
+        Exchanged since the start: see :func:`softdyn.particles.step.works`; and what is stored elastically.
+    T : array, shape (contacts, d)
+        Tangential forces, from i to j; of no columns without tangential motion.
+    spin : array, shape (N, rotations)
+        Angular velocities; of no columns without tangential motion.
     """
 
     t: float
@@ -61,16 +66,22 @@ class Frame:
     stress: Array
     cell: Array
     walls: Array
+    gradient: Array
     energy: Array
+    T: Array
+    spin: Array
 
 
 def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, energy: Array) -> Frame:
-    """Frame of a state."""
+    """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
+    v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
     n, r, _ = directions(contacts, x, cell, system.walls)
     values = contact_state(system, contacts, contacts.S - r, contacts.h)
     F = values["F_ela"]
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
+    if system.kernel.tangential:
+        stress -= np.einsum("c,ca,cb->ab", r, contacts.T, n)
     if np.any(system.drag > 0) and not system.box.periodic.any():
         resisting = system.drag[:, None] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
@@ -90,7 +101,10 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         stress,
         cell,
         np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
+        system.box.gradient,
         energy,
+        contacts.T[near],
+        spin,
     )
 
 
@@ -104,10 +118,11 @@ class ParticleResult:
     parameters : mapping
     arrays : mapping from str to array
         ``t`` (frames,), ``x`` and ``v`` (frames, N, d): positions, never wrapped, and velocities; ``stress`` (frames,
-        d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``, ``shear_rate``;
+        d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``;
 
         ``box`` (d,): lengths of the periodic box at the start, inf along axes that are not periodic; ``cell`` (frames,
-        d, d): its lattice vectors as columns, 0 along such axes; ``wall_point`` (frames, walls, d), ``wall_normal``
+        d, d): its lattice vectors as columns, 0 along such axes; ``gradient`` (frames, d, d) of the background flow's
+        velocity, with which it moves; ``wall_point`` (frames, walls, d), ``wall_normal``
         (walls, d), from the particles into the wall, ``wall_rigid`` (walls,);
 
         ``energy_external``, ``energy_flow``, ... (frames,): each of the terms of ``energy`` up to that frame;
@@ -116,12 +131,17 @@ class ParticleResult:
         ``contact_j`` (walls from N on), ``contact_h``, ``contact_delta`` (deflection of each surface),
         ``contact_F``, ``contact_n`` (direction from i to j);
 
-        for each step, ``step_t``, ``step_dt``, ``step_residual`` (of the force balance, relative to the largest force),
+        with tangential motion ``contact_T`` (tangential force, from i to j), and ``spin`` (frames, N, rotations), the
+        angular velocities;
+
+        for each step, ``step_t``, ``step_dt``, ``step_residual`` (of the balance of forces, and of an imposed stress,
+        relative to the largest),
         ``step_error`` (in units of what is allowed), ``step_contacts`` (how many within their range).
         Each is an attribute, too.
     energy : mapping from str to float
         Put in by ``external`` forces, the ``flow`` and the moving ``box``; ``stored`` elastically; taken by ``gaps``,
-        ``drag``, ``remote`` forces and the dependence of F_ela on h (``U_h``); ``imbalance``, what is left over
+        ``drag``, ``remote`` forces and the dependence of F_ela on h (``U_h``), with tangential motion also by
+        ``sliding``, ``rolling`` and a change of the tangential stiffness (``k_t``); ``imbalance``, what is left over
         relative to the sum of all sizes.
     stats : mapping
     """
@@ -143,10 +163,11 @@ class ParticleResult:
         return len(self.arrays["t"])
 
     def contacts(self, frame: int) -> dict[str, NDArray[Any]]:
-        """Contacts of one frame: i, j, h, delta, F, n."""
+        """Contacts of one frame: i, j, h, delta, F, n, and T with tangential motion."""
         frame = range(len(self))[frame]
         start, end = self.arrays["contact_start"][frame : frame + 2]
-        return {name: self.arrays[f"contact_{name}"][start:end] for name in ("i", "j", "h", "delta", "F", "n")}
+        names = [name for name in ("i", "j", "h", "delta", "F", "n", "T") if f"contact_{name}" in self.arrays]
+        return {name: self.arrays[f"contact_{name}"][start:end] for name in names}
 
     def plot(self) -> Figure:
         """Draw the contact network at the end, and what is measured on the run.
@@ -226,17 +247,21 @@ def gather(
         "species": checked.species,
         "box": checked.box.lengths,
         "species_names": np.array(checked.names),
-        "shear_rate": np.array(checked.box.shear_rate),
         "cell": np.array([frame.cell for frame in frames]).reshape(-1, d, d),
+        "gradient": np.array([frame.gradient for frame in frames]).reshape(-1, d, d),
         "wall_point": np.array([frame.walls for frame in frames]).reshape(len(frames), len(checked.walls), d),
         "wall_normal": np.array([wall.normal for wall in checked.walls]).reshape(len(checked.walls), d),
         "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
         "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
     }
+    if system.kernel.tangential:
+        arrays["spin"] = np.array([frame.spin for frame in frames]).reshape(-1, count, rotations(d))
+        arrays["contact_T"] = np.concatenate([np.empty((0, d)), *(frame.T for frame in frames)])
     for name in ("i", "j", "h", "delta", "F", "n"):
         empty = np.empty((0, d) if name == "n" else 0, dtype=np.int64 if name in "ij" else float)
         arrays[f"contact_{name}"] = np.concatenate([empty, *(getattr(frame, name) for frame in frames)])
-    arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(ENERGIES)}
+    energies = (*works(system), "stored")
+    arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(energies)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
     arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}
     return ParticleResult(
@@ -251,11 +276,13 @@ def gather(
 
 #: Shapes of what every result holds, a letter for each size: f frames, N particles, w walls, c contacts, n steps.
 SHAPES = {
-    "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d", "shear_rate": "",
-    "cell": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
+    "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d",
+    "cell": "fdd", "gradient": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
     "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
-    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in ENERGIES},
+    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in (*WORKS, "stored")},
 }  # fmt: skip
+#: Shapes of what tangential motion adds; m rotations.
+TANGENTIAL_SHAPES = {"spin": "fNm", "contact_T": "cd", **{f"energy_{name}": "f" for name in TANGENTIAL_WORKS}}
 
 
 def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:
@@ -267,7 +294,7 @@ def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
         If an array is missing, or does not fit the others.
     """
     sizes: dict[str, int] = {}
-    for name, shape in SHAPES.items():
+    for name, shape in {**SHAPES, **(TANGENTIAL_SHAPES if "contact_T" in arrays else {})}.items():
         array = arrays[name]
         if array.dtype.kind not in "fiub" or array.ndim != len(shape):
             raise ValueError(f"{name} is not an array of {len(shape)} dimensions of numbers")

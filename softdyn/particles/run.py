@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
-from softdyn.particles import linear
+from softdyn.particles import linear, sliding
 from softdyn.particles.geometry import Contacts, directions, lattice
 from softdyn.particles.kernel import energies, get_contact_kernel
 from softdyn.particles.method import ORDER
@@ -29,10 +30,11 @@ from softdyn.particles.scene import (
     particles_named,
     uniform_values,
     varying_parameters,
+    with_rotations,
 )
 from softdyn.particles.state import State
 from softdyn.particles.step import (
-    WORKS,
+    TANGENTIAL_WORKS,
     Newton,
     StepFailed,
     System,
@@ -41,6 +43,7 @@ from softdyn.particles.step import (
     gauge_axes,
     take_step,
     turns_freely,
+    works,
 )
 
 Array = NDArray[np.float64]
@@ -89,7 +92,7 @@ def simulate_particles(
     newton = Newton()
     key = checkpoints.fingerprint(scene, checked, system)
     if resume and checkpoint is not None and checkpoint.exists():
-        state = checkpoints.load(checkpoint, key)
+        state = checkpoints.load(checkpoint, key, checked)
     else:
         state = start(scene, checked, system, newton)
     last = time.monotonic()
@@ -128,13 +131,18 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     """
     checked = check(scene)
     varying = varying_parameters(scene, checked)
-    kernel = get_contact_kernel(scene.law, scene.target, varying=varying, fading=scene.reach is not None)
+    kernel = get_contact_kernel(
+        scene.law, scene.target, varying=varying, fading=scene.reach is not None, tangential=bool(scene.tangential)
+    )
     p = uniform_values(scene, checked, kernel)
     drag = np.zeros(len(checked.x))
     if scene.drag:
         eta = scene.parameters["eta"]
         assert not isinstance(eta, dict)
         drag = 6 * math.pi * float(eta) * checked.radii * float(scene.drag)  # type: ignore[arg-type]
+    fixed, force, velocity = checked.fixed, checked.force, checked.velocity
+    if kernel.tangential:
+        fixed, force, velocity = with_rotations(checked)
     system = System(
         kernel=kernel,
         p=p,
@@ -143,10 +151,12 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
         walls=checked.walls,
         radii=checked.radii,
         drag=drag,
-        fixed=checked.fixed,
-        force=checked.force,
-        velocity=checked.velocity,
+        fixed=fixed,
+        force=force,
+        velocity=velocity,
         rtol=float(scene.rtol),
+        imposed=checked.imposed,
+        wall_velocity=checked.wall_velocity,
     )
     return checked, system
 
@@ -162,7 +172,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         If there is no equilibrium to start from.
     """
     x = checked.x.copy()
-    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, checked.walls)
+    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, system.box, system.walls)
     closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
@@ -174,25 +184,36 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         t=0.0,
         dt=0.0,
         x=x,
-        v=np.zeros_like(x),
+        v=np.zeros(system.fixed.shape),
         y_rate=np.zeros(len(contacts)),
         contacts=contacts,
         listed=listed,
-        work=dict.fromkeys(WORKS, 0.0),
+        box=system.box,
+        walls=system.walls,
+        work=dict.fromkeys(works(system), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
-    free: NDArray[np.bool_] = np.asarray((~system.fixed).any(axis=1) & ~(system.drag > 0))
+    free: NDArray[np.bool_] = np.asarray(_free(system).any(axis=1) & ~(system.drag > 0))
     if free.any():
         _require_balanced(system, 0.0, x)
         _require_held(system, state, free)
-        nothing = np.zeros(len(contacts))
+        nothing, place, known = np.zeros(len(contacts)), x.copy(), None
+        if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
+            normal, _, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
+            known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
+            place[:, : x.shape[1]] = x
         try:
-            found = balance(system, contacts, newton, 0.0, 0.0, x, x.copy(), contacts.h, nothing, nothing.copy())
+            found = balance(
+                system, contacts, newton, 0.0, 0.0, place, place.copy(), contacts.h, nothing, nothing.copy(), known
+            )
         except (StepFailed, linear.Indefinite) as error:
             raise IntegrationError(
                 f"at the start, with the gaps as given, the forces have no equilibrium: {_why(system, state, error)}"
             ) from None
-        state.x = found.x
+        state.x = found.x[:, : x.shape[1]]
+        contacts.h = found.h  # beyond the range gaps follow the centres
+        if found.slid is not None:
+            contacts.T = found.slid.force
         newton.forget()
     state.dt = _first_step(scene, system, state)
     state.stored0 = _stored(system, state)
@@ -205,14 +226,28 @@ def _overlaps(system: System, state: State) -> Array:
 
 
 def _stored(system: System, state: State) -> float:
-    contacts = state.contacts
-    U, _ = energies(system.kernel, _overlaps(system, state), contacts.h, system.p, contacts.q.reshape(-1))
-    return float(U.sum())
+    contacts, overlap = state.contacts, _overlaps(system, state)
+    U, _ = energies(system.kernel, overlap, contacts.h, system.p, contacts.q.reshape(-1))
+    stored = float(U.sum())
+    if system.kernel.tangential:
+        k_t = contact_state(system, contacts, overlap, contacts.h)["k_t"]
+        stored += float(np.sum(contacts.T**2 / (2 * k_t[:, None])))
+    return stored
+
+
+def _free(system: System) -> NDArray[np.bool_]:
+    """Positions that follow from forces, shape (N, d)."""
+    return np.asarray(~system.fixed[:, : system.dimension])
+
+
+def _present(system: System, state: State) -> System:
+    """With the box and the walls as they are now."""
+    return replace(system, box=state.box, walls=state.walls)
 
 
 def _exchanged(system: System, state: State) -> Array:
     """Energies exchanged since the start."""
-    return np.array([*(state.work[name] for name in WORKS), _stored(system, state) - state.stored0])
+    return np.array([*(state.work[name] for name in works(system)), _stored(system, state) - state.stored0])
 
 
 def _first_step(scene: ParticleScene, system: System, state: State) -> float:
@@ -243,7 +278,7 @@ def _require_held(system: System, state: State, free: NDArray[np.bool_]) -> None
         )
     links = coo_array((np.ones(int(pair.sum())), (contacts.i[pair], contacts.j[pair])), shape=(count, count))
     clusters, label = connected_components(links, directed=False)
-    anchored = set(label[system.fixed.any(axis=1)]) | set(label[contacts.i[active & (contacts.j >= count)]])
+    anchored = set(label[~_free(system).all(axis=1)]) | set(label[contacts.i[active & (contacts.j >= count)]])
     loose = [k for k in range(clusters) if k not in anchored]
     if len(loose) > 1 or (loose and anchored):
         sizes = [np.flatnonzero(label == k) for k in loose]
@@ -256,7 +291,7 @@ def _require_held(system: System, state: State, free: NDArray[np.bool_]) -> None
 
 def _require_balanced(system: System, t: float, x: Array) -> None:
     """External forces along axes on which everything moves freely sum to zero, and so does their torque."""
-    force = system.force(t)
+    force = system.force(t)[:, : system.dimension]
     for axis in gauge_axes(system):
         total, size = float(force[:, axis].sum()), float(np.abs(force[:, axis]).sum())
         if abs(total) > UNBALANCED * size:
@@ -292,6 +327,7 @@ def integrate(
     IntegrationError
         The state is then the last good one.
     """
+    system = _present(system, state)
     farthest = 2 * float(checked.radii.max()) + (0.0 if math.isinf(system.reach) else system.reach) + state.listed.skin
     until = float(scene.until)
     if not state.frames and checked.times[0] == 0.0:
@@ -311,7 +347,8 @@ def integrate(
             step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
             error = step.error
             when = landing if dt == left else state.t + dt
-            moved = travelled(state.listed, step.end.x, system.box, when, farthest, system.walls)
+            ends = step.end.x[:, : system.dimension]
+            moved = travelled(state.listed, ends, step.system.box, when, farthest, step.system.walls)
             if not math.isinf(system.reach) and moved > 1.0:
                 if travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0:
                     _list_again(scene, checked, system, newton, state)
@@ -337,10 +374,13 @@ def integrate(
             if failure is not None:
                 state.v, state.y_rate = np.zeros_like(state.v), np.zeros_like(state.y_rate)
             continue
-        state.t, state.x, state.v = when, step.end.x, step.x_rates[-1]
+        state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.x_rates[-1]
+        system, state.box, state.walls = step.system, step.system.box, step.system.walls
         # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
         state.y_rate = step.y_rates[-1] / np.sqrt(1 + step.end.y**2)
         state.contacts.h = step.end.h
+        if step.end.slid is not None:
+            state.contacts.T = step.end.slid.force
         for name, amount in step.work.items():
             state.work[name] += amount
         within = step.end.h < system.reach
@@ -370,7 +410,7 @@ def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: 
     old = state.contacts
     rates = dict(zip(_names(old), state.y_rate.tolist(), strict=True))
     state.contacts, state.listed, _, dropped = find_contacts(
-        scene, checked, system.kernel, state.x, state.t, old, checked.walls
+        scene, checked, system.kernel, state.x, state.t, old, system.box, system.walls
     )
     state.y_rate = np.array([rates.get(name, 0.0) for name in _names(state.contacts)])
     closed = np.flatnonzero(~(state.contacts.h > 0))
@@ -397,7 +437,7 @@ def _why(system: System, state: State, error: Exception) -> str:
     if not isinstance(error, linear.Indefinite):
         return str(error)
     if not np.any(system.drag > 0):
-        _require_held(system, state, np.asarray((~system.fixed).any(axis=1)))
+        _require_held(system, state, np.asarray(_free(system).any(axis=1)))
     size = np.linalg.norm(error.direction(), axis=1)
     worst = np.flatnonzero(size > 0.3 * size.max())
     worst = worst[np.argsort(-size[worst], kind="stable")]
@@ -415,10 +455,11 @@ def _why(system: System, state: State, error: Exception) -> str:
 def _result(
     scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State, began: float
 ) -> ParticleResult:
-    stored = _stored(system, state) - state.stored0
+    stored = _stored(_present(system, state), state) - state.stored0
     work = state.work
     given = work["external"] + work["flow"] + work["box"]
     taken = stored + work["U_h"] + work["gaps"] + work["drag"] + work["remote"]
+    taken += sum(work[name] for name in works(system) if name in TANGENTIAL_WORKS)
     size = sum(abs(value) for value in work.values()) + abs(stored)
     stats: dict[str, Any] = {
         "method": "SDIRK of order 3 in positions and gaps",

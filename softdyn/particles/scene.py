@@ -16,6 +16,8 @@ from softdyn.expression import FUNCTIONS, parse
 from softdyn.expression import evaluate as evaluate_expression
 from softdyn.particles.geometry import Box, Wall, find_pairs
 from softdyn.particles.kernel import ContactKernel
+from softdyn.particles.sliding import rotations
+from softdyn.particles.surroundings import Imposed
 from softdyn.scene import SMALLEST_RTOL, TARGETS, range_fault, suggestion
 
 Array = NDArray[np.float64]
@@ -58,11 +60,15 @@ class Hold:
         Which of "xyz".
     velocity : sequence of (float or str), optional
         One for each of the axes; 0 without.
+    spin : sequence of (float or str), optional
+        Angular velocity, where there is tangential motion: one number in two dimensions, three in three. Without it the
+        particles turn as torques make them.
     """
 
     particles: Sequence[int]
     axes: str
     velocity: Sequence[float | str] | None = None
+    spin: Sequence[float | str] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,11 +93,20 @@ class ParticleScene:
     reach : float, optional
         Range of a contact: beyond this gap there is none, and from half of it on film and remote force fade. Without
         it all pairs are in contact.
+    tangential : bool
+        Whether particles slide, roll and turn, as their law declares.
     box : sequence of float or None, optional
         Edges of the periodic box; None along an axis that is not periodic.
     walls : sequence of Wall
     shear_rate : float
         Background flow u = shear_rate y along x; a periodic box is sheared with it.
+    stress : mapping from str to (float or str)
+        Imposed on a box that is periodic along all axes, which then shears or stretches as it must: "xy", the shear
+        stress, instead of a shear rate; "xx", "yy", "zz", along an axis, > 0 in tension; or "pressure", minus a third
+        (in two dimensions, half) of their sum, at which the box keeps its shape. Numbers, or expressions of t; stress
+        of the contacts and of the fluid, 2 eta D.
+    stress_viscosity : float, optional
+        Viscosity eta of the fluid in that; the parameter eta by default.
     drag : float
         What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none.
     pushes : sequence of Push
@@ -116,9 +131,12 @@ class ParticleScene:
     mixing: Mapping[str, str] = field(default_factory=dict)
     gap: float | None = None
     reach: float | None = None
+    tangential: bool = False
     box: Sequence[float | None] | None = None
     walls: Sequence[Wall] = ()
     shear_rate: float = 0.0
+    stress: Mapping[str, float | str] = field(default_factory=dict)
+    stress_viscosity: float | None = None
     drag: float = 0.0
     pushes: Sequence[Push] = ()
     holds: Sequence[Hold] = ()
@@ -144,6 +162,13 @@ class Checked:
     fixed : array of bool, shape (N, d)
     force, velocity : function of t
     times : array
+    turned : array of bool, shape (N,)
+        Particles whose rotation is given.
+    spin : function of t
+        Angular velocity of these, shape (N, rotations).
+    imposed : Imposed, optional
+    wall_velocity : function of t, optional
+        Velocities of the walls, shape (walls, d), if any of them moves.
     """
 
     x: Array
@@ -156,6 +181,10 @@ class Checked:
     force: Callable[[float], Array]
     velocity: Callable[[float], Array]
     times: Array
+    turned: NDArray[np.bool_]
+    spin: Callable[[float], Array]
+    imposed: Imposed | None
+    wall_velocity: Callable[[float], Array] | None
 
 
 def check(scene: ParticleScene) -> Checked:
@@ -209,6 +238,10 @@ def check(scene: ParticleScene) -> Checked:
         faults.append(f"{count} particles need a range of their contacts, [contacts] range")
     box = _box(scene, d, faults)
     walls = _walls(scene, d, faults)
+    if not isinstance(scene.tangential, (bool, np.bool_)):
+        faults.append(f"tangential must be true or false, not {scene.tangential!r}")
+    if scene.tangential and d == 1:
+        faults.append("[contacts] tangential: in one dimension there is no tangential motion")
     if scene.shear_rate and d == 1:
         faults.append("a shear flow needs two dimensions at least")
     if scene.shear_rate and not scene.drag and not box.periodic[: min(d, 2)].all():
@@ -228,7 +261,24 @@ def check(scene: ParticleScene) -> Checked:
     fixed, velocity = _holds(scene, count, d)
     force = _pushes(scene, count, d)
     _require_used(scene)
-    return Checked(x, radii, species, names, box, walls, fixed, force, velocity, _times(scene))
+    turned, spin = _spins(scene, count, d)
+    imposed, wall_velocity = _imposed(scene, box), _wall_velocity(scene, d)
+    return Checked(
+        x,
+        radii,
+        species,
+        names,
+        box,
+        walls,
+        fixed,
+        force,
+        velocity,
+        _times(scene),
+        turned,
+        spin,
+        imposed,
+        wall_velocity,
+    )
 
 
 def _array(name: str, values: Any) -> Array:
@@ -295,8 +345,62 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
         if not isinstance(wall.rigid, (bool, np.bool_)):
             faults.append(f"wall {number}: rigid must be true or false, not {wall.rigid!r}")
             continue
-        walls.append(Wall(point, normal / size, bool(wall.rigid)))
+        if wall.velocity is not None and (isinstance(wall.velocity, str) or len(wall.velocity) != d):
+            faults.append(f"wall {number}: velocity needs {d} components, one for each axis")
+            continue
+        walls.append(Wall(point, normal / size, bool(wall.rigid), wall.velocity))
     return tuple(walls)
+
+
+def _wall_velocity(scene: ParticleScene, d: int) -> Callable[[float], Array] | None:
+    terms = []
+    for number, wall in enumerate(scene.walls):
+        for axis, value in enumerate(wall.velocity or ()):
+            if value != 0:
+                where = f"wall {number}: velocity along {AXES[axis]}"
+                terms.append((np.array([number]), axis, _function(scene, value, where)))
+    return _sum_of(terms, len(scene.walls), d, "velocity of wall") if terms else None
+
+
+def _imposed(scene: ParticleScene, box: Box) -> Imposed | None:
+    """Stress imposed on the box."""
+    if not scene.stress:
+        if scene.stress_viscosity is not None:
+            raise SceneError("[stress] viscosity resists a box whose stress is imposed, and none is")
+        return None
+    d = len(box.lengths)
+    known = [*(["xy"] if d > 1 else []), *(2 * axis for axis in AXES[:d]), "pressure"]
+    faults = [
+        f"[stress] unknown component {name!r}{suggestion(name, known)}" for name in scene.stress if name not in known
+    ]
+    if not box.periodic.all():
+        faults.append("[stress] a stress is imposed on a box that is periodic along all axes: give its lengths")
+    if "xy" in scene.stress and scene.shear_rate:
+        faults.append(
+            "[stress] xy and [flow] shear_rate: the shear rate follows from the shear stress; give one of them"
+        )
+    if "pressure" in scene.stress and any(2 * axis in scene.stress for axis in AXES):
+        faults.append("[stress] pressure and the stress along an axis: give either")
+    if scene.walls or scene.holds:
+        faults.append(
+            "[stress] walls and held particles do not move with a box whose stress is imposed: leave them out"
+        )
+    viscosity = scene.stress_viscosity if scene.stress_viscosity is not None else scene.parameters.get("eta")
+    if isinstance(viscosity, Mapping) or not _is_number(viscosity) or not viscosity > 0:  # type: ignore[operator]
+        faults.append("[stress] viscosity, or the parameter eta, must be a positive number: it resists the box")
+    if faults:
+        raise SceneError(_listed(faults))
+    names = tuple(name for name in known if name in scene.stress)
+    functions = [_function(scene, scene.stress[name], f"[stress] {name}") for name in names]
+    signs = np.array([-1.0 if name == "pressure" else 1.0 for name in names])
+
+    def values(t: float) -> Array:
+        found = np.array([function(t) for function in functions])
+        if not np.isfinite(found).all():
+            raise SceneError(f"[stress] {names[int(np.argmin(np.isfinite(found)))]} has no finite value at t={t:.6g}")
+        return signs * found
+
+    return Imposed(names, values, float(viscosity))  # type: ignore[arg-type]
 
 
 def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
@@ -383,9 +487,10 @@ def _constants(scene: ParticleScene) -> dict[str, float]:
 
 def _require_used(scene: ParticleScene) -> None:
     texts = [value for push in scene.pushes for value in push.force if isinstance(value, str)]
-    texts += [
-        value for hold in scene.holds if hold.velocity is not None for value in hold.velocity if isinstance(value, str)
-    ]
+    given = [list(values) for hold in scene.holds for values in (hold.velocity, hold.spin) if values is not None]
+    texts += [value for values in given for value in values if isinstance(value, str)]
+    texts += [value for wall in scene.walls for value in wall.velocity or () if isinstance(value, str)]
+    texts += [value for value in scene.stress.values() if isinstance(value, str)]
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
@@ -443,6 +548,46 @@ def _holds(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_],
     return fixed, _sum_of(terms, count, d, "velocity")
 
 
+def _spins(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+    """Rotations that are given."""
+    turned = np.zeros(count, dtype=bool)
+    terms = []
+    m = rotations(d)
+    for number, hold in enumerate(scene.holds):
+        if hold.spin is None:
+            continue
+        where = f"[[hold]] {number}"
+        if not scene.tangential:
+            raise SceneError(f"{where}: spin has no meaning without tangential motion, [contacts] tangential = true")
+        if isinstance(hold.spin, str) or not isinstance(hold.spin, Sequence) or len(hold.spin) != m:
+            raise SceneError(f"{where}: spin needs {m} component{'s' if m > 1 else ''} in {d} dimensions")
+        particles = _numbers_of(hold.particles, count, where)
+        twice = particles[turned[particles]]
+        if len(twice):
+            raise SceneError(f"{where}: {particles_named(twice)} given two spins")
+        turned[particles] = True
+        for axis, value in enumerate(hold.spin):
+            if value != 0:
+                terms.append((particles, axis, _function(scene, value, f"{where}: spin {axis}")))
+    return turned, _sum_of(terms, count, m, "spin")
+
+
+def with_rotations(
+    checked: Checked,
+) -> tuple[NDArray[np.bool_], Callable[[float], Array], Callable[[float], Array]]:
+    """Fixed coordinates, force and velocity for the coordinates (x, R theta): no external torques."""
+    count, d = checked.x.shape
+    fixed = np.concatenate([checked.fixed, np.repeat(checked.turned[:, None], rotations(d), axis=1)], axis=1)
+
+    def force(t: float) -> Array:
+        return np.concatenate([checked.force(t), np.zeros((count, rotations(d)))], axis=1)
+
+    def velocity(t: float) -> Array:
+        return np.concatenate([checked.velocity(t), checked.radii[:, None] * checked.spin(t)], axis=1)
+
+    return fixed, force, velocity
+
+
 def _times(scene: ParticleScene) -> Array:
     given = scene.times
     if isinstance(given, (int, np.integer)) and not isinstance(given, bool):
@@ -471,11 +616,14 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     """
     faults, varying = [], []
     if np.ptp(checked.radii) > 0 or checked.walls:
-        varying.append("R")
+        varying += ["R", "size_ratio"] if scene.tangential else ["R"]
     if not isinstance(scene.parameters, Mapping):
         raise SceneError(f"[parameters] must map names to numbers, not {scene.parameters!r}")
-    if "R" in scene.parameters:
-        faults.append("[parameters] R follows from the radii of the particles: leave it out")
+    faults += [
+        f"[parameters] {name} follows from the radii of the particles: leave it out"
+        for name in ("R", "size_ratio")
+        if name in scene.parameters
+    ]
     for name, value in scene.parameters.items():
         if not isinstance(value, Mapping):
             if not _is_number(value):
@@ -528,6 +676,8 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
         if name not in names and name != "R" and not (name == "eta" and scene.drag)
     ]
     for name in names:
+        if name == "size_ratio":
+            continue
         if name not in given:
             faults.append(f"[parameters] {name} is missing")
             continue

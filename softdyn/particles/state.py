@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Contacts
+from softdyn.particles.geometry import Box, Contacts, Wall
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.results import Frame
 
@@ -22,11 +22,15 @@ class State:
     ----------
     t, dt : float
         Time, and the step to try next.
-    x, v : array, shape (N, d)
+    x : array, shape (N, d)
+    v : array, shape (N, d + rotations)
+        Velocities, and with tangential motion radius times angular velocity.
     y_rate : array, shape (contacts,)
         Guess of dy/dt for the next step.
     contacts : Contacts
     listed : Listed
+    box : Box
+    walls : tuple of Wall
     work : dict
         Energies exchanged since the start.
     stored0 : float
@@ -44,6 +48,8 @@ class State:
     y_rate: Array
     contacts: Contacts
     listed: Listed
+    box: Box
+    walls: tuple[Wall, ...]
     work: dict[str, float]
     stored0: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)

@@ -9,21 +9,26 @@ positions has the blocks -(dF/dr) n n^T - (F/r)(1 - n n^T) of the contacts and Z
 drag, Z = 0, positions are algebraic: the elastic equilibrium at the given gaps. Then a free cluster may be moved as a
 whole at no cost; its mean velocity is set to zero, and the line between two of its particles does not turn. External
 forces that would turn it are refused, and what rounding leaves of their torque is taken away.
+
+With tangential motion, :mod:`softdyn.particles.sliding`, a particle's rotation stands beside its position: coordinates
+(x, R theta) with theta counted from the start of the step, forces (force, torque/R). Without it nothing below has more
+than positions.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles import linear
+from softdyn.particles import linear, sliding
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, flow, lattice
 from softdyn.particles.kernel import ContactKernel, energies
 from softdyn.particles.method import ERROR, GAMMA, NODES, STAGES, WEIGHTS
+from softdyn.particles.surroundings import Imposed, balance_under_stress, coordinates, moves, placed
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -31,6 +36,10 @@ Flags = NDArray[np.bool_]
 MOST_ITERATIONS = 40
 #: A factorisation is used again as long as each iteration with it leaves less than this of the residual.
 CONTRACTION = 0.2
+#: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
+IDLE = 1e-9
+#: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
+INSTANT = 1e-200
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -54,12 +63,16 @@ class System:
     walls : tuple of Wall
     radii, drag : array, shape (N,)
         Radius of each particle, and what resists its motion through the fluid: force/velocity.
-    fixed : array of bool, shape (N, d)
+    fixed : array of bool, shape (N, d + rotations)
         Coordinates whose velocity is given.
     force, velocity : function of t
-        External force on each particle, and velocity of the fixed coordinates, shape (N, d).
+        External force on each particle, and velocity of the fixed coordinates, shape (N, d + rotations).
     rtol : float
         Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
+    imposed : Imposed, optional
+        Stress imposed on the box.
+    wall_velocity : function of t, optional
+        Velocities of the walls, shape (walls, d).
     """
 
     kernel: ContactKernel
@@ -73,6 +86,35 @@ class System:
     force: Callable[[float], Array]
     velocity: Callable[[float], Array]
     rtol: float
+    imposed: Imposed | None = None
+    wall_velocity: Callable[[float], Array] | None = None
+
+    @property
+    def box_rates(self) -> Array:
+        """Rates of the box that the imposed stress makes unknown, as they are."""
+        if self.imposed is None:
+            return np.empty(0)
+        G = self.box.gradient
+        return np.array(
+            [
+                G[0, 0] if name == "pressure" else G["xyz".index(name[0]), "xyz".index(name[1])]
+                for name in self.imposed.names
+            ]
+        )
+
+    @property
+    def dimension(self) -> int:
+        """Of space."""
+        return len(self.box.lengths)
+
+    @property
+    def resistance(self) -> Array:
+        """What resists the motion of each coordinate through the fluid, shape (N, d + rotations).
+
+        By Stokes, 6 pi eta R against 8 pi eta R^3 of a rotation, whose coordinate is R theta.
+        """
+        width = self.fixed.shape[1]
+        return self.drag[:, None] * np.where(np.arange(width) < self.dimension, 1.0, 4 / 3)
 
     @property
     def force_tolerance(self) -> float:
@@ -104,15 +146,19 @@ class Balance:
 
     Attributes
     ----------
-    x : array, shape (N, d)
+    x : array, shape (N, d + rotations)
     y, h, F, F_r : array, shape (contacts,)
         State and gap, force, and consistent tangent.
     n : array, shape (contacts, d)
     r : array, shape (contacts,)
-    reaction : array, shape (N, d)
+    reaction : array, shape (N, d + rotations)
         Residual of the balance: what holds the fixed coordinates, below tolerance elsewhere.
     residual : float
         Largest of the others, relative to the largest force.
+    slid : Slid or None
+        Tangential forces.
+    values : dict
+        What the kernel gives of tangential motion.
     """
 
     x: Array
@@ -124,6 +170,8 @@ class Balance:
     r: Array
     reaction: Array
     residual: float
+    slid: sliding.Slid | None = None
+    values: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -135,10 +183,12 @@ class Step:
     end : Balance
     error : float
         Estimated error in units of what is allowed.
-    x_rates : array, shape (stages, N, d)
+    x_rates : array, shape (stages, N, d + rotations)
     y_rates : array, shape (stages, contacts)
     work : dict
         Energy of each kind, exchanged over the step; see :data:`WORKS`.
+    system : System
+        With the box and the walls as they are at the end.
     """
 
     end: Balance
@@ -146,17 +196,25 @@ class Step:
     x_rates: Array
     y_rates: Array
     work: dict[str, float]
+    system: System
 
 
 #: Energy put in by external forces and by what holds fixed coordinates, by the flow, and by the moving box; energy
 #: lost in the gaps, by drag, to remote forces, and what the dependence of F_ela on h takes (the U_h term).
 WORKS = ("external", "flow", "box", "gaps", "drag", "remote", "U_h")
+#: Besides, with tangential motion: lost in sliding and in rolling, and what a change of the tangential stiffness takes.
+TANGENTIAL_WORKS = ("sliding", "rolling", "k_t")
+
+
+def works(system: System) -> tuple[str, ...]:
+    """Kinds of energy that are exchanged."""
+    return (*WORKS, *TANGENTIAL_WORKS) if system.kernel.tangential else WORKS
 
 
 def gauge_axes(system: System) -> list[int]:
     """Axes along which nothing resists a motion of all particles together."""
-    d = system.fixed.shape[1]
-    if np.any(system.drag > 0):
+    d = system.dimension
+    if np.any(system.drag > 0) or (system.kernel.tangential and system.walls):
         return []
     held = [axis for axis in range(d) if system.fixed[:, axis].any()]
     facing = [axis for axis in range(d) if any(wall.normal[axis] for wall in system.walls)]
@@ -165,26 +223,28 @@ def gauge_axes(system: System) -> list[int]:
 
 def turns_freely(system: System) -> bool:
     """Whether nothing resists a rotation of all particles together."""
-    count, d = system.fixed.shape
+    count, d = len(system.fixed), system.dimension
     alone = not system.fixed.any() and not system.walls and not system.box.periodic.any()
     return alone and d > 1 and count > 1 and not np.any(system.drag > 0)
 
 
-def _turns(x: Array) -> Array:
-    """Orthonormal motions of the particles that turn all of them together, shape (turns, N, d)."""
+def _turns(x: Array, radii: Array, width: int) -> Array:
+    """Orthonormal motions of the particles that turn all of them together, shape (turns, N, width)."""
     count, d = x.shape
     away = x - x.mean(axis=0)
     planes = [(a, b) for a in range(d) for b in range(a + 1, d)]
-    turns = np.zeros((len(planes), count, d))
+    turns = np.zeros((len(planes), count, width))
     for turn, (a, b) in zip(turns, planes, strict=True):
         turn[:, a], turn[:, b] = -away[:, b], away[:, a]
+        if width > d:  # about x from y to z, about y from z to x, about z from x to y
+            turn[:, d if d == 2 else d + 3 - a - b] = -radii if (a, b) == (0, 2) else radii
     _, sizes, rows = np.linalg.svd(turns.reshape(len(planes), -1), full_matrices=False)
-    return rows[sizes > 1e-9 * sizes[0]].reshape(-1, count, d)  # particles in a line do not turn about it
+    return rows[sizes > 1e-9 * sizes[0]].reshape(-1, count, width)  # particles in a line do not turn about it
 
 
-def _held_torque(x: Array, force: Array) -> Array:
+def _held_torque(x: Array, radii: Array, force: Array) -> Array:
     """Part of some forces that would turn all particles together."""
-    turns = _turns(x)
+    turns = _turns(x, radii, force.shape[1])
     return np.tensordot(np.tensordot(turns, force, 2), turns, 1)
 
 
@@ -216,14 +276,20 @@ def _gauge_springs(pairs: list[tuple[int, int]], x: Array) -> list[Array]:
 
 def solve_contacts(
     system: System, overlap: Array, s: float, start: Array, target: Array, y: Array, q: Array
-) -> tuple[Array, Array, Array]:
-    """Gap, force and consistent tangent of each contact at given overlaps; y is a guess, and then the solution."""
+) -> tuple[Array, Array, Array, dict[str, Array]]:
+    """Gap, force and consistent tangent of each contact at given overlaps; y is a guess, and then the solution.
+
+    Besides what the kernel gives of tangential motion, by name.
+    """
+    kernel = system.kernel
     h, F, F_r = np.empty_like(overlap), np.empty_like(overlap), np.empty_like(overlap)
-    reach = (system.reach,) if system.kernel.fading else ()
-    system.kernel.contacts(
-        len(overlap), float(s), *reach, overlap, start, target, system.p, q.reshape(-1), y, h, F, F_r
+    reach = (system.reach,) if kernel.fading else ()
+    out = np.empty((len(kernel.tangential), len(overlap)))
+    more = (out.reshape(-1),) if kernel.tangential else ()
+    kernel.contacts(
+        len(overlap), float(s), *reach, overlap, start, target, system.p, q.reshape(-1), y, h, F, F_r, *more
     )
-    return h, F, F_r
+    return h, F, F_r, dict(zip(kernel.tangential, out, strict=True))
 
 
 def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
@@ -250,6 +316,7 @@ def balance(
     start: Array,
     y_star: Array,
     y: Array,
+    known: sliding.Known | None = None,
 ) -> Balance:
     """Solve one implicit stage: positions and gaps with x = x* + s dx/dt and y = y* + s dy/dt; gaps stay where s = 0.
 
@@ -257,12 +324,14 @@ def balance(
     ----------
     t, s : float
         Time, and gamma dt.
-    x_star, x : array, shape (N, d)
+    x_star, x : array, shape (N, d + rotations)
         Known part, and a guess.
     start : array, shape (contacts,)
         Gap at the start of the step, which defines y.
     y_star, y : array, shape (contacts,)
         Known part, and a guess.
+    known : Known, optional
+        What is known of the tangential forces.
 
     Raises
     ------
@@ -271,28 +340,38 @@ def balance(
     softdyn.particles.linear.Indefinite
         If the matrix has a direction along which nothing resists.
     """
-    count = len(x)
+    count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
     gauge = gauge_axes(system)
-    drag = system.drag[:, None]
+    drag = system.resistance
+    images = s * image_velocities(system, contacts, t) if known is not None else None
     moving = bool(np.any(system.drag > 0)) and s > 0
     free = ~system.fixed
     turning = turns_freely(system)
 
     def evaluate(x: Array, y: Array) -> tuple[Balance, Array]:
-        n, r, curvature = directions(contacts, x, cell, system.walls)
-        h, F, F_r = solve_contacts(system, contacts.S - r, s, start, y_star, y, contacts.q)
+        n, r, curvature = directions(contacts, x[:, :d], cell, system.walls)
+        h, F, F_r, values = solve_contacts(system, contacts.S - r, s or INSTANT, start, y_star, y, contacts.q)
         newton.counts["contacts"] += len(r)
-        reaction = contact_forces(contacts, F, n, count) - external
-        resisting = drag * ((x - x_star) / s - flow(system.box, x)) if moving else np.zeros_like(x)
+        reaction = _forces_on(system, contact_forces(contacts, F, n, count)) - external
+        resisting = drag * ((x - x_star) / s - background(system, x)) if moving else np.zeros_like(x)
         reaction += resisting
+        slid = None
+        if known is not None:
+            assert images is not None
+            slid = sliding.slide(known, contacts, values, n, r, curvature, x - x_star, images, s)
+            reaction += sliding.reactions(contacts, known, slid, n, count)
         if turning:
-            reaction -= _held_torque(x, reaction)
-        largest = max(_largest(external), _largest(F), _largest(resisting))
+            reaction -= _held_torque(x[:, :d], system.radii, reaction)
+        largest = max(_largest(external), _largest(F), _largest(resisting), _largest(slid.force) if slid else 0.0)
         wrong = _largest(np.where(free, reaction, 0.0))
-        noise = ROUNDING * _largest(F_r) * (_largest(x) + float(system.radii.max()))
+        stiffest = max(_largest(F_r), _largest(values["stiff"])) if known is not None else _largest(F_r)
+        noise = ROUNDING * stiffest * (_largest(x) + float(system.radii.max()))
+        if wrong - noise > system.force_tolerance * largest:
+            noise += _uncertainty(contacts, h, F, r)
+            noise += ROUNDING * _largest(drag) / s * _largest(x) if moving else 0.0
         relative = max(wrong - noise, 0.0) / largest if largest > 0 else wrong
-        return Balance(x, y, h, F, F_r, n, r, reaction, relative), curvature
+        return Balance(x, y, h, F, F_r, n, r, reaction, relative, slid, values), curvature
 
     now, curvature = evaluate(x, y.copy())
     for attempt in range(4):
@@ -311,7 +390,7 @@ def balance(
             return _in_gauge(now, gauge, x_star)
         newton.counts["iterations"] += 1
         if newton.solve is None:
-            _factorise(system, contacts, newton, now, curvature, s if moving else 0.0, gauge)
+            _factorise(system, contacts, newton, now, curvature, s, moving, gauge, known)
             newton.s, fresh = s, True
         assert newton.solve is not None
         change = newton.solve(np.where(free, -now.reaction, 0.0))
@@ -332,10 +411,44 @@ def balance(
             slow = trial.residual > CONTRACTION * now.residual
             now, curvature = trial, trial_curvature
         elif fresh:
-            raise StepFailed(_unbalanced(system, now, free))
+            raise StepFailed(_unbalanced(now, free))
         if not better or slow:
             newton.solve, fresh = None, False
-    raise StepFailed(_unbalanced(system, now, free))
+    raise StepFailed(_unbalanced(now, free))
+
+
+def _forces_on(system: System, force: Array) -> Array:
+    """Forces with no torque."""
+    width = system.fixed.shape[1]
+    return force if width == force.shape[1] else np.pad(force, ((0, 0), (0, width - force.shape[1])))
+
+
+def background(system: System, x: Array) -> Array:
+    """Velocity of the background flow, and of rotation with it, in each coordinate."""
+    d = system.dimension
+    u = flow(system.box, x[:, :d])
+    if x.shape[1] == d:
+        return u
+    rotation = np.zeros((len(x), x.shape[1] - d))
+    rotation[:, -1] = -0.5 * system.box.shear_rate * system.radii
+    return np.concatenate([u, rotation], axis=1)
+
+
+def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
+    """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d)."""
+    velocities = contacts.shift @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
+    if system.wall_velocity is not None:
+        count = len(system.radii)
+        on = contacts.j >= count
+        velocities[on] = system.wall_velocity(t)[contacts.j[on] - count]
+    return velocities
+
+
+def _uncertainty(contacts: Contacts, h: Array, F: Array, r: Array) -> float:
+    """By how much forces are uncertain, as gaps are found to 1e-12: more than little, where forces start from none."""
+    deflection = np.abs(contacts.S - r + h) / 2
+    stiffness = np.divide(np.abs(F), deflection, out=np.zeros_like(F), where=deflection > 0)
+    return float((stiffness * h).max(initial=0.0)) * 1e-12
 
 
 def _largest(values: Array) -> float:
@@ -350,29 +463,48 @@ def _in_gauge(found: Balance, gauge: list[int], x_star: Array) -> Balance:
 
 
 def _factorise(
-    system: System, contacts: Contacts, newton: Newton, now: Balance, curvature: Array, s: float, gauge: list[int]
+    system: System,
+    contacts: Contacts,
+    newton: Newton,
+    now: Balance,
+    curvature: Array,
+    s: float,
+    moving: bool,
+    gauge: list[int],
+    known: sliding.Known | None,
 ) -> None:
     """Prepare Newton's matrix at the present positions."""
-    count, d = now.x.shape
+    count, width = now.x.shape
+    d = system.dimension
     if newton.pattern is None:
-        newton.gauge_pairs = _gauge_pairs(now.x) if turns_freely(system) else []
+        newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
         ends = np.array(newton.gauge_pairs, dtype=np.int64).reshape(-1, 2)
         newton.pattern = linear.pattern_of(
             count, np.concatenate([contacts.i, ends[:, 0]]), np.concatenate([contacts.j, ends[:, 1]])
         )
     across = (now.F * curvature)[:, None, None]
-    springs = _gauge_springs(newton.gauge_pairs, now.x)
+    springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
     dyads = now.n[:, :, None] * now.n[:, None, :]
     blocks = (across[:, 0, 0] - now.F_r)[:, None, None] * dyads - across * np.eye(d)
     scale = _largest(now.F_r)
     if springs:
         blocks = np.concatenate([blocks, [scale * spring for spring in springs]])
-    diagonal = np.repeat((system.drag / s if s > 0 else np.zeros(count))[:, None], d, axis=1)
+    diagonal = system.resistance / s if moving else np.zeros((count, width))
     for axis in gauge:
         diagonal[0, axis] += scale
-    matrix = linear.assemble(newton.pattern, blocks, diagonal, system.fixed)
     newton.counts["factorisations"] += 1
-    newton.solve, newton.method = linear.solver(matrix, d)
+    if now.slid is None or known is None:
+        matrix = linear.assemble(newton.pattern, blocks, diagonal, system.fixed)
+        newton.solve, newton.method = linear.solver(matrix, d)
+        return
+    # what spins without any resistance, as a particle about the line of its only contacts, does not
+    diagonal[:, d:] += IDLE * max(scale, _largest(now.values["stiff"]))
+    parts = sliding.tangents(known, now.values, now.slid, now.n, curvature, s)
+    quarters = [np.concatenate([part, np.zeros((len(springs), width, width))]) for part in parts]
+    for quarter, sign in zip(quarters, (1.0, -1.0, -1.0, 1.0), strict=True):
+        quarter[:, :d, :d] += sign * blocks
+    matrix = linear.assemble_quarters(newton.pattern, quarters, diagonal, system.fixed)
+    newton.solve, newton.method = linear.unsymmetric_solver(matrix, d, width)
 
 
 def _pair(contacts: Contacts, c: int, count: int) -> str:
@@ -388,23 +520,12 @@ def _unsolved(contacts: Contacts, now: Balance, count: int) -> str:
     return f"{_pair(contacts, c, count)}, at r={now.r[c]:.6g}, has no gap that solves its equation"
 
 
-def _unbalanced(system: System, now: Balance, free: Flags) -> str:
+def _unbalanced(now: Balance, free: Flags) -> str:
     worst = int(np.argmax(np.abs(np.where(free, now.reaction, 0.0)).max(axis=1)))
     return (
         f"Newton's iteration for the positions does not converge: the forces on particle {worst} balance to "
         f"{now.residual:.1e} of the largest force only"
     )
-
-
-def state_of(gap: Array, start: Array) -> Array:
-    """Return y(h) = (h/g - g/h)/2."""
-    return (gap / start - start / gap) / 2
-
-
-def gap_of(y: Array, start: Array) -> Array:
-    """Return h(y), the inverse of :func:`state_of`, without loss at either end."""
-    factor = np.abs(y) + np.sqrt(1 + y * y)
-    return np.where(y > 0, start * factor, start / factor)
 
 
 def take_step(
@@ -418,9 +539,19 @@ def take_step(
     """
     s = GAMMA * dt
     start = contacts.h
+    sliding_start = None
+    if system.kernel.tangential:
+        normal, _, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+        sliding_start = sliding.starting(contacts, system.radii, normal)
+        x = _forces_on(system, x)  # rotations count from here
     x_rates = np.zeros((3, *x.shape))
     y_rates = np.zeros((3, len(start)))
-    work = dict.fromkeys(WORKS, 0.0)
+    T_rates, angle_rates = np.zeros((3, *contacts.T.shape)), np.zeros((3, len(start)))
+    work = dict.fromkeys(works(system), 0.0)
+    here, surround = system, moves(system)
+    z = coordinates(system, t) if surround else np.empty(0)
+    z_rates = np.zeros((3, len(z)))
+    rates = system.box_rates
     guess_x, guess_y = v, y_rate
     for stage in range(3):
         when = t + NODES[stage] * dt
@@ -429,20 +560,45 @@ def take_step(
         first = x_star + s * guess_x
         if system.fixed.any():
             first = np.where(system.fixed, x_star + s * system.velocity(when), first)
-        found = balance(system, contacts, newton, when, s, x_star, first, start, y_star, y_star + s * guess_y)
+        known = None
+        if sliding_start is not None:
+            T_star = contacts.T + dt * np.tensordot(STAGES[stage, :stage], T_rates[:stage], 1)
+            known = replace(sliding_start, force=T_star, angle=dt * (STAGES[stage, :stage] @ angle_rates[:stage]))
+        guess = y_star + s * guess_y
+
+        def solve(here: System, x: Array) -> Balance:
+            return balance(here, contacts, newton, when, s, x_star, x, start, y_star, guess, known)  # noqa: B023
+
+        if surround:
+            z_star = z + dt * (STAGES[stage, :stage] @ z_rates[:stage])
+            here, z_rates[stage] = placed(system, when, s, z_star, rates)
+        if system.imposed is None:
+            found = solve(here, first)
+        else:
+            found, here, z_rates[stage], rates = balance_under_stress(
+                system, contacts, newton, when, s, z_star, rates, solve, first
+            )
+        if known is not None and found.slid is not None:
+            T_rates[stage] = (found.slid.turned - known.force) / s
+            angle_rates[stage] = (found.slid.angle - known.angle) / s
         x_rates[stage] = guess_x = (found.x - x_star) / s
         y_rates[stage] = guess_y = (found.y - y_star) / s
-        for name, power in powers(system, contacts, found, when, x_rates[stage], y_rates[stage]).items():
+        for name, power in powers(here, contacts, found, when, x_rates[stage], y_rates[stage]).items():
             work[name] += dt * WEIGHTS[stage] * power
-    error = _error(system, contacts, found, dt * (ERROR @ y_rates), dt * np.tensordot(ERROR, x_rates, 1))
-    return Step(found, error, x_rates, y_rates, work)
+    errors = [dt * np.tensordot(ERROR, rates, 1) for rates in (x_rates, T_rates)]
+    error = _error(system, found, dt * (ERROR @ y_rates), *errors)
+    if surround and system.imposed is not None:
+        # errors of the strains of the box, as of positions
+        error = max(error, _largest(dt * (ERROR @ z_rates[:, : system.dimension + 1])) / system.rtol)
+    return Step(found, error, x_rates, y_rates, work, here)
 
 
-def _error(system: System, contacts: Contacts, end: Balance, y_error: Array, x_error: Array) -> float:
+def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
     """Error of a step relative to what is allowed.
 
     The root of the mean square over contacts within their range, and a tenth of the largest; likewise over particles,
-    where their positions are integrated.
+    where their positions are integrated; likewise over tangential forces, relative to the largest force, or to what
+    would shear the contact's surfaces by its gap.
     """
     active = end.h < system.reach
     found = [0.0]
@@ -451,8 +607,13 @@ def _error(system: System, contacts: Contacts, end: Balance, y_error: Array, x_e
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
     dragged = system.drag > 0
     if dragged.any():
-        relative = (x_error[dragged] / system.radii[dragged, None]).reshape(-1) / system.rtol
+        relative = (x_error[dragged, : system.dimension] / system.radii[dragged, None]).reshape(-1) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
+    if end.slid is not None and active.any():
+        k_t = end.values["stiff"][active] / end.values["keep"][active]
+        allowed = np.maximum(k_t * end.h[active], max(_largest(end.slid.force), _largest(end.F)))
+        relative = np.linalg.norm(T_error[active], axis=1) / (system.rtol * allowed)
+        found += [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
     return max(found) if all(map(math.isfinite, found)) else math.inf
 
 
@@ -472,20 +633,48 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, 
     _, U_h = energies(system.kernel, overlap, at.h, system.p, contacts.q.reshape(-1))
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * y_rate / np.sqrt(1 + at.y**2)
-    u = flow(system.box, at.x)
-    resisting = system.drag[:, None] * (v - u)
+    u = background(system, at.x)
+    resisting = system.resistance * (v - u)
     held = np.where(system.fixed, at.reaction, 0.0)
-    cell_rate = (lattice(system.box, t + 1.0) - lattice(system.box, t)) if system.box.shear_rate else None
-    carried = 0.0
-    if cell_rate is not None and cell_rate.any():
-        images = contacts.shift @ cell_rate.T
-        carried = -float(np.sum(at.F * np.einsum("ij,ij->i", at.n, images)))
+    images = image_velocities(system, contacts, t)
+    pushed = at.F[:, None] * at.n
+    if at.slid is not None:
+        pushed = pushed + at.slid.force
+    carried = -np.sum(pushed * images, axis=1)
+    box = contacts.j < len(v)
+    more = {}
+    if at.slid is not None:
+        more = tangential_powers(system, contacts, at, values, v, images, h_rate)
     return {
-        "external": float(np.sum((system.force(t) + held) * v)),
+        "external": float(np.sum((system.force(t) + held) * v)) + float(carried[~box].sum()),
         "flow": -float(np.sum(resisting * u)),
-        "box": carried,
+        "box": float(carried[box].sum()),
         "gaps": float(np.sum(values["friction"] * h_rate**2)),
         "drag": float(np.sum(resisting * (v - u))),
         "remote": -float(np.sum(values["remote"] * h_rate)),
         "U_h": -float(np.sum(U_h * h_rate)),
+        **more,
+    }
+
+
+def tangential_powers(
+    system: System, contacts: Contacts, at: Balance, values: dict[str, Array], v: Array, images: Array, h_rate: Array
+) -> dict[str, float]:
+    """Power lost in sliding and in rolling, and taken by a change of the tangential stiffness, at one stage."""
+    assert at.slid is not None
+    d = system.dimension
+    walls = np.zeros((len(system.walls), v.shape[1]))
+    one, other = (np.concatenate([v, walls])[ends] for ends in (contacts.i, contacts.j))
+    square = sliding.dot(at.slid.force, at.slid.force)
+    slides = values["friction_t"] > 0
+    radii = np.append(system.radii, np.ones(len(walls)))
+    turn = one[:, d:] / radii[contacts.i, None] - other[:, d:] / radii[contacts.j, None]
+    if d == 3:
+        turn = turn - sliding.dot(turn, at.n)[:, None] * at.n
+    r_rate = sliding.dot(other[:, :d] + images - one[:, :d], at.n)
+    k_rate = values["k_t_h"] * h_rate + values["k_t_delta"] * (h_rate - r_rate) / 2
+    return {
+        "sliding": float(np.sum(square[slides] / values["friction_t"][slides])),
+        "rolling": float(np.sum(values["roll"] * sliding.dot(turn, turn))),
+        "k_t": float(np.sum(square * k_rate / (2 * values["k_t"] ** 2))),
     }

@@ -58,6 +58,8 @@ def simulate_by_velocities(
         If the integration does not reach its end.
     """
     checked, system = prepare(scene)
+    if scene.tangential:
+        raise SceneError("the route by velocities knows normal contacts only: leave [contacts] tangential out")
     if checked.walls or checked.fixed.any() or scene.reach is not None or system.kernel.varying:
         raise SceneError("the route by velocities is for free clusters of equal spheres without a range of contacts")
     state = start(scene, checked, system, Newton())

@@ -56,8 +56,13 @@ def identity() -> dict[str, Any]:
             f"target 'c' needs a C compiler: none of {', '.join(COMPILERS)} is on PATH, and CC is "
             f"{os.environ.get('CC') or 'not set'}; install one, or use target 'numba'"
         )
+    return _identity_of(command, FLAGS)
+
+
+@cache
+def _identity_of(command: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, Any]:
     for extra in (("-march=native",), ()):
-        flags = (*FLAGS, *extra)
+        flags = (*wanted, *extra)
         probe = _run([*command, *(f for f in flags if f != "-shared"), "-dM", "-E", "-x", "c", os.devnull])
         if probe.returncode == 0:
             abi = [sys.platform, platform.machine(), ctypes.sizeof(ctypes.c_void_p)]

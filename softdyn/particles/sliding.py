@@ -1,0 +1,272 @@
+"""Tangential motion of many particles: sliding and rolling contacts, and what they ask of the particles' rotations.
+
+A particle's coordinates are then (x, R theta), its rotation since the start of the step times its radius, so that all
+have one unit; forces on them are (force, torque/R). One rotation in two dimensions, three in three; a sphere needs
+none of them before the step.
+
+The force T of a contact, from i to j, and its known part T* are kept in the frame of the step's start: the shortest
+rotation from the normal there to the present one, and the angle psi about it, take them to where the contact is. With
+dn/dt that rotation spins about n itself, by -n0.(n x dn/dt)/(1 + n0.n), so that psi, whose rate is the spin of the
+contact less that, is integrated with the rest; in two dimensions there is no psi. See :mod:`softdyn.derive.tangential`
+for levers and coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles.geometry import Contacts
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of the tangential forces as a stage begins.
+
+    Attributes
+    ----------
+    normal : array, shape (contacts, d)
+        Normals at the start of the step.
+    force : array, shape (contacts, d)
+        T*, in the frame of the start.
+    angle : array, shape (contacts,)
+        Known part of psi.
+    radii : array, shape (2, contacts)
+        Of i and of j; walls have 1, which nothing depends on.
+    unlike : array, shape (contacts,)
+        D = (R_i - R_j)/(R_i + R_j); -1 for walls.
+    """
+
+    normal: Array
+    force: Array
+    angle: Array
+    radii: Array
+    unlike: Array
+
+
+@dataclass(frozen=True)
+class Slid:
+    """Tangential forces at a stage, shape (contacts, ...) each.
+
+    Attributes
+    ----------
+    force : array
+        T, from i to j.
+    turned, angle : array
+        The same in the frame of the step's start; psi.
+    moment : array
+        Moment of rolling, from i to j, without that of T.
+    beta : array, shape (2, contacts)
+        Levers over radii.
+    kept : array
+        T* where the contact is now.
+    slip, relative, turn, roll : array
+        Slip in the implicit part of the stage; displacement of the centres, i less j; sum of the rotations weighted
+        with the levers; relative rotation.
+    rotation : array, shape (2, contacts, rotations)
+        R theta of i and of j.
+    """
+
+    force: Array
+    turned: Array
+    angle: Array
+    moment: Array
+    beta: Array
+    kept: Array
+    slip: Array
+    relative: Array
+    turn: Array
+    roll: Array
+    rotation: Array
+
+
+def rotations(d: int) -> int:
+    """Return how many rotations a particle has in d dimensions."""
+    return {1: 0, 2: 1, 3: 3}[d]
+
+
+def starting(contacts: Contacts, radii: Array, normal: Array) -> Known:
+    """What is known at the start of a step."""
+    wall = contacts.j >= len(radii)
+    one = radii[contacts.i]
+    other = radii[np.where(wall, contacts.i, contacts.j)]
+    unlike = np.where(wall, -1.0, (one - other) / (one + other))
+    return Known(normal, contacts.T, np.zeros(len(contacts)), np.array([one, np.where(wall, 1.0, other)]), unlike)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Product of the vectors of each contact."""
+    return np.asarray(np.einsum("ca,ca->c", a, b))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of the vectors of each contact, in three dimensions."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def turning(rotation: Array, n: Array) -> Array:
+    """Displacement ``rotation x n``."""
+    if n.shape[1] == 2:
+        return rotation * np.stack([-n[:, 1], n[:, 0]], axis=1)
+    return cross(rotation, n)
+
+
+def torque(n: Array, force: Array) -> Array:
+    """Torque ``n x force``."""
+    if n.shape[1] == 2:
+        return (n[:, 0] * force[:, 1] - n[:, 1] * force[:, 0])[:, None]
+    return cross(n, force)
+
+
+def carry(force: Array, start: Array, end: Array) -> Array:
+    """Turn vectors normal to ``start`` by the shortest rotation that takes ``start`` to ``end``."""
+    return force - (dot(end, force) / (1 + dot(start, end)))[:, None] * (start + end)
+
+
+def spin(force: Array, n: Array, angle: Array) -> Array:
+    """Turn vectors normal to n about it."""
+    return np.cos(angle)[:, None] * force + np.sin(angle)[:, None] * cross(n, force)
+
+
+def slide(
+    known: Known,
+    contacts: Contacts,
+    values: dict[str, Array],
+    n: Array,
+    r: Array,
+    curvature: Array,
+    moved: Array,
+    images: Array,
+    s: float,
+) -> Slid:
+    """Tangential forces at a stage.
+
+    Parameters
+    ----------
+    values : dict
+        What the kernel gives: keep, stiff, roll, lever.
+    n, r, curvature : array
+        As from :func:`softdyn.particles.geometry.directions`.
+    moved : array, shape (N, d + rotations)
+        Motion of the particles in the implicit part of the stage.
+    images : array, shape (contacts, d)
+        Motion of the image of particle j with the box.
+    s : float
+        gamma dt; 0 where no time passes: then rolling takes no part, and sliding is elastic.
+    """
+    d = n.shape[1]
+    walls = int(contacts.j.max(initial=0)) + 1 - len(moved)
+    padded = np.concatenate([moved, np.zeros((max(walls, 0), moved.shape[1]))])
+    one, other = padded.take(contacts.i, axis=0), padded.take(contacts.j, axis=0)
+    relative = one[:, :d] - other[:, :d] - images
+    rotation = one[:, d:], other[:, d:]
+    excess = (r - contacts.S) / 2
+    shift = known.unlike * values["lever"] if "lever" in values else 0.0
+    beta = 1 + np.array([excess + shift, excess - shift]) / known.radii
+    turn = beta[0][:, None] * rotation[0] + beta[1][:, None] * rotation[1]
+    slip = relative - dot(n, relative)[:, None] * n + turning(turn, n)
+    by_radius = rotation[0] / known.radii[0][:, None], rotation[1] / known.radii[1][:, None]
+    kept, angle = carry(known.force, known.normal, n), known.angle
+    if d == 3:
+        swung = dot(known.normal, cross(n, relative)) * curvature / (1 + dot(known.normal, n))
+        angle = angle + dot(by_radius[0] + by_radius[1], n) / 2 - swung
+        kept = spin(kept, n, angle)
+    force = values["keep"][:, None] * kept + values["stiff"][:, None] * slip
+    roll = by_radius[0] - by_radius[1]
+    resisted = roll if d == 2 else roll - dot(n, roll)[:, None] * n
+    moment = (values["roll"] / s)[:, None] * resisted if s > 0 else np.zeros_like(roll)
+    back = spin(force, n, -angle) if d == 3 else force
+    turned = carry(back, n, known.normal)
+    return Slid(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
+
+
+def reactions(contacts: Contacts, known: Known, slid: Slid, n: Array, count: int) -> Array:
+    """Force and torque/R that each particle exerts through its contacts, shape (N, d + rotations)."""
+    twist = torque(n, slid.force)
+    pair = contacts.j < count
+    own = slid.beta[0][:, None] * twist + slid.moment / known.radii[0][:, None]
+    others = slid.beta[1][:, None] * twist - slid.moment / known.radii[1][:, None]
+    on_i, on_j = np.concatenate([slid.force, own], axis=1), np.concatenate([-slid.force, others], axis=1)
+    total = np.empty((count, on_i.shape[1]))
+    for column in range(on_i.shape[1]):
+        total[:, column] = np.bincount(contacts.i, on_i[:, column], minlength=count)
+        total[:, column] += np.bincount(contacts.j[pair], on_j[pair, column], minlength=count)
+    return total
+
+
+def _skew(v: Array) -> Array:
+    """Matrices of ``v x``."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    return out - out.transpose(0, 2, 1)
+
+
+def tangents(
+    known: Known, values: dict[str, Array], slid: Slid, n: Array, curvature: Array, s: float
+) -> tuple[Array, Array, Array, Array]:
+    """Derivatives of the forces and torques/R on i and j by the coordinates of i and j: blocks ii, ij, ji, jj.
+
+    Exact where n has not turned since the start of the step; what is left out is of second order in that turn.
+    """
+    c, d = n.shape
+    m = slid.turn.shape[1]
+    dyad = n[:, :, None] * n[:, None, :]
+    across = np.eye(d) - dyad
+    by_turn = np.stack([-n[:, 1], n[:, 0]], axis=1)[:, :, None] if d == 2 else -_skew(n)  # rotation x n
+    stiff, curved = values["stiff"][:, None, None], curvature[:, None, None]
+    lever_r = known.unlike * values["lever_r"] if "lever_r" in values else np.zeros(c)
+    beta_r = np.array([0.5 + lever_r, 0.5 - lever_r]) / known.radii
+    twist = torque(n, slid.force)
+    spun = values["keep"][:, None] * torque(n, slid.kept)
+
+    # along the distance r: of the coefficients, and of the levers
+    along = values["keep_r"][:, None] * slid.kept + values["stiff_r"][:, None] * slid.slip
+    turn_r = beta_r[0][:, None] * slid.rotation[0] + beta_r[1][:, None] * slid.rotation[1]
+    along = along + values["stiff"][:, None] * turning(turn_r, n)
+    # by x_j - x_i, which changes r and turns n
+    apart = along[:, :, None] * n[:, None, :] - curved * n[:, :, None] * slid.force[:, None, :]
+    apart -= stiff * curved * dot(n, slid.relative)[:, None, None] * across
+    rolled = (values["roll"] / s if s > 0 else np.zeros(c))[:, None, None]
+    rolled_r = (values["roll_r"] / s if s > 0 else np.zeros(c))[:, None]
+    resisted = np.eye(1)[None] if d == 2 else across
+    if d == 2:
+        moment_r = (rolled_r * slid.roll)[:, :, None] * n[:, None, :]
+        turned_r = np.zeros((c, m, d))
+    else:
+        apart += stiff * curved * dot(n, slid.turn)[:, None, None] * _skew(n)
+        spinning = slid.rotation[0] / known.radii[0][:, None] + slid.rotation[1] / known.radii[1][:, None]
+        apart += curved * spun[:, :, None] * (spinning[:, None, :] @ across) / 2
+        facing = dot(n, slid.roll)
+        moment_r = (rolled_r * (slid.roll - facing[:, None] * n))[:, :, None] * n[:, None, :]
+        moment_r -= (
+            rolled * curved * (facing[:, None, None] * across + n[:, :, None] * (slid.roll[:, None, :] @ across))
+        )
+        turned_r = -curved * (_skew(slid.force) @ across)
+    blocks = []
+    for row in range(2):
+        sign = 1.0 - 2.0 * row
+        by_force = slid.beta[row][:, None, None] * by_turn.transpose(0, 2, 1)
+        aside = beta_r[row][:, None, None] * twist[:, :, None] * n[:, None, :]
+        aside = aside + slid.beta[row][:, None, None] * turned_r
+        aside = aside + sign * moment_r / known.radii[row][:, None, None]
+        for column in range(2):
+            other = 1.0 - 2.0 * column
+            block = np.empty((c, d + m, d + m))
+            by_x = other * (stiff * across - apart)
+            by_rotation = stiff * slid.beta[column][:, None, None] * by_turn
+            if d == 3:  # what is known of the force spins with the particles
+                by_rotation = by_rotation + spun[:, :, None] * n[:, None, :] / (2 * known.radii[column])[:, None, None]
+            block[:, :d, :d] = sign * by_x
+            block[:, :d, d:] = sign * by_rotation
+            block[:, d:, :d] = by_force @ by_x - other * aside
+            block[:, d:, d:] = (
+                by_force @ by_rotation
+                + sign * other * rolled * resisted / (known.radii[row] * known.radii[column])[:, None, None]
+            )
+            blocks.append(block)
+    return blocks[0], blocks[1], blocks[2], blocks[3]

@@ -1,0 +1,309 @@
+"""A box under an imposed stress, and walls that move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.particles.files import read_particle_scene
+from softdyn.particles.geometry import Wall
+from softdyn.particles.results import ParticleResult
+from softdyn.particles.run import prepare, simulate_particles, start
+from softdyn.particles.scene import Hold, ParticleScene
+from softdyn.particles.step import Balance, Newton, System, balance
+from softdyn.particles.surroundings import condensed, coordinates, excess, placed
+
+Array = NDArray[np.float64]
+ETA = 1.0
+
+
+def packing(d: int = 2, **changes: Any) -> ParticleScene:
+    """A periodic, disturbed packing of pressed particles."""
+    draw = np.random.default_rng(2)
+    if d == 2:
+        place = np.array([[i + 0.5 * (j % 2), j * np.sqrt(3) / 2] for j in range(6) for i in range(6)]) * 1.8
+        box = np.array([6, 3 * np.sqrt(3)]) * 1.8
+    else:
+        cell = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]]) * 1.9 / np.sqrt(2)
+        edge = 1.9 * np.sqrt(2)
+        place = np.concatenate([cell + np.array(k) * edge for k in np.ndindex(3, 3, 3)])
+        box = np.full(3, 3 * edge)
+    settings: dict[str, Any] = {
+        "law": "rognon_gay",
+        "parameters": {"E": 1.0, "eta": ETA},
+        "positions": np.mod(place + 0.05 * draw.uniform(-1, 1, place.shape), box),
+        "radii": 1 + 0.05 * draw.uniform(-1, 1, len(place)),
+        "box": list(box),
+        "reach": 0.4,
+        "gap": 0.05,
+        "until": 300.0,
+        "times": 4,
+        "rtol": 1e-4,
+        **changes,
+    }
+    return ParticleScene(**settings)
+
+
+def total_stress(result: ParticleResult) -> Array:
+    """Stress of contacts and fluid at each frame."""
+    return result.stress + ETA * (result.gradient + result.gradient.transpose(0, 2, 1))
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("d", "stress", "shear_rate"),
+    [
+        (2, {"xy": "2e-3 + 1e-6*t"}, 0.0),
+        (2, {"pressure": 0.05}, 0.0),
+        (2, {"pressure": 0.04}, 1e-4),
+        (2, {"yy": -0.03, "xy": 1e-3}, 0.0),
+        (3, {"zz": -0.03}, 1e-4),
+    ],
+)
+def test_the_stress_is_as_imposed(d: int, stress: dict[str, Any], shear_rate: float, drag: float) -> None:
+    """At the end of each step, to ten times the tolerance of the force balance; no other part of the box gives in."""
+    result = simulate_particles(packing(d, stress=stress, shear_rate=shear_rate, drag=drag))
+    tolerance = 10 * min(1e-3 * 1e-4, 1e-6)
+    assert np.all(result.step_residual <= tolerance)
+    assert abs(result.energy["imbalance"]) < 1e-3
+    total, size = total_stress(result), np.abs(result.stress).sum(axis=(1, 2)).max()
+    expected = {
+        name: eval(value, {"t": result.t}) if isinstance(value, str) else value for name, value in stress.items()
+    }
+    for name, value in expected.items():
+        if name == "pressure":
+            found = -np.trace(total, axis1=1, axis2=2) / d
+        else:
+            found = total[:, "xyz".index(name[0]), "xyz".index(name[1])]
+        # from the first step on; the stress at the start is what it is. Forces are the larger, contacts pull and push
+        np.testing.assert_allclose(found[1:], np.broadcast_to(value, found.shape)[1:], atol=100 * tolerance * size)
+    edges = np.diagonal(result.cell, axis1=1, axis2=2)
+    for axis, name in enumerate("xyz"[:d]):
+        gives_in = "pressure" in stress or 2 * name in stress
+        assert (np.ptp(edges[:, axis]) > 1e-6) == gives_in
+    if "pressure" in stress:  # keeps its shape
+        np.testing.assert_allclose(edges / edges[:1], np.tile(edges[:, :1] / edges[:1, :1], d), rtol=1e-12)
+    if "xy" not in stress:
+        assert np.all(result.gradient[:, 0, 1] == shear_rate)
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_the_stress_is_as_imposed_with_tangential_forces(drag: float) -> None:
+    """These have a part in the stress, and in the work of the box."""
+    changes: dict[str, Any] = {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": ETA, "nu": 0.5}}
+    stress = {"pressure": 0.05, "xy": 1e-3}
+    result = simulate_particles(packing(**changes, tangential=True, stress=stress, drag=drag))
+    assert np.all(result.step_residual <= 1e-6)
+    total = total_stress(result)[1:]
+    np.testing.assert_allclose(-np.trace(total, axis1=1, axis2=2) / 2, 0.05, rtol=1e-4)
+    np.testing.assert_allclose((total[:, 0, 1] + total[:, 1, 0]) / 2, 1e-3, rtol=1e-3)
+    assert np.abs(result.contact_T).max() > 0
+    assert abs(result.energy["imbalance"]) < 1e-3
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_the_stress_of_a_shear_flow_imposed_gives_back_the_flow(drag: float) -> None:
+    """The stress measured at a fixed rate, as a polynomial of t, imposed: the same strain, and the same gaps."""
+    until = 1000.0
+    sheared = simulate_particles(packing(shear_rate=1e-4, until=until, drag=drag, times=101, rtol=1e-5))
+    stress = sheared.stress[:, 0, 1] + ETA * 1e-4
+    late = sheared.t >= 0.02 * until  # with drag, particles first come to rest in the flow
+    fit = np.polynomial.polynomial.polyfit(sheared.t[late] / until, stress[late], 12)
+    missed = np.abs(np.polynomial.polynomial.polyval(sheared.t / until, fit) - stress).max() / stress.max()
+    text = " + ".join(f"({float(factor)!r})*(t/{until})**{power}" for power, factor in enumerate(fit))
+    imposed = simulate_particles(packing(stress={"xy": text}, until=until, drag=drag, times=11, rtol=1e-5))
+    strain = imposed.cell[:, 0, 1] / imposed.cell[:, 1, 1]
+    # what is missed of the stress, relative to its largest, is missed of the strain of 0.1 at which it is reached
+    np.testing.assert_allclose(strain, 1e-4 * imposed.t, atol=0.1 * (10 * missed + 1e-4))
+    if drag == 0:
+        assert missed < 1e-8
+        np.testing.assert_allclose(imposed.gradient[1:, 0, 1], 1e-4, rtol=1e-3)
+        np.testing.assert_allclose(imposed.contacts(-1)["h"], sheared.contacts(-1)["h"], rtol=1e-3)
+
+
+def test_the_work_of_the_pressure_is_that_of_the_box_and_the_flow() -> None:
+    """-integral of P dV, as it rises from that at the start; the rest goes to the fluid, 2 eta D : D."""
+    first = simulate_particles(packing(drag=1.0, until=1.0, times=2))
+    p0 = -float(np.trace(first.stress[0])) / 2
+    result = simulate_particles(
+        packing(drag=1.0, stress={"pressure": f"{p0!r} + 2e-5*t"}, until=2000.0, times=401, rtol=1e-5)
+    )
+    V = np.linalg.det(result.cell)
+    assert V[-1] < 0.95 * V[0]
+    work = -np.trapezoid(p0 + 2e-5 * result.t, V)
+    rate = result.gradient[:, 0, 0]
+    # 2 eta D : D = 4 eta rate^2 in two dimensions
+    viscous = np.trapezoid(4 * ETA * rate**2 * V, result.t)
+    assert 0 < viscous < 1e-2 * work
+    assert result.energy["box"] + result.energy["flow"] == pytest.approx(work - viscous, rel=1e-3)
+    assert abs(result.energy["imbalance"]) < 1e-4
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+@pytest.mark.parametrize("names", [("xy",), ("pressure",), ("xx", "yy")])
+def test_the_condensed_matrix_is_the_derivative_of_the_stress(names: tuple[str, ...], drag: float) -> None:
+    """By central differences, with all forces balanced at each: to the rounding of these."""
+    scene = packing(stress=dict.fromkeys(names, 0.01), drag=drag, rtol=1e-8)
+    checked, system = prepare(scene)
+    newton = Newton()
+    state = start(scene, checked, system, newton)
+    s, z = 5.0, coordinates(system, 0.0)
+    nothing = np.zeros(len(state.contacts))
+    guess = np.linspace(1e-4, 2e-4, len(names))
+
+    def at(rates: Array, x: Array) -> tuple[System, Balance]:
+        here, _ = placed(system, s, s, z, rates)
+        gaps = state.contacts.h
+        return here, balance(here, state.contacts, newton, s, s, state.x, x, gaps, nothing, nothing.copy())
+
+    here, found = at(guess, state.x)
+    newton.forget()  # and factorise next to the balance
+    here, found = at(guess, found.x + 1e-5 * np.sin(np.arange(found.x.size)).reshape(found.x.shape))
+    S, _ = condensed(here, state.contacts, newton, found, s, drag > 0)
+    step = 1e-6
+    for k in range(len(names)):
+        ends = []
+        for sign in (1, -1):
+            moved = guess.copy()
+            moved[k] += sign * step
+            other, balanced = at(moved, found.x)
+            ends.append(excess(other, state.contacts, balanced, s))
+        np.testing.assert_allclose(S[:, k], (ends[0] - ends[1]) / (2 * step), rtol=1e-3, atol=1e-3 * np.abs(S).max())
+
+
+def test_a_run_under_an_imposed_stress_resumes(tmp_path: Path) -> None:
+    scene = packing(stress={"pressure": 0.04, "xy": 1e-3}, drag=1.0)
+    whole = simulate_particles(scene)
+
+    def interrupt(t: float, steps: int, iterations: int) -> None:
+        if t > 100:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_particles(scene, interrupt, tmp_path / "a.npz")
+    resumed = simulate_particles(scene, None, tmp_path / "a.npz", resume=True)
+    np.testing.assert_allclose(resumed.cell, whole.cell, atol=1e-6)
+    np.testing.assert_allclose(resumed.x, whole.x, atol=1e-5)
+    with pytest.raises(KeyboardInterrupt):
+        simulate_particles(scene, interrupt, tmp_path / "a.npz")
+    with pytest.raises(SceneError, match="belongs to another scene"):
+        simulate_particles(replace(scene, stress={"pressure": 0.04}), None, tmp_path / "a.npz", resume=True)
+
+
+@pytest.mark.parametrize("tangential", [False, True])
+def test_a_wall_that_comes_is_a_particle_that_goes_to_it(tangential: bool) -> None:
+    """The same gaps and the same work, whichever of the two moves; both by the same Runge-Kutta stages.
+
+    With tangential forces it comes aslant, and they are the same.
+    """
+    law = {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": 1.0, "nu": 0.5}, "tangential": True}
+    plain = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}
+    settings: dict[str, Any] = law if tangential else plain
+    speed, constants = "v*(1 - cos(w*t))", {"v": 4e-4, "w": 2e-2}
+    results = []
+    for wall, held in ((speed, 0.0), (0.0, f"-{speed}")):
+        scene = ParticleScene(
+            positions=[[0.0, 1.3], [9.0, 1.3]],
+            radii=1.0,
+            walls=[Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[wall if tangential else 0.0, wall])],
+            holds=[Hold([0, 1], "xy", [held if tangential else 0.0, held])],
+            reach=0.8,
+            constants=constants,
+            until=900.0,
+            times=10,
+            rtol=1e-5,
+            **settings,
+        )
+        results.append(simulate_particles(scene))
+    moved, still = results
+    assert moved.contacts(-1)["h"][0] < 0.25
+    assert moved.contacts(-1)["F"][0] > 0
+    np.testing.assert_allclose(moved.contact_h, still.contact_h, rtol=1e-8)
+    assert moved.energy["external"] == pytest.approx(still.energy["external"], rel=1e-8)
+    assert abs(moved.energy["imbalance"]) < 1e-4
+    if tangential:
+        assert np.abs(moved.contact_T).max() > 1e-3 * np.abs(moved.contact_F).max()
+        np.testing.assert_allclose(moved.contact_T, still.contact_T, rtol=1e-6, atol=1e-9)
+    risen = 4e-4 * (moved.t - np.sin(2e-2 * moved.t) / 2e-2)
+    np.testing.assert_allclose(moved.wall_point[:, 0, 1], risen, atol=1e-4)
+
+
+def test_a_fast_wall_passes_nobody() -> None:
+    """From beyond the range of any contact, in long steps: the contact is found in time."""
+    scene = ParticleScene(
+        law="rognon_gay",
+        parameters={"E": 1.0, "eta": 1.0},
+        positions=[[0.0, 5.0], [9.0, 5.0]],
+        radii=1.0,
+        walls=[Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[0.0, 0.01])],
+        reach=0.5,
+        drag=1.0,
+        until=1000.0,
+        times=3,
+        rtol=1e-2,
+    )
+    result = simulate_particles(scene)
+    # swept along: at the velocity of the wall, but for what the film still thins
+    np.testing.assert_allclose(result.v[-1, :, 1], 0.01, rtol=0.1)
+    assert np.all(result.x[-1, :, 1] > result.wall_point[-1, 0, 1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"stress": {"xyz": 1.0}}, "unknown component 'xyz'"),
+        ({"stress": {"zz": 1.0}}, "unknown component 'zz'"),
+        ({"stress": {"xy": 1.0}, "shear_rate": 1e-3, "drag": 1.0}, "give one of them"),
+        ({"stress": {"pressure": 1.0, "yy": 1.0}}, "give either"),
+        ({"stress": {"xy": 1.0}, "holds": [Hold([0], "x")]}, "do not move with a box"),
+        ({"stress": {"xy": 1.0}, "stress_viscosity": -1.0}, "must be a positive number"),
+        ({"stress_viscosity": 1.0}, "none is"),
+        ({"stress": {"xy": "1/t"}}, "no finite value at t = 0"),
+        ({"stress": {"xy": "1e-3*sqrt(100-t)"}}, "xy has no finite value at t="),
+        ({"stress": {"xy": 1.0}, "box": None, "gap": None, "radii": 0.5}, "periodic along all axes"),
+    ],
+)
+def test_bad_stresses_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        simulate_particles(packing(**changes))
+
+
+def test_stresses_and_velocities_of_walls_are_read_from_files(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        """
+law = "rognon_gay"
+parameters = {E = 1.0, eta = 1.0}
+packing = {kind = "hexagonal", cells = [6, 3], spacing = 1.9, radii = 1.0}
+contacts = {gap = 0.05, range = 0.4}
+stress = {pressure = "p*(1 + t/100)", xy = 1e-3, viscosity = 2.0}
+constants = {p = 0.03}
+until = {t = 100.0}
+"""
+    )
+    scene = read_particle_scene(path)
+    assert scene.stress == {"pressure": "p*(1 + t/100)", "xy": 1e-3}
+    result = simulate_particles(scene)
+    total = result.stress[-1] + 2.0 * (result.gradient[-1] + result.gradient[-1].T)
+    assert -np.trace(total) / 2 == pytest.approx(0.06, rel=1e-4)
+    assert total[0, 1] == pytest.approx(1e-3, rel=1e-2)
+    path.write_text(
+        """
+law = "rognon_gay"
+parameters = {E = 1.0, eta = 1.0}
+particles = {positions = [[0.0, 1.5], [4.0, 1.5]], radii = 1.0}
+flow = {drag = 1.0}
+wall = [{point = [0, 0], normal = [0, -1], velocity = [0, "1e-3*t/10"]}]
+until = {t = 10.0}
+"""
+    )
+    assert simulate_particles(read_particle_scene(path)).wall_point[-1, 0, 1] == pytest.approx(5e-3)
+    path.write_text(path.read_text().replace('[0, "1e-3*t/10"]', "[1.0]"))
+    with pytest.raises(SceneError, match="wall 0: velocity needs 2 components"):
+        simulate_particles(read_particle_scene(path))

@@ -1,0 +1,112 @@
+"""The stress matrix: nothing in it is silently wrong, and what would be is called so."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import softdyn
+from softdyn import stress
+from softdyn.errors import IntegrationError
+from softdyn.stress_random import random_scenes
+from softdyn.stress_reference import cases, references
+
+STORED = Path(stress.__file__).parent / "generated" / "stress" / "stress.json"
+GROUPS = ("pull", "zero", "jump", "spring", "moved", "film", "snap-in")
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_no_case_is_silently_wrong(group: str) -> None:
+    """Against 30 digits, at every tolerance; where no tightening below rounding is asked, right without reserve.
+
+    Among them what once was wrong: on a film whose stiffness grows a thousandfold within a step the error was divided
+    by the stiffness of its end alone, and at rtol = 1e-3 outputs were off by 1.4e-2.
+    """
+    stored = references()
+    for case in (case for case in cases() if case.group == group):
+        for cell in stress.reference_cells(case, stored[case.key]):
+            assert cell.outcome in (stress.RIGHT, stress.TOLD), cell
+            assert cell.outcome == stress.RIGHT or "at times" in cell.name or float(cell.column) < 1e-9, cell
+
+
+def test_a_push_is_right_from_any_gap_to_the_smallest() -> None:
+    """From 1e4 R and from 1e-6 R to 1e-15 R; only at 1e-14 may rounding that grows a ten-thousandfold be told of."""
+    stored = references()
+    for case in cases():
+        if case.group == "push" and case.given in (1e-14, 1.0) and case.h0 in (1e4, 1e-6):
+            for cell in stress.reference_cells(case, stored[case.key]):
+                assert cell.outcome == stress.RIGHT or (cell.outcome == stress.TOLD and cell.column == "1e-14"), cell
+
+
+def test_references_of_constant_forces_are_those_of_the_quadrature() -> None:
+    """Of another code, in double precision: some hundred terms of one sign."""
+    stored = references()
+    for case in cases():
+        if case.by_gap and case.h0 in (100.0, 1e-8):
+            exact = softdyn.simulate(**case.scene, until_h=case.end, gaps=case.at.tolist(), method="quadrature")
+            np.testing.assert_allclose(exact.t, stored[case.key].t, rtol=1e-13)
+
+
+def test_what_has_no_solution_on_the_way_is_refused() -> None:
+    """A force beyond the largest that the law can carry was once balanced by a deflection of the other sign."""
+    for cell in stress.law_cells():
+        right = cell.name == "C changes sign while the centres are moved"
+        assert cell.outcome == (stress.RIGHT if right else stress.REFUSED), cell
+
+
+def test_hostile_numbers_are_refused_or_harmless() -> None:
+    """A force of 1e-310 once took steps in ln h whose times overflow."""
+    for cell in stress.hostile_cells():
+        assert cell.outcome in (stress.RIGHT, stress.REFUSED), cell
+        if cell.column in ("nan", "inf", "-inf"):
+            assert cell.outcome == stress.REFUSED, cell
+
+
+def test_particles_in_metres_are_their_dimensionless_twins() -> None:
+    for cell in stress.unit_cells():
+        assert cell.outcome == stress.RIGHT or float(cell.column) < 1e-12, cell
+
+
+def test_random_ordinary_scenes_keep_ten_times_the_default_tolerance() -> None:
+    counts = random_scenes(40)
+    assert counts["right"] == 40, counts
+
+
+def test_judgements() -> None:
+    """What would be silently wrong is called so, whatever way it goes."""
+    good = softdyn.simulate(law="rognon_gay", parameters=stress.UNIT, h=1.0, force=1e-2, until_t=1.0, times=2)
+    warned = replace(good, warnings=("the gap is known to 1e-2 only",), stats={**good.stats, "error": 1e-2})
+
+    def outcome(result: softdyn.PairResult, error: float) -> str:
+        return stress.judge(("g", "n", "c"), lambda: result, lambda _: error, 1e-6).outcome
+
+    def fail(error: Exception) -> softdyn.PairResult:
+        raise error
+
+    assert outcome(good, 1e-6) == stress.RIGHT
+    assert outcome(good, 2e-6) == stress.WRONG
+    assert outcome(good, float("nan")) == stress.WRONG
+    assert outcome(warned, 1e-3) == stress.TOLD
+    assert outcome(warned, 2e-2) == stress.WRONG
+    for broken in (np.array([1.0, np.nan]), np.array([1.0, -1e-3])):
+        assert outcome(replace(good, arrays={**good.arrays, "h": broken}), 0.0) == stress.WRONG
+    for error, expected in ((IntegrationError("no"), stress.REFUSED), (ZeroDivisionError(), stress.WRONG)):
+        assert stress.judge(("g", "n", "c"), partial(fail, error), lambda _: 0.0, 1.0).outcome == expected
+
+
+def test_the_stored_report_is_of_the_cases_there_are_and_nothing_in_it_is_wrong(tmp_path: Path) -> None:
+    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    names = {cell["name"] for cell in stored["cells"]}
+    for case in cases():
+        assert case.name in names or f"{case.name}, at gaps" in names
+    assert stress.tally(stored)[stress.WRONG] == stored["random"][stress.WRONG] == 0
+    assert stored["random"]["scenes"] >= 1000
+    assert STORED.with_name("stress.txt").read_text(encoding="utf-8") == stress.report_text(stored)
+    figure = stress.draw(stored)
+    figure.savefig(tmp_path / "stress.png")
+    assert (tmp_path / "stress.png").stat().st_size > 10_000
