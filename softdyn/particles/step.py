@@ -36,12 +36,10 @@ Flags = NDArray[np.bool_]
 MOST_ITERATIONS = 40
 #: A factorisation is used again as long as each iteration with it leaves less than this of the residual.
 CONTRACTION = 0.2
-#: A step in which no gap moves, but for those of contacts beyond their range, which no film holds.
-INSTANT = 1e-100
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
-INSTANT = 1e-200
+INSTANT = 1e-100
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
