@@ -122,7 +122,7 @@ def test_the_stress_of_a_shear_flow_imposed_gives_back_the_flow(drag: float) -> 
     # what is missed of the stress, relative to its largest, is missed of the strain of 0.1 at which it is reached
     np.testing.assert_allclose(strain, 1e-4 * imposed.t, atol=0.1 * (10 * missed + 1e-4))
     if drag == 0:
-        assert missed < 1e-8
+        assert missed < 1e-5  # the tolerance of a step, which outputs within it have
         np.testing.assert_allclose(imposed.gradient[1:, 0, 1], 1e-4, rtol=1e-3)
         np.testing.assert_allclose(imposed.contacts(-1)["h"], sheared.contacts(-1)["h"], rtol=1e-3)
 

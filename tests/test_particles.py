@@ -193,6 +193,22 @@ def test_the_elastic_energy_is_the_integral_of_the_force() -> None:
     np.testing.assert_allclose(energies(system.kernel, 2 * delta - h, h, system.p, none)[1], slope, rtol=1e-5)
 
 
+@pytest.mark.parametrize("law", ["rognon_gay", "equal_spheres"])
+def test_without_drag_pairs_beyond_their_range_may_be_near(law: str) -> None:
+    """The two that are pushed towards one another are listed from the start, as they are just out of range."""
+    positions = [[0, 0], [2.02, 0], [1.01, 1.755], [1.01, -1.755]]
+    pushes = [Push([2], [0, -1e-3]), Push([3], [0, 1e-3])]
+    changes = {"positions": positions, "pushes": pushes, "gap": 0.03, "until": 100.0, "law": law}
+    if law == "equal_spheres":
+        changes |= {"parameters": {**UNIT, "nu": 0.5}, "tangential": True}
+    near = simulate_particles(scene(reach=1.25, **changes))
+    far = simulate_particles(scene(reach=1.0, **changes))
+    assert len(near.contacts(0)["i"]) == len(far.contacts(0)["i"]) == 5
+    # the weight of the film starts to fall at half the range, far from the gaps of all five
+    np.testing.assert_allclose(near.contact_h, far.contact_h, rtol=1e-9)
+    assert abs(near.energy["imbalance"]) < 1e-4
+
+
 def test_internal_forces_and_torques_sum_to_zero() -> None:
     _, system = prepare(rhombus())
     state = start(rhombus(), prepare(rhombus())[0], system, Newton())

@@ -8,6 +8,7 @@ equations of an index-1 system hold at the end of a step as they do within, and 
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -24,3 +25,44 @@ WEIGHTS: Array = STAGES[2]
 #: Weights of order 2 that do without the last stage; the difference estimates the error, of order 3.
 _EMBEDDED_2 = (0.5 - NODES[0]) / (NODES[1] - NODES[0])
 ERROR: Array = WEIGHTS - np.array([1 - _EMBEDDED_2, _EMBEDDED_2, 0.0])
+#: Rows of the stages, with the rate at the start of a step first, which they do without.
+ROWS: Array = np.pad(STAGES, ((0, 0), (1, 0)))
+#: The parabola that is 1 at one of the nodes and 0 at the others.
+_BASES = [polynomial.polyfromroots(np.delete(NODES, k)) / np.prod(NODES[k] - np.delete(NODES, k)) for k in range(3)]
+
+
+def rate_weights(theta: float) -> Array:
+    """Weights of the stages' rates for the rate at the fraction theta of a step: the parabola through them."""
+    return np.array([polynomial.polyval(theta, basis) for basis in _BASES])
+
+
+def dense_row(theta: float, start_known: bool) -> Array:
+    """Row of one more implicit stage, which gives the solution at the fraction theta of a step.
+
+    Within a step the equations hold as they do at its end: the forces balance, and the stage is as stable as the
+    others. With the weights b of the rates at the start and at the three stages, and gamma of the stage's own, the
+    conditions for order 3 are (c nodes, A the stages' rows)::
+
+        sum b + gamma = theta ,                    sum b c + gamma theta = theta^2/2 ,
+        sum b c^2 + gamma theta^2 = theta^3/3 ,    sum b (A c) + gamma theta^2/2 = theta^3/6
+
+    (Hairer, Norsett & Wanner I, II.6). Without the rate at the start the last cannot be met: order 2.
+
+    Parameters
+    ----------
+    theta : float
+    start_known : bool
+        Whether the rate at the start is known.
+
+    Returns
+    -------
+    array, shape (4,)
+        Weights of the rates at the start and at the three stages; the stage's own is gamma.
+    """
+    c = np.concatenate([[0.0], NODES])
+    conditions = np.array([np.ones(4), c, c**2, np.concatenate([[0.0], STAGES @ NODES])])
+    wanted = np.array([theta, theta**2 / 2, theta**3 / 3, theta**3 / 6])
+    wanted -= GAMMA * np.array([1.0, theta, theta**2, theta**2 / 2])
+    if start_known:
+        return np.linalg.solve(conditions, wanted)
+    return np.concatenate([[0.0], np.linalg.solve(conditions[:3, 1:], wanted[:3])])

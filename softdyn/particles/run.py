@@ -21,7 +21,7 @@ from softdyn.particles.geometry import Contacts, directions, lattice
 from softdyn.particles.kernel import energies, get_contact_kernel
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, travelled
-from softdyn.particles.results import ParticleResult, frame_of, gather
+from softdyn.particles.results import Frame, ParticleResult, frame_of, gather
 from softdyn.particles.scene import (
     AXES,
     Checked,
@@ -36,6 +36,7 @@ from softdyn.particles.state import State
 from softdyn.particles.step import (
     TANGENTIAL_WORKS,
     Newton,
+    Output,
     StepFailed,
     System,
     balance,
@@ -250,6 +251,18 @@ def _exchanged(system: System, state: State) -> Array:
     return np.array([*(state.work[name] for name in works(system)), _stored(system, state) - state.stored0])
 
 
+def _frame(system: System, state: State) -> Frame:
+    return frame_of(system, state.t, state.x, state.v, state.contacts, _exchanged(system, state))
+
+
+def _frame_within(output: Output, state: State) -> Frame:
+    """Frame of a state within the step from the present one."""
+    at, d = output.at, output.system.dimension
+    contacts = replace(state.contacts, h=at.h, T=state.contacts.T if at.slid is None else at.slid.force)
+    work = {name: state.work[name] + amount for name, amount in output.work.items()}
+    return _frame(output.system, replace(state, t=output.t, x=at.x[:, :d], v=output.v, contacts=contacts, work=work))
+
+
 def _first_step(scene: ParticleScene, system: System, state: State) -> float:
     """A length over which no gap changes by more than a hundredth, as far as the present rates tell."""
     overlap = _overlaps(system, state)
@@ -331,22 +344,25 @@ def integrate(
     farthest = 2 * float(checked.radii.max()) + (0.0 if math.isinf(system.reach) else system.reach) + state.listed.skin
     until = float(scene.until)
     if not state.frames and checked.times[0] == 0.0:
-        state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts, _exchanged(system, state)))
+        state.frames.append(_frame(system, state))
     grow = 3.0
+    power: dict[str, float] | None = None
     while state.t < until:
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
         _require_balanced(system, state.t, state.x)
-        ahead = checked.times[checked.times > state.t]
-        landing = min(until, float(ahead[0]) if len(ahead) else until)
-        # land on the next output, and leave no sliver before it
+        landing = until
+        if system.kernel.tangential:  # steps end at outputs
+            landing = min([until, *checked.times[checked.times > state.t][:1]])
+        # leave no sliver before the end
         left = landing - state.t
         dt = left if state.dt >= 0.99 * left else min(state.dt, 0.5 * left) if state.dt > 0.5 * left else state.dt
+        when = landing if dt == left else state.t + dt
+        within = checked.times[(checked.times > state.t) & (checked.times < when)]
         failure: Exception | None = None
         try:
-            step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt)
+            step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, power)
             error = step.error
-            when = landing if dt == left else state.t + dt
             ends = step.end.x[:, : system.dimension]
             moved = travelled(state.listed, ends, step.system.box, when, farthest, step.system.walls)
             if not math.isinf(system.reach) and moved > 1.0:
@@ -372,24 +388,29 @@ def integrate(
                 )
                 raise IntegrationError(f"the run cannot go on at t={state.t:.6g}, however short the step: {cause}")
             if failure is not None:
-                state.v, state.y_rate = np.zeros_like(state.v), np.zeros_like(state.y_rate)
+                state.v, state.y_rate, power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
             continue
-        state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.x_rates[-1]
+        if state.frames and state.frames[0].t == state.t == 0.0:
+            state.frames[0] = _frame(system, replace(state, v=step.first_v))
+        for output in step.outputs:
+            state.frames.append(_frame_within(output, state))
+        state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
         system, state.box, state.walls = step.system, step.system.box, step.system.walls
         # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
-        state.y_rate = step.y_rates[-1] / np.sqrt(1 + step.end.y**2)
+        power = step.power
+        state.y_rate = step.y_rate / np.sqrt(1 + step.end.y**2)
         state.contacts.h = step.end.h
         if step.end.slid is not None:
             state.contacts.T = step.end.slid.force
         for name, amount in step.work.items():
             state.work[name] += amount
-        within = step.end.h < system.reach
-        state.counts["made"] += int(np.sum(within & ~state.contacts.touched))
-        state.contacts.touched |= within
+        touching = step.end.h < system.reach
+        state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
+        state.contacts.touched |= touching
         state.counts["steps"] += 1
-        state.history.append((state.t, dt, step.end.residual, error, int(within.sum())))
+        state.history.append((state.t, dt, step.end.residual, error, int(touching.sum())))
         longer = dt * min(grow, 0.9 * max(error, 1e-12) ** (-1 / ORDER))
-        # a step shortened to land says nothing against a longer one
+        # a step shortened to end says nothing against a longer one
         state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
         grow = 3.0
         if (
@@ -398,7 +419,7 @@ def integrate(
         ):
             _list_again(scene, checked, system, newton, state)
         if state.t in checked.times:
-            state.frames.append(frame_of(system, state.t, state.x, state.v, state.contacts, _exchanged(system, state)))
+            state.frames.append(_frame(system, state))
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:

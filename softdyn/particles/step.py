@@ -18,7 +18,7 @@ than positions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from softdyn.particles import linear, sliding
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, flow, lattice
 from softdyn.particles.kernel import ContactKernel, energies
-from softdyn.particles.method import ERROR, GAMMA, NODES, STAGES, WEIGHTS
+from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
 from softdyn.particles.surroundings import Imposed, balance_under_stress, coordinates, moves, placed
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ CONTRACTION = 0.2
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
-INSTANT = 1e-200
+INSTANT = 1e-100
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -175,6 +175,17 @@ class Balance:
 
 
 @dataclass(frozen=True)
+class Output:
+    """State within a step: time, balance, velocities, energies exchanged since the start of the step; box and walls."""
+
+    t: float
+    at: Balance
+    v: Array
+    work: dict[str, float]
+    system: System
+
+
+@dataclass(frozen=True)
 class Step:
     """A step that has been taken.
 
@@ -183,20 +194,39 @@ class Step:
     end : Balance
     error : float
         Estimated error in units of what is allowed.
-    x_rates : array, shape (stages, N, d + rotations)
-    y_rates : array, shape (stages, contacts)
+    v : array, shape (N, d + rotations)
+    y_rate : array, shape (contacts,)
+        Rates at the end.
     work : dict
         Energy of each kind, exchanged over the step; see :data:`WORKS`.
     system : System
         With the box and the walls as they are at the end.
+    first_v : array, shape (N, d + rotations)
+        Velocities at the start, extrapolated from within.
+    outputs : tuple of Output
+    power : dict
+        Of each kind, at the end.
     """
 
     end: Balance
     error: float
-    x_rates: Array
-    y_rates: Array
+    v: Array
+    y_rate: Array
     work: dict[str, float]
     system: System
+    first_v: Array
+    outputs: tuple[Output, ...]
+    power: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """One implicit stage: what was found, with box and walls; all rates; the unknown ones of the box."""
+
+    found: Balance
+    system: System
+    rates: tuple[Array, ...]
+    box_rates: Array
 
 
 #: Energy put in by external forces and by what holds fixed coordinates, by the flow, and by the moving box; energy
@@ -529,9 +559,26 @@ def _unbalanced(now: Balance, free: Flags) -> str:
 
 
 def take_step(
-    system: System, contacts: Contacts, newton: Newton, t: float, x: Array, v: Array, y_rate: Array, dt: float
+    system: System,
+    contacts: Contacts,
+    newton: Newton,
+    t: float,
+    x: Array,
+    v: Array,
+    y_rate: Array,
+    dt: float,
+    outputs: Sequence[float] | Array = (),
+    power: dict[str, float] | None = None,
 ) -> Step:
     """Try a step of the given length from time t, with v and y_rate as guesses of the rates.
+
+    Parameters
+    ----------
+    outputs : sequence of float
+        Times within the step at which the state is wanted too, if the error allows the step.
+        Without tangential forces: the rates of these at the start are not known.
+    power : dict, optional
+        Power of each kind at t, if v and y_rate are the rates there, and not only guesses of them.
 
     Raises
     ------
@@ -544,53 +591,76 @@ def take_step(
         normal, _, _ = directions(contacts, x, lattice(system.box, t), system.walls)
         sliding_start = sliding.starting(contacts, system.radii, normal)
         x = _forces_on(system, x)  # rotations count from here
-    x_rates = np.zeros((3, *x.shape))
-    y_rates = np.zeros((3, len(start)))
-    T_rates, angle_rates = np.zeros((3, *contacts.T.shape)), np.zeros((3, len(start)))
-    work = dict.fromkeys(works(system), 0.0)
-    here, surround = system, moves(system)
+    surround = moves(system)
     z = coordinates(system, t) if surround else np.empty(0)
-    z_rates = np.zeros((3, len(z)))
-    rates = system.box_rates
-    guess_x, guess_y = v, y_rate
-    for stage in range(3):
-        when = t + NODES[stage] * dt
-        x_star = x + dt * np.tensordot(STAGES[stage, :stage], x_rates[:stage], 1)
-        y_star = dt * (STAGES[stage, :stage] @ y_rates[:stage])
+    z_rate = placed(system, t, 0.0, z, system.box_rates)[1] if surround else z
+    # at the start, and at each stage: of positions, of gaps, of box and walls, of tangential forces and their frames
+    still = np.zeros_like(contacts.T), np.zeros(len(start))
+    rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *still)]
+
+    def combined(weights: Array, which: int) -> Array:
+        total = np.zeros_like(rates[0][which])
+        for weight, of_stage in zip(weights, rates, strict=False):
+            if weight:
+                total += weight * of_stage[which]
+        return total
+
+    def stage(row: Array, when: float, guess_x: Array, guess_y: Array, box_rates: Array) -> _Stage:
+        x_star, y_star = x + dt * combined(row, 0), dt * combined(row, 1)
         first = x_star + s * guess_x
         if system.fixed.any():
             first = np.where(system.fixed, x_star + s * system.velocity(when), first)
         known = None
         if sliding_start is not None:
-            T_star = contacts.T + dt * np.tensordot(STAGES[stage, :stage], T_rates[:stage], 1)
-            known = replace(sliding_start, force=T_star, angle=dt * (STAGES[stage, :stage] @ angle_rates[:stage]))
-        guess = y_star + s * guess_y
+            T_star, angle_star = contacts.T + dt * combined(row, 3), dt * combined(row, 4)
+            known = replace(sliding_start, force=T_star, angle=angle_star)
+        here, at_z, guess = system, z_rate, y_star + s * guess_y
 
         def solve(here: System, x: Array) -> Balance:
-            return balance(here, contacts, newton, when, s, x_star, x, start, y_star, guess, known)  # noqa: B023
+            return balance(here, contacts, newton, when, s, x_star, x, start, y_star, guess, known)
 
         if surround:
-            z_star = z + dt * (STAGES[stage, :stage] @ z_rates[:stage])
-            here, z_rates[stage] = placed(system, when, s, z_star, rates)
+            z_star = z + dt * combined(row, 2)
+            here, at_z = placed(system, when, s, z_star, box_rates)
         if system.imposed is None:
             found = solve(here, first)
         else:
-            found, here, z_rates[stage], rates = balance_under_stress(
-                system, contacts, newton, when, s, z_star, rates, solve, first
+            found, here, at_z, box_rates = balance_under_stress(
+                system, contacts, newton, when, s, z_star, box_rates, solve, first
             )
+        turned = still
         if known is not None and found.slid is not None:
-            T_rates[stage] = (found.slid.turned - known.force) / s
-            angle_rates[stage] = (found.slid.angle - known.angle) / s
-        x_rates[stage] = guess_x = (found.x - x_star) / s
-        y_rates[stage] = guess_y = (found.y - y_star) / s
-        for name, power in powers(here, contacts, found, when, x_rates[stage], y_rates[stage]).items():
-            work[name] += dt * WEIGHTS[stage] * power
-    errors = [dt * np.tensordot(ERROR, rates, 1) for rates in (x_rates, T_rates)]
-    error = _error(system, found, dt * (ERROR @ y_rates), *errors)
+            turned = (found.slid.turned - known.force) / s, (found.slid.angle - known.angle) / s
+        return _Stage(found, here, ((found.x - x_star) / s, (found.y - y_star) / s, at_z, *turned), box_rates)
+
+    guess_x, guess_y, box_rates = v, y_rate, system.box_rates
+    spent = [power or dict.fromkeys(works(system), 0.0)]
+    for row, node in zip(ROWS, NODES, strict=True):
+        at = stage(row, t + node * dt, guess_x, guess_y, box_rates)
+        rates.append(at.rates)
+        guess_x, guess_y, box_rates = at.rates[0], at.rates[1], at.box_rates
+        spent.append(powers(at.system, contacts, at.found, t + node * dt, guess_x, guess_y))
+
+    def work(weights: Sequence[float], last: dict[str, float]) -> dict[str, float]:
+        pairs = list(zip(weights, [*spent, last], strict=True))
+        return {name: dt * sum(float(w) * powers[name] for w, powers in pairs) for name in last}
+
+    x_error, y_error, z_error, T_error = (dt * combined(np.array([0.0, *ERROR]), k) for k in range(4))
+    error = _error(system, at.found, y_error, x_error, T_error)
     if surround and system.imposed is not None:
         # errors of the strains of the box, as of positions
-        error = max(error, _largest(dt * (ERROR @ z_rates[:, : system.dimension + 1])) / system.rtol)
-    return Step(found, error, x_rates, y_rates, work, here)
+        error = max(error, _largest(z_error[: system.dimension + 1]) / system.rtol)
+    between = []
+    for when in outputs if error <= 1.0 else ():
+        theta = (float(when) - t) / dt
+        near = np.array([0.0, *rate_weights(theta)])
+        row = dense_row(theta, power is not None)
+        other = stage(row, when, combined(near, 0), combined(near, 1), box_rates)
+        own = powers(other.system, contacts, other.found, when, *other.rates[:2])
+        between.append(Output(float(when), other.found, other.rates[0], work([*row, GAMMA], own), other.system))
+    first_v = combined(np.array([0.0, *rate_weights(0.0)]), 0)
+    whole = work([*ROWS[-1], 0.0], spent[-1])
+    return Step(at.found, error, at.rates[0], at.rates[1], whole, at.system, first_v, tuple(between), spent[-1])
 
 
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
