@@ -1,7 +1,7 @@
 /* Contact law cone: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
- * Source: Sneddon 1965, doi:10.1016/0020-7225(65)90019-4; friction of arXiv:0803.1573
- * Law 4f742644f34ed761:
+ * Source: Sneddon, Int. J. Eng. Sci. 3 (1965) 47; friction of arXiv:0803.1573
+ * Law 477bece85fee419c:
  *     a = sqrt(2)*R*sqrt(h)/sqrt(R + h) + 2*Abs(delta)/(pi*m)
  *     F_ela = E*a*delta
  *     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
@@ -251,9 +251,10 @@ static inline double _solve_delta(double h, double F, double guess, const double
         if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
             return trial;
         }
-        if (step > 0.0) {
+        const double residual = step;
+        if (residual > 0.0) {
             high = delta;
-        } else if (step < 0.0) {
+        } else if (residual < 0.0) {
             low = delta;
         } else {
             return NAN;
@@ -303,7 +304,7 @@ void cone_evaluate(int64_t n, const double *restrict h, const double *restrict d
 /* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void cone_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
-    double w[1];
+    double w[2];
     double terms[1];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
@@ -416,7 +417,8 @@ static inline double _left(double apart, double error)
 /* Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-   w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+   w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+   left to do. */
 static inline void _deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict terms)
 {
     /* of an iteration that has just begun, whose change leaves about its square */
@@ -425,8 +427,8 @@ static inline void _deflections(double small, const double *restrict h, const do
         _gap_terms(i, 8, h[i], p, terms);
     }
     for (int64_t i = 0; i < 8; i++) {
-        w[8 + i] = 0.0;
-        w[16 + i] = 1.0 / fabs(delta[i]);
+        w[16 + i] = 0.0;
+        w[24 + i] = 1.0 / fabs(delta[i]);
     }
     for (int64_t iteration = 0; iteration < 7; iteration++) {
         for (int64_t i = 0; i < 8; i++) {
@@ -435,18 +437,19 @@ static inline void _deflections(double small, const double *restrict h, const do
         double left = 0.0;
         for (int64_t i = 0; i < 8; i++) {
             delta[i] = delta[i] - w[i];
-            const double size = fabs(w[i]) * w[16 + i];
-            const double before = w[8 + i];
-            w[24 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
-            w[8 + i] = size;
-            left += w[24 + i];
+            const double size = fabs(w[i]) * w[24 + i];
+            const double before = w[16 + i];
+            w[32 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
+            w[16 + i] = size;
+            left += w[32 + i];
         }
         if (left == 0.0) {
             break;
         }
     }
+    /* on the branch where F_ela rises from 0 with delta: a law may have others */
     for (int64_t i = 0; i < 8; i++) {
-        if (w[24 + i] != 0.0) {
+        if (w[32 + i] != 0.0 || !(delta[i] * F[i] >= 0.0)) {
             delta[i] = _solve_delta(h[i], F[i], NAN, p, w, terms);
         }
     }
@@ -472,7 +475,7 @@ int64_t cone_integrate(double t_end, double u_stop, double rtol, const double *r
     double moves;
     double contraction;
     double w[4];
-    double work[32];
+    double work[40];
     double terms[8];
     double given[8];
     double h[8];
@@ -674,6 +677,10 @@ int64_t cone_integrate(double t_end, double u_stop, double rtol, const double *r
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            for (int64_t i = 0; i < 8; i++) {
+                u_rate[i] += 0.0 * deflection[i];
+            }
             if (renew == 1) {
                 for (int64_t i = 0; i < 8; i++) {
                     _slopes(i, h[i], deflection[i], given[i], p, slopes);
@@ -744,8 +751,12 @@ int64_t cone_integrate(double t_end, double u_stop, double rtol, const double *r
         /* written so that nan rejects the step */
         double error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
         const double left = _left(fabs(d1 - d2) / error, error);
-        const double decay = -step * slopes[7];
+        /* where the step is mildest: a law can be a thousand times stiffer at its end than on the way */
+        double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
+        for (int64_t i = 0; i < 7; i++) {
+            decay = -step * slopes[i] < decay ? -step * slopes[i] : decay;
+        }
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
         double factor = 0.8 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
@@ -983,7 +994,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
     double u[8];
     double delta[8];
     double z[8];
-    double work[32];
+    double work[40];
     double terms[8];
     /* outputs gathered and not written yet */
     int64_t gathered = 0;

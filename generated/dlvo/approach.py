@@ -10,9 +10,9 @@ Left out, with the operations that each saved:
     one sign of delta: 215 -> 213
     constant force: 213 -> 209
     outputs asked for: 209 -> 190
-Operations, 348 in all:
+Operations, 346 in all:
     gap_terms: 2 add, 14 mul, 4 div
-    newton: 12 add, 26 mul, 2 div, 1 sqrt
+    newton: 12 add, 21 mul, 5 div, 1 sqrt
     gap_rate: 9 add, 28 mul, 10 div, 1 sqrt, 2 call
     slopes: 39 add, 117 mul, 25 div, 1 sqrt, 2 call
     quantities: 11 add, 29 mul, 10 div, 1 sqrt, 2 call
@@ -70,7 +70,7 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
 
 @jit
 def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out: array) -> None:
-    """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
+    """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta)), out[n + i] = dF_ela/d(delta)."""
     gap0 = terms[0 * n + i]
     gap1 = terms[1 * n + i]
     gap2 = terms[2 * n + i]
@@ -86,14 +86,15 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     nu = p[6]
     a = sqrt(R * (delta + gap0 + gap1 / (2.0 * delta + gap2)))
     x2 = delta * gap4 + gap3
-    x2_p2 = x2 * x2
-    x0 = x2_p2
-    R_p2 = R * R
-    a_p2 = a * a
-    delta_p2 = delta * delta
     nu_p2 = nu * nu
-    newton = x0 * a * (4.0 * delta * E * a + F * (3.0 * nu_p2 - 3.0)) / (E * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) + 4.0 * x0 * a_p2))
+    x1 = E / (1.0 - nu_p2)
+    R_p2 = R * R
+    delta_p2 = delta * delta
+    x2_p2 = x2 * x2
+    dF_ddelta = x1 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (x2_p2 * a) + 4.0 * a) / 3.0
+    newton = ((4.0 / 3.0) * delta * x1 * a - F) / dF_ddelta
     out[i] = newton
+    out[n + i] = dF_ddelta
 
 
 @jit
@@ -243,7 +244,7 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
     """The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
     F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side, and the sign of each step
-    from the other. Returns nan if there is no solution. Uses w[0], and of terms as many as the law has.
+    from the other. Returns nan if there is no solution. Uses w[0] and w[1], and of terms as many as the law has.
     """
     if F == 0.0:
         return 0.0
@@ -265,10 +266,11 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
         trial = delta - step
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
-            return trial
-        if step > 0.0:
+            return trial if w[1] > 0.0 else nan
+        residual = step * w[1]
+        if residual > 0.0:
             high = delta
-        elif step < 0.0:
+        elif residual < 0.0:
             low = delta
         else:
             return nan
@@ -308,7 +310,7 @@ def dlvo_evaluate(n: int, h: array, delta: array, F: array, p: array, out: array
 @jit
 def dlvo_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
-    w = empty(1)
+    w = empty(2)
     terms = empty(10)
     guess = nan
     for i in range(n):
@@ -413,30 +415,32 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
     """Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     # of an iteration that has just begun, whose change leaves about its square
     enough = sqrt(0.1 * small)
     for i in range(8):
         _gap_terms(i, 8, h[i], p, terms)
     for i in range(8):
-        w[8 + i] = 0.0
-        w[16 + i] = 1.0 / fabs(delta[i])
+        w[16 + i] = 0.0
+        w[24 + i] = 1.0 / fabs(delta[i])
     for iteration in range(7):
         for i in range(8):
             _newton(i, 8, delta[i], F[i], terms, p, w)
         left = 0.0
         for i in range(8):
             delta[i] = delta[i] - w[i]
-            size = fabs(w[i]) * w[16 + i]
-            before = w[8 + i]
-            w[24 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
-            w[8 + i] = size
-            left += w[24 + i]
+            size = fabs(w[i]) * w[24 + i]
+            before = w[16 + i]
+            w[32 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[16 + i] = size
+            left += w[32 + i]
         if left == 0.0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(8):
-        if w[24 + i] != 0.0 or not delta[i] > 0.0:
+        if w[32 + i] != 0.0 or not (delta[i] * F[i] >= 0.0 and w[8 + i] > 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
@@ -455,30 +459,32 @@ def _panel_deflections(small: float, h: array, F: array, delta: array, p: array,
     """Deflections of 16 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 64 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 80 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     # of an iteration that has just begun, whose change leaves about its square
     enough = sqrt(0.1 * small)
     for i in range(16):
         _gap_terms(i, 16, h[i], p, terms)
     for i in range(16):
-        w[16 + i] = 0.0
-        w[32 + i] = 1.0 / fabs(delta[i])
+        w[32 + i] = 0.0
+        w[48 + i] = 1.0 / fabs(delta[i])
     for iteration in range(7):
         for i in range(16):
             _newton(i, 16, delta[i], F[i], terms, p, w)
         left = 0.0
         for i in range(16):
             delta[i] = delta[i] - w[i]
-            size = fabs(w[i]) * w[32 + i]
-            before = w[16 + i]
-            w[48 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
-            w[16 + i] = size
-            left += w[48 + i]
+            size = fabs(w[i]) * w[48 + i]
+            before = w[32 + i]
+            w[64 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[32 + i] = size
+            left += w[64 + i]
         if left == 0.0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(16):
-        if w[48 + i] != 0.0 or not delta[i] > 0.0:
+        if w[64 + i] != 0.0 or not (delta[i] * F[i] >= 0.0 and w[16 + i] > 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
@@ -488,14 +494,14 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
 
     Where it hardly moves, state[13] is set to 0, for the time to take over as the independent variable.
     """
-    w = empty(1)
+    w = empty(2)
     # along ln h: of its rate, and of the deflection
     slopes = empty(16)
     h = empty(16)
     F = empty(16)
     delta = empty(16)
     rate = empty(16)
-    work = empty(64)
+    work = empty(80)
     terms = empty(160)
     dt = empty(16)
     z = empty(16)
@@ -519,7 +525,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
     stored: int = 0
     status: int = 2
     while stored < capacity and t < t_end:
-        if not fabs(u_dot) > 0.1 * fabs(slopes[0]):
+        # of a rate that is hardly a number the time would overflow
+        if not (fabs(u_dot) > 0.1 * fabs(slopes[0]) and fabs(u_dot) > 1e-290):
             state[13] = 0.0
             break
         stride = fabs(stride) if u_dot > 0.0 else -fabs(stride)
@@ -543,7 +550,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
         state[6] += 2.0
         astray: int = 0
         for i in range(16):
-            dt[i] = step / rate[i]
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            dt[i] = step / (rate[i] + 0.0 * delta[i])
             if not dt[i] > 0.0:
                 astray += 1
         for i in range(16):
@@ -586,7 +594,9 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
             steps[base + 4 + i] = z[i]
         steps[base + 20] = step
         # trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows
-        earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + z[15]))
+        # and u is rounded, which shifts the time by that over the rate
+        slowest = fabs(u_dot) if fabs(u_dot) < fabs(rate[15]) else fabs(rate[15])
+        earlier = u_astray / fabs(u_dot) + 4.4e-16 * ((1.0 + fabs(u)) / slowest + fabs(t + z[15]))
         u_astray = (earlier + longer * _left(fabs(d1 - d2) / longer, longer * fastest)) * fabs(rate[15])
         steps[base + 21] = (earlier + longer) * fastest
         steps[base + 22] = earlier + longer
@@ -646,7 +656,7 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array,
         if ended != 2 or state[9] == float(capacity):
             return ended
     w = empty(4)
-    work = empty(32)
+    work = empty(40)
     terms = empty(80)
     given = empty(8)
     h = empty(8)
@@ -782,6 +792,9 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array,
             _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            for i in range(8):
+                u_rate[i] += 0.0 * deflection[i]
             if renew == 1:
                 for i in range(8):
                     _slopes(i, h[i], deflection[i], given[i], p, slopes)
@@ -839,8 +852,11 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array,
         # written so that nan rejects the step
         error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
         left = _left(fabs(d1 - d2) / error, error)
+        # where the step is mildest: a law can be a thousand times stiffer at its end than on the way
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
+        for i in range(7):
+            decay = -step * slopes[i] if -step * slopes[i] < decay else decay
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
         factor = 0.8 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
@@ -1198,7 +1214,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     found_u = empty(8)
     delta = empty(8)
     z = empty(8)
-    work = empty(32)
+    work = empty(40)
     terms = empty(80)
     c_panel = empty(17)
     # outputs gathered and not written yet

@@ -6,9 +6,9 @@ Law 9810adb843c12266:
     F_ela = 4*E*a*delta/(3*(1 - nu**2))
     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
     F_adh = -A*R/(12*h**2) + pi*Pi0*R*ell*exp(-h/ell)
-Operations, 503 in all:
+Operations, 501 in all:
     gap_terms: 2 add, 14 mul, 4 div
-    newton: 12 add, 26 mul, 2 div, 1 sqrt
+    newton: 12 add, 21 mul, 5 div, 1 sqrt
     gap_rate: 9 add, 28 mul, 10 div, 1 sqrt, 2 call
     slopes: 39 add, 119 mul, 25 div, 1 sqrt, 2 call
     quantities: 44 add, 128 mul, 31 div, 1 sqrt, 2 call
@@ -66,7 +66,7 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
 
 @jit
 def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out: array) -> None:
-    """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
+    """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta)), out[n + i] = dF_ela/d(delta)."""
     gap0 = terms[0 * n + i]
     gap1 = terms[1 * n + i]
     gap2 = terms[2 * n + i]
@@ -83,14 +83,15 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     x0 = fabs(delta)
     a = sqrt(R * (gap0 + gap1 / (gap2 + 2.0 * x0) + x0))
     x3 = gap3 + gap4 * x0
-    x3_p2 = x3 * x3
-    x1 = x3_p2
-    R_p2 = R * R
-    a_p2 = a * a
-    delta_p2 = delta * delta
     nu_p2 = nu * nu
-    newton = x1 * a * (4.0 * delta * E * a + F * (3.0 * nu_p2 - 3.0)) / (E * (x0 * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + gap5 + gap8 * x0 + gap9 * x0) + 4.0 * x1 * a_p2))
+    x2 = E / (1.0 - nu_p2)
+    R_p2 = R * R
+    delta_p2 = delta * delta
+    x3_p2 = x3 * x3
+    dF_ddelta = x2 * (x0 * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + gap5 + gap8 * x0 + gap9 * x0) / (x3_p2 * a) + 4.0 * a) / 3.0
+    newton = ((4.0 / 3.0) * delta * x2 * a - F) / dF_ddelta
     out[i] = newton
+    out[n + i] = dF_ddelta
 
 
 @jit
@@ -309,7 +310,7 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
     """The deflection at the gap h under the force F (eq. 1): Newton's iteration, kept between bounds.
 
     F_ela rises with delta and vanishes with it, so the sign of F bounds delta from one side, and the sign of each step
-    from the other. Returns nan if there is no solution. Uses w[0], and of terms as many as the law has.
+    from the other. Returns nan if there is no solution. Uses w[0] and w[1], and of terms as many as the law has.
     """
     if F == 0.0:
         return 0.0
@@ -329,10 +330,11 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
         trial = delta - step
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
-            return trial
-        if step > 0.0:
+            return trial if w[1] > 0.0 else nan
+        residual = step * w[1]
+        if residual > 0.0:
             high = delta
-        elif step < 0.0:
+        elif residual < 0.0:
             low = delta
         else:
             return nan
@@ -377,7 +379,7 @@ def dlvo_evaluate(n: int, h: array, delta: array, F: array, dF_dt: array, p: arr
 @jit
 def dlvo_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
-    w = empty(1)
+    w = empty(2)
     terms = empty(10)
     guess = nan
     for i in range(n):
@@ -485,30 +487,32 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
     """Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     # of an iteration that has just begun, whose change leaves about its square
     enough = sqrt(0.1 * small)
     for i in range(8):
         _gap_terms(i, 8, h[i], p, terms)
     for i in range(8):
-        w[8 + i] = 0.0
-        w[16 + i] = 1.0 / fabs(delta[i])
+        w[16 + i] = 0.0
+        w[24 + i] = 1.0 / fabs(delta[i])
     for iteration in range(7):
         for i in range(8):
             _newton(i, 8, delta[i], F[i], terms, p, w)
         left = 0.0
         for i in range(8):
             delta[i] = delta[i] - w[i]
-            size = fabs(w[i]) * w[16 + i]
-            before = w[8 + i]
-            w[24 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
-            w[8 + i] = size
-            left += w[24 + i]
+            size = fabs(w[i]) * w[24 + i]
+            before = w[16 + i]
+            w[32 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[16 + i] = size
+            left += w[32 + i]
         if left == 0.0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(8):
-        if w[24 + i] != 0.0:
+        if w[32 + i] != 0.0 or not (delta[i] * F[i] >= 0.0 and w[8 + i] > 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
@@ -535,7 +539,7 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
     """
     w = empty(4)
-    work = empty(32)
+    work = empty(40)
     terms = empty(80)
     given = empty(8)
     h = empty(8)
@@ -700,6 +704,9 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
             _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            for i in range(8):
+                u_rate[i] += 0.0 * deflection[i]
             if renew == 1:
                 for i in range(8):
                     _slopes(i, h[i], deflection[i], given[i], p, slopes)
@@ -757,8 +764,11 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
         # written so that nan rejects the step
         error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
         left = _left(fabs(d1 - d2) / error, error)
+        # where the step is mildest: a law can be a thousand times stiffer at its end than on the way
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
+        for i in range(7):
+            decay = -step * slopes[i] if -step * slopes[i] < decay else decay
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
         factor = 0.8 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
@@ -969,7 +979,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     u = empty(8)
     delta = empty(8)
     z = empty(8)
-    work = empty(32)
+    work = empty(40)
     terms = empty(80)
     # outputs gathered and not written yet
     gathered: int = 0

@@ -389,9 +389,10 @@ static inline double _solve_delta(double h, double F, double guess, const double
         if (fabs(step) <= 1e-09 * fabs(delta) && low <= trial && trial <= high) {
             return trial;
         }
-        if (step > 0.0) {
+        const double residual = step;
+        if (residual > 0.0) {
             high = delta;
-        } else if (step < 0.0) {
+        } else if (residual < 0.0) {
             low = delta;
         } else {
             return NAN;
@@ -436,7 +437,7 @@ void droplet_evaluate(int64_t n, const double *restrict h, const double *restric
 /* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void droplet_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
-    double w[1];
+    double w[2];
     double terms[1];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
@@ -545,7 +546,8 @@ static inline double _left(double apart, double error)
 /* Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-   w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+   w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+   left to do. */
 static inline void _deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict terms)
 {
     /* of an iteration that has just begun, whose change leaves about its square */
@@ -554,8 +556,8 @@ static inline void _deflections(double small, const double *restrict h, const do
         _gap_terms(i, 8, h[i], p, terms);
     }
     for (int64_t i = 0; i < 8; i++) {
-        w[8 + i] = 0.0;
-        w[16 + i] = 1.0 / fabs(delta[i]);
+        w[16 + i] = 0.0;
+        w[24 + i] = 1.0 / fabs(delta[i]);
     }
     for (int64_t iteration = 0; iteration < 7; iteration++) {
         for (int64_t i = 0; i < 8; i++) {
@@ -564,18 +566,19 @@ static inline void _deflections(double small, const double *restrict h, const do
         double left = 0.0;
         for (int64_t i = 0; i < 8; i++) {
             delta[i] = delta[i] - w[i];
-            const double size = fabs(w[i]) * w[16 + i];
-            const double before = w[8 + i];
-            w[24 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
-            w[8 + i] = size;
-            left += w[24 + i];
+            const double size = fabs(w[i]) * w[24 + i];
+            const double before = w[16 + i];
+            w[32 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
+            w[16 + i] = size;
+            left += w[32 + i];
         }
         if (left == 0.0) {
             break;
         }
     }
+    /* on the branch where F_ela rises from 0 with delta: a law may have others */
     for (int64_t i = 0; i < 8; i++) {
-        if (w[24 + i] != 0.0 || !(delta[i] > 0.0)) {
+        if (w[32 + i] != 0.0 || !(delta[i] * F[i] >= 0.0)) {
             delta[i] = _solve_delta(h[i], F[i], NAN, p, w, terms);
         }
     }
@@ -584,7 +587,8 @@ static inline void _deflections(double small, const double *restrict h, const do
 /* Deflections of 16 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-   w, of 64 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+   w, of 80 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+   left to do. */
 static inline void _panel_deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, double *restrict w, double *restrict terms)
 {
     /* of an iteration that has just begun, whose change leaves about its square */
@@ -593,8 +597,8 @@ static inline void _panel_deflections(double small, const double *restrict h, co
         _gap_terms(i, 16, h[i], p, terms);
     }
     for (int64_t i = 0; i < 16; i++) {
-        w[16 + i] = 0.0;
-        w[32 + i] = 1.0 / fabs(delta[i]);
+        w[32 + i] = 0.0;
+        w[48 + i] = 1.0 / fabs(delta[i]);
     }
     for (int64_t iteration = 0; iteration < 7; iteration++) {
         for (int64_t i = 0; i < 16; i++) {
@@ -603,18 +607,19 @@ static inline void _panel_deflections(double small, const double *restrict h, co
         double left = 0.0;
         for (int64_t i = 0; i < 16; i++) {
             delta[i] = delta[i] - w[i];
-            const double size = fabs(w[i]) * w[32 + i];
-            const double before = w[16 + i];
-            w[48 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
-            w[16 + i] = size;
-            left += w[48 + i];
+            const double size = fabs(w[i]) * w[48 + i];
+            const double before = w[32 + i];
+            w[64 + i] = size <= enough || size * size * size <= small * (before * before) ? 0.0 : 1.0;
+            w[32 + i] = size;
+            left += w[64 + i];
         }
         if (left == 0.0) {
             break;
         }
     }
+    /* on the branch where F_ela rises from 0 with delta: a law may have others */
     for (int64_t i = 0; i < 16; i++) {
-        if (w[48 + i] != 0.0 || !(delta[i] > 0.0)) {
+        if (w[64 + i] != 0.0 || !(delta[i] * F[i] >= 0.0)) {
             delta[i] = _solve_delta(h[i], F[i], NAN, p, w, terms);
         }
     }
@@ -625,14 +630,14 @@ static inline void _panel_deflections(double small, const double *restrict h, co
    Where it hardly moves, state[13] is set to 0, for the time to take over as the independent variable. */
 static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict c, int64_t capacity, double *restrict state, double *restrict steps)
 {
-    double w[1];
+    double w[2];
     /* along ln h: of its rate, and of the deflection */
     double slopes[16];
     double h[16];
     double F[16];
     double delta[16];
     double rate[16];
-    double work[64];
+    double work[80];
     double terms[16];
     double dt[16];
     double z[16];
@@ -658,7 +663,8 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
     int64_t stored = 0;
     int64_t status = 2;
     while (stored < capacity && t < t_end) {
-        if (!(fabs(u_dot) > 0.1 * fabs(slopes[0]))) {
+        /* of a rate that is hardly a number the time would overflow */
+        if (!(fabs(u_dot) > 0.1 * fabs(slopes[0]) && fabs(u_dot) > 1e-290)) {
             state[13] = 0.0;
             break;
         }
@@ -686,7 +692,8 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
         state[6] += 2.0;
         int64_t astray = 0;
         for (int64_t i = 0; i < 16; i++) {
-            dt[i] = step / rate[i];
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            dt[i] = step / (rate[i] + 0.0 * delta[i]);
             if (!(dt[i] > 0.0)) {
                 astray += 1;
             }
@@ -737,7 +744,9 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
         }
         steps[base + 20] = step;
         /* trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows */
-        const double earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + z[15]));
+        /* and u is rounded, which shifts the time by that over the rate */
+        const double slowest = fabs(u_dot) < fabs(rate[15]) ? fabs(u_dot) : fabs(rate[15]);
+        const double earlier = u_astray / fabs(u_dot) + 4.4e-16 * ((1.0 + fabs(u)) / slowest + fabs(t + z[15]));
         u_astray = (earlier + longer * _left(fabs(d1 - d2) / longer, longer * fastest)) * fabs(rate[15]);
         steps[base + 21] = (earlier + longer) * fastest;
         steps[base + 22] = earlier + longer;
@@ -802,7 +811,7 @@ int64_t droplet_integrate(double t_end, double u_stop, double rtol, const double
         }
     }
     double w[4];
-    double work[32];
+    double work[40];
     double terms[8];
     double given[8];
     double h[8];
@@ -965,6 +974,10 @@ int64_t droplet_integrate(double t_end, double u_stop, double rtol, const double
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            for (int64_t i = 0; i < 8; i++) {
+                u_rate[i] += 0.0 * deflection[i];
+            }
             if (renew == 1) {
                 for (int64_t i = 0; i < 8; i++) {
                     _slopes(i, h[i], deflection[i], given[i], p, slopes);
@@ -1035,8 +1048,12 @@ int64_t droplet_integrate(double t_end, double u_stop, double rtol, const double
         /* written so that nan rejects the step */
         double error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
         const double left = _left(fabs(d1 - d2) / error, error);
-        const double decay = -step * slopes[7];
+        /* where the step is mildest: a law can be a thousand times stiffer at its end than on the way */
+        double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
+        for (int64_t i = 0; i < 7; i++) {
+            decay = -step * slopes[i] < decay ? -step * slopes[i] : decay;
+        }
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
         double factor = 0.8 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
@@ -1432,7 +1449,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
     double found_u[8];
     double delta[8];
     double z[8];
-    double work[32];
+    double work[40];
     double terms[8];
     double c_panel[17];
     /* outputs gathered and not written yet */

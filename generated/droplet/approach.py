@@ -172,9 +172,10 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
             return trial
-        if step > 0.0:
+        residual = step
+        if residual > 0.0:
             high = delta
-        elif step < 0.0:
+        elif residual < 0.0:
             low = delta
         else:
             return nan
@@ -214,7 +215,7 @@ def droplet_evaluate(n: int, h: array, delta: array, F: array, p: array, out: ar
 @jit
 def droplet_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
-    w = empty(1)
+    w = empty(2)
     terms = empty(1)
     guess = nan
     for i in range(n):
@@ -319,30 +320,32 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
     """Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     # of an iteration that has just begun, whose change leaves about its square
     enough = sqrt(0.1 * small)
     for i in range(8):
         _gap_terms(i, 8, h[i], p, terms)
     for i in range(8):
-        w[8 + i] = 0.0
-        w[16 + i] = 1.0 / fabs(delta[i])
+        w[16 + i] = 0.0
+        w[24 + i] = 1.0 / fabs(delta[i])
     for iteration in range(7):
         for i in range(8):
             _newton(i, 8, delta[i], F[i], terms, p, w)
         left = 0.0
         for i in range(8):
             delta[i] = delta[i] - w[i]
-            size = fabs(w[i]) * w[16 + i]
-            before = w[8 + i]
-            w[24 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
-            w[8 + i] = size
-            left += w[24 + i]
+            size = fabs(w[i]) * w[24 + i]
+            before = w[16 + i]
+            w[32 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[16 + i] = size
+            left += w[32 + i]
         if left == 0.0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(8):
-        if w[24 + i] != 0.0 or not delta[i] > 0.0:
+        if w[32 + i] != 0.0 or not (delta[i] * F[i] >= 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
@@ -361,30 +364,32 @@ def _panel_deflections(small: float, h: array, F: array, delta: array, p: array,
     """Deflections of 16 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 64 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 80 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     # of an iteration that has just begun, whose change leaves about its square
     enough = sqrt(0.1 * small)
     for i in range(16):
         _gap_terms(i, 16, h[i], p, terms)
     for i in range(16):
-        w[16 + i] = 0.0
-        w[32 + i] = 1.0 / fabs(delta[i])
+        w[32 + i] = 0.0
+        w[48 + i] = 1.0 / fabs(delta[i])
     for iteration in range(7):
         for i in range(16):
             _newton(i, 16, delta[i], F[i], terms, p, w)
         left = 0.0
         for i in range(16):
             delta[i] = delta[i] - w[i]
-            size = fabs(w[i]) * w[32 + i]
-            before = w[16 + i]
-            w[48 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
-            w[16 + i] = size
-            left += w[48 + i]
+            size = fabs(w[i]) * w[48 + i]
+            before = w[32 + i]
+            w[64 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[32 + i] = size
+            left += w[64 + i]
         if left == 0.0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(16):
-        if w[48 + i] != 0.0 or not delta[i] > 0.0:
+        if w[64 + i] != 0.0 or not (delta[i] * F[i] >= 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
@@ -394,14 +399,14 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
 
     Where it hardly moves, state[13] is set to 0, for the time to take over as the independent variable.
     """
-    w = empty(1)
+    w = empty(2)
     # along ln h: of its rate, and of the deflection
     slopes = empty(16)
     h = empty(16)
     F = empty(16)
     delta = empty(16)
     rate = empty(16)
-    work = empty(64)
+    work = empty(80)
     terms = empty(16)
     dt = empty(16)
     z = empty(16)
@@ -425,7 +430,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
     stored: int = 0
     status: int = 2
     while stored < capacity and t < t_end:
-        if not fabs(u_dot) > 0.1 * fabs(slopes[0]):
+        # of a rate that is hardly a number the time would overflow
+        if not (fabs(u_dot) > 0.1 * fabs(slopes[0]) and fabs(u_dot) > 1e-290):
             state[13] = 0.0
             break
         stride = fabs(stride) if u_dot > 0.0 else -fabs(stride)
@@ -449,7 +455,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
         state[6] += 2.0
         astray: int = 0
         for i in range(16):
-            dt[i] = step / rate[i]
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            dt[i] = step / (rate[i] + 0.0 * delta[i])
             if not dt[i] > 0.0:
                 astray += 1
         for i in range(16):
@@ -492,7 +499,9 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
             steps[base + 4 + i] = z[i]
         steps[base + 20] = step
         # trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows
-        earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + z[15]))
+        # and u is rounded, which shifts the time by that over the rate
+        slowest = fabs(u_dot) if fabs(u_dot) < fabs(rate[15]) else fabs(rate[15])
+        earlier = u_astray / fabs(u_dot) + 4.4e-16 * ((1.0 + fabs(u)) / slowest + fabs(t + z[15]))
         u_astray = (earlier + longer * _left(fabs(d1 - d2) / longer, longer * fastest)) * fabs(rate[15])
         steps[base + 21] = (earlier + longer) * fastest
         steps[base + 22] = earlier + longer
@@ -552,7 +561,7 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
         if ended != 2 or state[9] == float(capacity):
             return ended
     w = empty(4)
-    work = empty(32)
+    work = empty(40)
     terms = empty(8)
     given = empty(8)
     h = empty(8)
@@ -688,6 +697,9 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
             _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            for i in range(8):
+                u_rate[i] += 0.0 * deflection[i]
             if renew == 1:
                 for i in range(8):
                     _slopes(i, h[i], deflection[i], given[i], p, slopes)
@@ -745,8 +757,11 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
         # written so that nan rejects the step
         error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
         left = _left(fabs(d1 - d2) / error, error)
+        # where the step is mildest: a law can be a thousand times stiffer at its end than on the way
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
+        for i in range(7):
+            decay = -step * slopes[i] if -step * slopes[i] < decay else decay
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
         factor = 0.8 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
@@ -1104,7 +1119,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     found_u = empty(8)
     delta = empty(8)
     z = empty(8)
-    work = empty(32)
+    work = empty(40)
     terms = empty(8)
     c_panel = empty(17)
     # outputs gathered and not written yet

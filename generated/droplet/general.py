@@ -212,9 +212,10 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
         # Newton's iteration converges quadratically: after a step of 1e-9 what is left is below rounding
         if fabs(step) <= 1e-9 * fabs(delta) and low <= trial and trial <= high:
             return trial
-        if step > 0.0:
+        residual = step
+        if residual > 0.0:
             high = delta
-        elif step < 0.0:
+        elif residual < 0.0:
             low = delta
         else:
             return nan
@@ -259,7 +260,7 @@ def droplet_evaluate(n: int, h: array, delta: array, F: array, dF_dt: array, p: 
 @jit
 def droplet_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
-    w = empty(1)
+    w = empty(2)
     terms = empty(1)
     guess = nan
     for i in range(n):
@@ -367,30 +368,32 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
     """Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     # of an iteration that has just begun, whose change leaves about its square
     enough = sqrt(0.1 * small)
     for i in range(8):
         _gap_terms(i, 8, h[i], p, terms)
     for i in range(8):
-        w[8 + i] = 0.0
-        w[16 + i] = 1.0 / fabs(delta[i])
+        w[16 + i] = 0.0
+        w[24 + i] = 1.0 / fabs(delta[i])
     for iteration in range(7):
         for i in range(8):
             _newton(i, 8, delta[i], F[i], terms, p, w)
         left = 0.0
         for i in range(8):
             delta[i] = delta[i] - w[i]
-            size = fabs(w[i]) * w[16 + i]
-            before = w[8 + i]
-            w[24 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
-            w[8 + i] = size
-            left += w[24 + i]
+            size = fabs(w[i]) * w[24 + i]
+            before = w[16 + i]
+            w[32 + i] = 0.0 if size <= enough or size * size * size <= small * (before * before) else 1.0
+            w[16 + i] = size
+            left += w[32 + i]
         if left == 0.0:
             break
+    # on the branch where F_ela rises from 0 with delta: a law may have others
     for i in range(8):
-        if w[24 + i] != 0.0:
+        if w[32 + i] != 0.0 or not (delta[i] * F[i] >= 0.0):
             delta[i] = _solve_delta(h[i], F[i], nan, p, w, terms)
 
 
@@ -417,7 +420,7 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
     """
     w = empty(4)
-    work = empty(32)
+    work = empty(40)
     terms = empty(8)
     given = empty(8)
     h = empty(8)
@@ -582,6 +585,9 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_
             _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            for i in range(8):
+                u_rate[i] += 0.0 * deflection[i]
             if renew == 1:
                 for i in range(8):
                     _slopes(i, h[i], deflection[i], given[i], p, slopes)
@@ -639,8 +645,11 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_
         # written so that nan rejects the step
         error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
         left = _left(fabs(d1 - d2) / error, error)
+        # where the step is mildest: a law can be a thousand times stiffer at its end than on the way
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
+        for i in range(7):
+            decay = -step * slopes[i] if -step * slopes[i] < decay else decay
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
         factor = 0.8 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
@@ -851,7 +860,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     u = empty(8)
     delta = empty(8)
     z = empty(8)
-    work = empty(32)
+    work = empty(40)
     terms = empty(8)
     # outputs gathered and not written yet
     gathered: int = 0

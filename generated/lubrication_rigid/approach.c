@@ -377,7 +377,7 @@ void lubrication_rigid_evaluate(int64_t n, const double *restrict h, const doubl
 /* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void lubrication_rigid_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
-    double w[1];
+    double w[2];
     double terms[1];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
@@ -486,7 +486,8 @@ static inline double _left(double apart, double error)
 /* Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-   w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+   w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+   left to do. */
 static inline void _deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, const double *restrict w, const double *restrict terms)
 {
     for (int64_t i = 0; i < 8; i++) {
@@ -497,7 +498,8 @@ static inline void _deflections(double small, const double *restrict h, const do
 /* Deflections of 16 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-   w, of 64 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+   w, of 80 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+   left to do. */
 static inline void _panel_deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, const double *restrict w, const double *restrict terms)
 {
     for (int64_t i = 0; i < 16; i++) {
@@ -510,14 +512,14 @@ static inline void _panel_deflections(double small, const double *restrict h, co
    Where it hardly moves, state[13] is set to 0, for the time to take over as the independent variable. */
 static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const double *restrict p, const double *restrict c, int64_t capacity, double *restrict state, double *restrict steps)
 {
-    double w[1];
+    double w[2];
     /* along ln h: of its rate, and of the deflection */
     double slopes[16];
     double h[16];
     double F[16];
     double delta[16];
     double rate[16];
-    double work[64];
+    double work[80];
     double terms[16];
     double dt[16];
     double z[16];
@@ -543,7 +545,8 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
     int64_t stored = 0;
     int64_t status = 2;
     while (stored < capacity && t < t_end) {
-        if (!(fabs(u_dot) > 0.1 * fabs(slopes[0]))) {
+        /* of a rate that is hardly a number the time would overflow */
+        if (!(fabs(u_dot) > 0.1 * fabs(slopes[0]) && fabs(u_dot) > 1e-290)) {
             state[13] = 0.0;
             break;
         }
@@ -571,7 +574,8 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
         state[6] += 2.0;
         int64_t astray = 0;
         for (int64_t i = 0; i < 16; i++) {
-            dt[i] = step / rate[i];
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            dt[i] = step / (rate[i] + 0.0 * delta[i]);
             if (!(dt[i] > 0.0)) {
                 astray += 1;
             }
@@ -622,7 +626,9 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
         }
         steps[base + 20] = step;
         /* trajectories differ by a shift in time: its error is the sum over the steps, and that of u follows */
-        const double earlier = u_astray / fabs(u_dot) + 1.1e-16 * ((1.0 + fabs(u)) / fastest + fabs(t + z[15]));
+        /* and u is rounded, which shifts the time by that over the rate */
+        const double slowest = fabs(u_dot) < fabs(rate[15]) ? fabs(u_dot) : fabs(rate[15]);
+        const double earlier = u_astray / fabs(u_dot) + 4.4e-16 * ((1.0 + fabs(u)) / slowest + fabs(t + z[15]));
         u_astray = (earlier + longer * _left(fabs(d1 - d2) / longer, longer * fastest)) * fabs(rate[15]);
         steps[base + 21] = (earlier + longer) * fastest;
         steps[base + 22] = earlier + longer;
@@ -687,7 +693,7 @@ int64_t lubrication_rigid_integrate(double t_end, double u_stop, double rtol, co
         }
     }
     double w[4];
-    double work[32];
+    double work[40];
     double terms[8];
     double given[8];
     double h[8];
@@ -850,6 +856,10 @@ int64_t lubrication_rigid_integrate(double t_end, double u_stop, double rtol, co
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            for (int64_t i = 0; i < 8; i++) {
+                u_rate[i] += 0.0 * deflection[i];
+            }
             if (renew == 1) {
                 for (int64_t i = 0; i < 8; i++) {
                     _slopes(i, h[i], deflection[i], given[i], p, slopes);
@@ -920,8 +930,12 @@ int64_t lubrication_rigid_integrate(double t_end, double u_stop, double rtol, co
         /* written so that nan rejects the step */
         double error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
         const double left = _left(fabs(d1 - d2) / error, error);
-        const double decay = -step * slopes[7];
+        /* where the step is mildest: a law can be a thousand times stiffer at its end than on the way */
+        double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
+        for (int64_t i = 0; i < 7; i++) {
+            decay = -step * slopes[i] < decay ? -step * slopes[i] : decay;
+        }
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
         double factor = 0.8 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
@@ -1317,7 +1331,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
     double found_u[8];
     double delta[8];
     double z[8];
-    double work[32];
+    double work[40];
     double terms[8];
     double c_panel[17];
     /* outputs gathered and not written yet */

@@ -253,7 +253,7 @@ void lubrication_rigid_evaluate(int64_t n, const double *restrict h, const doubl
 /* The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none. */
 void lubrication_rigid_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
-    double w[1];
+    double w[2];
     double terms[1];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
@@ -366,7 +366,8 @@ static inline double _left(double apart, double error)
 /* Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
    It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-   w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do. */
+   w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+   left to do. */
 static inline void _deflections(double small, const double *restrict h, const double *restrict F, double *restrict delta, const double *restrict p, const double *restrict w, const double *restrict terms)
 {
     for (int64_t i = 0; i < 8; i++) {
@@ -394,7 +395,7 @@ int64_t lubrication_rigid_integrate(double t_end, double u_stop, double rtol, co
     double moves;
     double contraction;
     double w[4];
-    double work[32];
+    double work[40];
     double terms[8];
     double given[8];
     double h[8];
@@ -596,6 +597,10 @@ int64_t lubrication_rigid_integrate(double t_end, double u_stop, double rtol, co
             for (int64_t i = 0; i < 8; i++) {
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w);
             }
+            /* without a deflection there is no rate, even of a law whose rate does not depend on it */
+            for (int64_t i = 0; i < 8; i++) {
+                u_rate[i] += 0.0 * deflection[i];
+            }
             if (renew == 1) {
                 for (int64_t i = 0; i < 8; i++) {
                     _slopes(i, h[i], deflection[i], given[i], p, slopes);
@@ -666,8 +671,12 @@ int64_t lubrication_rigid_integrate(double t_end, double u_stop, double rtol, co
         /* written so that nan rejects the step */
         double error = fabs(d1) > fabs(d2) ? fabs(d1) : fabs(d2);
         const double left = _left(fabs(d1 - d2) / error, error);
-        const double decay = -step * slopes[7];
+        /* where the step is mildest: a law can be a thousand times stiffer at its end than on the way */
+        double decay = -step * slopes[7];
         stiffest = decay > stiffest ? decay : stiffest;
+        for (int64_t i = 0; i < 7; i++) {
+            decay = -step * slopes[i] < decay ? -step * slopes[i] : decay;
+        }
         const double u_error = error / (decay > 0.0 ? 1.0 + 0.014424143230897014 * decay : 1.0);
         error = u_error / (rtol + rounding);
         double factor = 0.8 * pow(error > 1e-12 ? error : 1e-12, -1.0 / 9.0);
@@ -905,7 +914,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
     double u[8];
     double delta[8];
     double z[8];
-    double work[32];
+    double work[40];
     double terms[8];
     /* outputs gathered and not written yet */
     int64_t gathered = 0;

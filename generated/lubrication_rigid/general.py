@@ -198,7 +198,7 @@ def lubrication_rigid_evaluate(n: int, h: array, delta: array, F: array, p: arra
 @jit
 def lubrication_rigid_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
-    w = empty(1)
+    w = empty(2)
     terms = empty(1)
     guess = nan
     for i in range(n):
@@ -306,7 +306,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
     """Deflections of 8 states at once, from guesses in delta: Newton's iteration, to an error of ``small``, relative.
 
     It converges quadratically, so that after a change of c1 and one of c2 there would be one of c2**3/c1**2.
-    w, of 32 numbers: the last changes, relative ones, the sizes that these are relative to, and what is left to do.
+    w, of 40 numbers: the last changes, stiffnesses, relative changes, the sizes that these are relative to, what is
+    left to do.
     """
     for i in range(8):
         delta[i] = 0.0
@@ -335,7 +336,7 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
     -1 if the step falls below rounding, -2 if t overflows, -3 if there is no rate at the start.
     """
     w = empty(4)
-    work = empty(32)
+    work = empty(40)
     terms = empty(8)
     given = empty(8)
     h = empty(8)
@@ -500,6 +501,9 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
             _deflections(1e-3 * rtol, h, given, deflection, p, work, terms)
             for i in range(8):
                 _gap_rate(i, h[i], deflection[i], given[i], p, u_rate, w)
+            # without a deflection there is no rate, even of a law whose rate does not depend on it
+            for i in range(8):
+                u_rate[i] += 0.0 * deflection[i]
             if renew == 1:
                 for i in range(8):
                     _slopes(i, h[i], deflection[i], given[i], p, slopes)
@@ -557,8 +561,11 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
         # written so that nan rejects the step
         error = fabs(d1) if fabs(d1) > fabs(d2) else fabs(d2)
         left = _left(fabs(d1 - d2) / error, error)
+        # where the step is mildest: a law can be a thousand times stiffer at its end than on the way
         decay = -step * slopes[7]
         stiffest = decay if decay > stiffest else stiffest
+        for i in range(7):
+            decay = -step * slopes[i] if -step * slopes[i] < decay else decay
         u_error = error / (1.0 + 0.014424143230897014 * decay if decay > 0.0 else 1.0)
         error = u_error / (rtol + rounding)
         factor = 0.8 * pow(error if error > 1e-12 else 1e-12, -1.0 / 9.0)
@@ -769,7 +776,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     u = empty(8)
     delta = empty(8)
     z = empty(8)
-    work = empty(32)
+    work = empty(40)
     terms = empty(8)
     # outputs gathered and not written yet
     gathered: int = 0
