@@ -292,13 +292,14 @@ def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict
         replace(result, arrays=empty).plot()
 
 
-@pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion"])
+@pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion", pytest.param("spheres", marks=pytest.mark.slow)])
 def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each with its forces and its energy in balance."""
     assert name in stock_scenes()
     text = stock_scenes()[name].read_text()
-    if name == "emulsion":  # a tenth of it: the whole takes some seconds
+    if name in ("emulsion", "spheres"):  # a part of them: the whole takes some seconds
         text = text.replace("count = 1000", "count = 100").replace("strain = 0.5", "strain = 0.05")
+        text = text.replace("count = 200", "count = 30").replace("strain = 3.0", "strain = 0.1")
         arguments: list[Any] = ["run", str(written(tmp_path, text)), "--json"]
     else:
         arguments = ["run", name, "--json"]

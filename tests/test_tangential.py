@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,8 +24,9 @@ from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import LawError, SceneError
 from softdyn.particles import linear, sliding
-from softdyn.particles.files import particle_scene_from
+from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall, directions, lattice
+from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles, start
 from softdyn.particles.scene import Hold, ParticleScene, Push
@@ -473,6 +476,29 @@ def test_a_sheared_packing_keeps_its_balances() -> None:
     assert result.stress[-1, 0, 1] > normal.stress[-1, 0, 1]
 
 
+def test_films_alone_turn_particles_with_the_flow() -> None:
+    """Without drag, in a sheared box: films carry all of it, and the mean spin is minus half of the shear rate."""
+    result = simulate_particles(periodic(drag=0.0))
+    assert abs(result.energy["imbalance"]) < 1e-3
+    assert result.energy["drag"] == result.energy["flow"] == 0
+    # of 27 particles that turn each as its neighbours make it
+    np.testing.assert_allclose(result.spin[-1].mean(axis=0), [0, 0, -5e-4], atol=2e-5)
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_spheres_pulled_along_a_wall_roll(drag: float) -> None:
+    """Forwards, pressed against it and pulled along x; energy is accounted for."""
+    wall = Wall(np.array([0.0, -1.02]), np.array([0.0, -1.0]))
+    pushes = [Push([0, 1], [1e-3, -1e-2])]
+    changes = {"positions": [[0, 0], [2.6, 0]], "walls": [wall], "pushes": pushes, "drag": drag, "reach": 0.5}
+    result = simulate_particles(scene(until=300.0, rtol=1e-4, **changes))
+    assert np.all(result.v[-1, :, 0] > 0)
+    assert np.all(result.spin[-1] < 0)  # clockwise
+    # a film resists sliding more than rolling: the surface by the wall lags behind the centre
+    assert np.all(np.abs(result.spin[-1, :, 0]) < result.v[-1, :, 0])
+    assert abs(result.energy["imbalance"]) < 2e-4
+
+
 def test_the_iterative_solver_takes_the_same_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it leaves, Newton's iteration corrects: the same positions to its tolerance, over some ten steps."""
     problem = periodic(until=20.0, times=2)
@@ -523,3 +549,25 @@ def test_a_chain_that_spins_freely_is_at_rest() -> None:
     result = simulate_particles(scene(pushes=pushes, until=100.0))
     np.testing.assert_allclose(result.spin, 0, atol=1e-12)
     assert result.contact_h[-1] < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phi", [0.3, 0.4])
+def test_the_viscosity_of_a_dense_suspension_lies_within_the_envelope_of_known_laws(phi: float) -> None:
+    """Of Boyer, Guazzelli & Pouliquen 2011 (phi_c = 0.585, mu_1 = 0.32), Zarraga et al. 2000, and Maron-Pierce.
+
+    Films and Stokes' drag make all of it but for what each sphere does by itself, Einstein's 5/2 phi.
+    """
+    text = stock_scenes()["spheres"].read_text().replace("fraction = 0.4", f"fraction = {phi}")
+    result = simulate_particles(particle_scene_from(tomllib.loads(text), Path()))
+    steady = result.t >= 0.75  # the first transient is over
+    found = float(relative_viscosity(result)[steady].mean()) + 2.5 * phi
+    phi_c = 0.585
+    boyer = 1 + 2.5 * phi / (1 - phi / phi_c) + 0.32 * (phi / (phi_c - phi)) ** 2
+    zarraga = math.exp(-2.34 * phi) / (1 - phi / 0.62) ** 3
+    maron_pierce = (1 - phi / phi_c) ** -2
+    assert min(boyer, zarraga, maron_pierce) < found < max(boyer, zarraga, maron_pierce)
+    assert np.all(result.contact_h > 0)
+    # nearly rigid: no surface gives in by a thousandth of the radius
+    assert float(result.contact_delta.max()) < 1e-3
+    assert abs(result.energy["imbalance"]) < 2e-3

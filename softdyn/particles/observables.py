@@ -31,7 +31,8 @@ def relative_viscosity(result: ParticleResult) -> Array:
     """Viscosity relative to the fluid's, at each frame: 1 + sigma_xy/(eta shear_rate), the particles' part added.
 
     The symmetric part of the stress is taken, which does the work: where drag resists rotations, there is another. In
-    two dimensions the spheres are a layer one unit of length deep. Where nothing shears, as at the start under an
+    two dimensions the spheres are a layer one unit of length deep. What each sphere does to the flow by itself,
+    Einstein's 5/2 of the volume fraction, is not in it. Where nothing shears, as at the start under an
     imposed stress, it is nan.
 
     Raises

@@ -23,6 +23,10 @@ from softdyn.particles.geometry import Contacts
 Array = NDArray[np.float64]
 
 
+#: Stiffness of rolling where no time passes, in units of that of sliding: surfaces shear, and hardly roll.
+BLOCKED = 1e3
+
+
 @dataclass(frozen=True)
 class Known:
     """What is known of the tangential forces as a stage begins.
@@ -157,7 +161,7 @@ def slide(
     images : array, shape (contacts, d)
         Motion of the image of particle j with the box.
     s : float
-        gamma dt; 0 where no time passes: then rolling takes no part, and sliding is elastic.
+        gamma dt; 0 where no time passes: then sliding is elastic, and nothing rolls.
     """
     d = n.shape[1]
     walls = int(contacts.j.max(initial=0)) + 1 - len(moved)
@@ -179,10 +183,17 @@ def slide(
     force = values["keep"][:, None] * kept + values["stiff"][:, None] * slip
     roll = by_radius[0] - by_radius[1]
     resisted = roll if d == 2 else roll - dot(n, roll)[:, None] * n
-    moment = (values["roll"] / s)[:, None] * resisted if s > 0 else np.zeros_like(roll)
+    moment = _rolling_stiffness(known, values, s)[:, None] * resisted
     back = spin(force, n, -angle) if d == 3 else force
     turned = carry(back, n, known.normal)
     return Slid(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
+
+
+def _rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array:
+    """Moment for each relative rotation in a stage; where no time passes none of what films resist."""
+    if s > 0:
+        return values["roll"] / s
+    return np.where(values["roll"] > 0, BLOCKED * values["stiff"] * known.radii[0] ** 2, 0.0)
 
 
 def reactions(contacts: Contacts, known: Known, slid: Slid, n: Array, count: int) -> Array:
@@ -231,7 +242,7 @@ def tangents(
     # by x_j - x_i, which changes r and turns n
     apart = along[:, :, None] * n[:, None, :] - curved * n[:, :, None] * slid.force[:, None, :]
     apart -= stiff * curved * dot(n, slid.relative)[:, None, None] * across
-    rolled = (values["roll"] / s if s > 0 else np.zeros(c))[:, None, None]
+    rolled = _rolling_stiffness(known, values, s)[:, None, None]
     rolled_r = (values["roll_r"] / s if s > 0 else np.zeros(c))[:, None]
     resisted = np.eye(1)[None] if d == 2 else across
     if d == 2:
