@@ -24,6 +24,7 @@ from softdyn.derive.specialise import (
     Equations,
     F_ela,
     Needs,
+    Rule,
     compliance,
     contact_equations,
     ddelta_dt,
@@ -151,8 +152,10 @@ class KernelIR:
     sympy_version: str
 
 
-def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
+def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) -> KernelIR:
     """Derive a law's equations, specialise them to a scene's needs, and lower them to straight-line code.
+
+    With fewer ``rules`` than there are, the kernel computes the same, and more than it needs.
 
     Raises
     ------
@@ -164,7 +167,7 @@ def kernel_ir(law: ContactLaw, needs: Needs) -> KernelIR:
     _require_known(law, needs, outputs, names)
     equations = contact_equations(law, needs.control)
     savings, before = [], _total(equations)
-    for rule in RULES:
+    for rule in rules:
         if rule.applies(equations, needs):
             equations = rule.apply(equations, needs)
             after = _total(equations)

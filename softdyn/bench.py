@@ -15,7 +15,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -25,19 +25,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 import softdyn
+from softdyn import bench_batch
+from softdyn.batch import STATES
 from softdyn.bench_reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair import integrate_steps, kernel_needs, kernel_parameters, states_at
+from softdyn.pair import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
 from softdyn.results import require_folder, written_whole
-from softdyn.scene import Scene, drive_of
-from softdyn.states import deflection, drive_at, initial_deflection
+from softdyn.scene import Drive, Scene, drive_of
+from softdyn.states import initial_deflection
 
 Array = NDArray[np.float64]
 Solve = Callable[[float], tuple[Array, Array]]
 
 TARGET_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
 #: What the project sets out to reach: our time over the fastest peer's, at each of the errors above.
-GOALS = {"constant": (0.25, 0.25, 0.25, 0.25), "sine": (0.6, 0.8, 0.9, 1.0), "film": (0.4, 0.5, 0.5, 0.7)}
+GOALS = {
+    "constant": (0.25, 0.25, 0.25, 0.25),
+    "sine": (0.6, 0.8, 0.9, 1.0),
+    "film": (0.4, 0.5, 0.5, 0.7),
+    "batch": (0.3, 0.3, 0.3, 0.3),
+}
 PEERS = ("heyoka", "numbalsoda", "scipy", "numba")
 
 
@@ -90,13 +97,15 @@ def bench(
                 cpu = _cpu_time(partial(solve, tolerance), repeats, seconds)
                 runs.append(Run(case.name, integrator, tolerance, error, cpu))
                 say(f"{case.name:16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
+    runs += _batch(missing, repeats, say)
     report = {
         "made": time.strftime("%Y-%m-%d"),
         "command": "softdyn bench",
         "machine": f"{platform.machine()}, {processor()}",
         "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **_versions()},
         "missing": missing,
-        "cases": {case.name: case.about for case in cases()},
+        "cases": {**{case.name: case.about for case in cases()}, "batch": bench_batch.ABOUT},
+        "specialisation": worth_of_specialisation(repeats, seconds),
         "runs": [vars(run) for run in runs],
     }
     text = report_text(report)
@@ -108,6 +117,44 @@ def bench(
     with written_whole(folder / "bench.png") as temporary:
         figure.savefig(temporary, format="png", dpi=110)
     return report
+
+
+def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) -> list[Run]:
+    """Many approaches at once, ours and the one peer that makes batches."""
+    forces, times, deltas, gaps = bench_batch.reference()
+    runs = []
+    for integrator, make, tolerances in bench_batch.integrators(forces, times, deltas):
+        try:
+            solve = make()
+        except Exception as failed:
+            missing[f"{integrator}, batch"] = f"{type(failed).__name__}: {failed}"
+            continue
+        for tolerance in tolerances:
+            error = bench_batch.error_of(solve(tolerance), deltas, gaps)
+            cpu = _cpu_time(partial(solve, tolerance), repeats, 0.0) / bench_batch.RUNS
+            runs.append(Run("batch", integrator, tolerance, error, cpu))
+            say(f"{'batch':16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
+    return runs
+
+
+def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]]:
+    """Operations of the law and CPU time per run at rtol = 1e-8, in seconds, for kernels with fewer rules, in C."""
+    from softdyn.bench_rules import kernels_by_rule
+
+    rows: dict[str, dict[str, Any]] = {}
+    for column, name in (("constant", "constant, kappa = 0.01"), ("sine", "sine")):
+        case = next(case for case in cases() if case.name == name)
+        scene = _scene(case, "c", "auto")
+        drive = drive_of(scene)
+        needs = kernel_needs(scene, drive)
+        kernel = get_kernel(scene.law, "c", **needs)
+        for variant, made, operations in kernels_by_rule(scene.law, kernel, needs):
+            of_variant = replace(scene, parameters={key: scene.parameters[key] for key in made.parameters})
+            solve = _runs(case, of_variant, drive, made)
+            row = rows.setdefault(variant, {"kernel": variant, "operations": {}})
+            row["operations"][column] = operations
+            row[column] = _cpu_time(partial(solve, 1e-8), repeats, seconds)
+    return list(rows.values())
 
 
 def processor() -> str:
@@ -145,7 +192,7 @@ def _cpu_time(call: Callable[[], Any], repeats: int, seconds: float) -> float:
 
 def _true_error(case: Case, h: Array, delta: Array) -> float:
     """Largest relative error, of h and of delta, over all outputs; infinite where one is no number."""
-    error = max(np.max(np.abs(h / case.h - 1)), np.max(np.abs(delta / case.delta - 1)))
+    error = max(np.max(np.abs(h / case.h - 1)), np.max(np.abs(delta - case.delta) / case.scale))
     return float(error) if math.isfinite(error) else math.inf
 
 
@@ -179,34 +226,51 @@ def _integrators(case: Case, missing: dict[str, str]) -> list[tuple[str, Callabl
 
 
 def _ours(case: Case, target: str, method: str) -> Solve:
-    """The engine itself: integration, outputs at times, deflections; scene files and results apart."""
-    scene = Scene(
-        law=case.law, parameters=case.parameters, h=case.h0, force=case.force, constants=case.constants,
-        until_t=float(case.t[-1]), target=target, method=method,
-    )  # fmt: skip
+    """The engine itself: integration and outputs, in one call; scene files and results apart."""
+    scene = _scene(case, target, method)
     drive = drive_of(scene)
     kernel: Kernel = get_kernel(scene.law, target, **kernel_needs(scene, drive))
+    return _runs(case, scene, drive, kernel)
+
+
+def _scene(case: Case, target: str, method: str) -> Scene:
+    return Scene(
+        law=case.law, parameters=case.parameters, h=case.h0, **case.given, constants=case.constants,
+        until_t=float(case.t[-1]), target=target, method=method,
+    )  # fmt: skip
+
+
+def _runs(case: Case, scene: Scene, drive: Drive, kernel: Kernel) -> Solve:
+    """One run of a kernel, as a batch of one."""
     p = kernel_parameters(scene, kernel, drive)
     delta0 = initial_deflection(scene, kernel, drive, p, float(case.parameters["R"]))
-    forces = drive_at(kernel, drive, case.t)[0]
+    end, outputs = float(case.t[-1]), len(case.t)
+    row = np.concatenate([[end, math.nan, math.log(case.h0), delta0], p, *drive.arguments])
+    longest = end / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
+    out = np.empty((STATES + len(kernel.outputs)) * outputs + 2)
 
     def solve(tolerance: float) -> tuple[Array, Array]:
-        steps, _ = integrate_steps(
-            kernel, drive, p, (scene.h, delta0), (float(case.t[-1]), math.nan), tolerance, method
-        )
-        h = np.exp(states_at(kernel, steps, case.t)[0])
-        return h, deflection(kernel, h, forces, p)
+        settings = np.array([tolerance, 0.0, longest, float(MOST_STEPS), float(scene.method == "auto")])
+        kernel.functions.runs(1, outputs, 0, 0, settings, row, case.t, out)
+        return out[outputs : 2 * outputs], out[2 * outputs : 3 * outputs]
 
     return solve
 
 
-def _heyoka_rates(case: Case) -> tuple[Any, Any, Any, Any]:
+def _heyoka_rates(case: Any) -> tuple[Any, Any, Any, Any]:
     """Return d(ln h)/dt and d(delta)/dt as heyoka's expressions, and the two variables."""
     import heyoka as hy
 
     u, delta = hy.make_vars("u", "delta")
     h = hy.exp(u)
     bar = h / (1.0 + h)
+    if case.drive == "velocity":
+        # an event changes the sign where delta does
+        a2 = 2.0 * (bar + hy.par[0] * delta)
+        w = case.constants["w"]
+        moved = -case.constants["D"] * w * hy.cos(w * hy.time)
+        h_dot = -4 / 9 * hy.sqrt(a2) * delta / (1.5 * math.pi * a2 * a2 / (bar * bar * bar))
+        return h_dot / h, 0.5 * (h_dot - moved), u, delta
     a2 = 2.0 * (bar + delta)
     a = hy.sqrt(a2)
     F: Any = case.kappa
@@ -229,11 +293,23 @@ def _heyoka(case: Case) -> Solve:
     u_dot, delta_dot, u, delta = _heyoka_rates(case)
     made: dict[float, Any] = {}
     grid = [0.0, *case.t.tolist()]
+    more: dict[str, Any] = {}
+
+    def pulled(engine: Any, sign: int) -> bool:
+        engine.pars[0] = -1.0
+        return True
+
+    if case.drive == "velocity":
+        crossing = hy.t_event(delta, direction=hy.event_direction.negative, callback=pulled)
+        more = {"pars": [1.0], "t_events": [crossing]}
 
     def solve(tolerance: float) -> tuple[Array, Array]:
         if tolerance not in made:
-            made[tolerance] = hy.taylor_adaptive([(u, u_dot), (delta, delta_dot)], [0.0, 0.0], tol=tolerance)
+            made[tolerance] = hy.taylor_adaptive([(u, u_dot), (delta, delta_dot)], [0.0, 0.0], tol=tolerance, **more)
         engine = made[tolerance]
+        if more:
+            engine.pars[0] = 1.0
+            engine.reset_cooldowns()
         engine.time = 0.0
         engine.state[:] = math.log(case.h0), case.delta0
         found = engine.propagate_grid(grid)[-1]
@@ -243,8 +319,9 @@ def _heyoka(case: Case) -> Solve:
 
 
 def _heyoka_by_gap(case: Case) -> Solve:
-    """Time and delta against -ln h, then inverted for the outputs by Newton's iteration on its dense output."""
+    """Time and delta against s = -ln h; each step's Taylor series is inverted for the outputs within it."""
     import heyoka as hy
+    import numba
 
     u_dot, delta_dot, _, delta = _heyoka_rates(case)
     # the independent variable is s = -ln h, heyoka's time
@@ -253,7 +330,31 @@ def _heyoka_by_gap(case: Case) -> Solve:
     t_rate = hy.subs(-1.0 / u_dot, here)
     delta_rate = hy.subs(-delta_dot / u_dot, here)
     made: dict[float, Any] = {}
-    end = -math.log(case.h[-1] * 0.999)
+
+    @numba.njit
+    def invert(series, step, start, times, first, h, delta):  # type: ignore[no-untyped-def]
+        """Outputs within a step, by Newton's iteration on the series of t; returns the number of the next one."""
+        order = series.shape[1] - 1
+        end = 0.0
+        for k in range(order, -1, -1):
+            end = end * step + series[0, k]
+        x = 0.0
+        while first < len(times) and times[first] <= end:
+            for _ in range(20):
+                value, slope = series[0, order], 0.0
+                for k in range(order - 1, -1, -1):
+                    slope = slope * x + value
+                    value = value * x + series[0, k]
+                change = (value - times[first]) / slope
+                x -= change
+                if abs(change) <= 1e-9:
+                    break
+            value = series[1, order]
+            for k in range(order - 1, -1, -1):
+                value = value * x + series[1, k]
+            h[first], delta[first] = math.exp(-(start + x)), value
+            first += 1
+        return first
 
     def solve(tolerance: float) -> tuple[Array, Array]:
         if tolerance not in made:
@@ -261,17 +362,14 @@ def _heyoka_by_gap(case: Case) -> Solve:
         engine = made[tolerance]
         engine.time = -math.log(case.h0)
         engine.state[:] = 0.0, case.delta0
-        output = engine.propagate_until(end, c_output=True)[-2]
-        s = np.interp(case.t, [0.0, *np.sort(output(np.linspace(engine_start, end, 400))[:, 0])[1:]],
-                      np.linspace(engine_start, end, 400))  # fmt: skip
-        for _ in range(4):
-            states = np.array(output(s))
-            step = 1e-7
-            slope = (np.array(output(s + step))[:, 0] - states[:, 0]) / step
-            s = np.clip(s - (states[:, 0] - case.t) / slope, engine_start, end - step)
-        return np.exp(-s), np.array(output(s))[:, 1]
+        h, deltas = np.empty(len(case.t)), np.empty(len(case.t))
+        found = 0
+        while found < len(case.t):
+            start = engine.time
+            _, step = engine.step(write_tc=True)
+            found = invert(engine.tc, step, start, case.t, found, h, deltas)
+        return h, deltas
 
-    engine_start = -math.log(case.h0)
     return solve
 
 
@@ -279,12 +377,16 @@ def _rates(case: Case, decorate: Callable[[Any], Any]) -> Callable[..., Any]:
     """Rates of (ln h, delta) in plain Python, for scipy; ``decorate`` may compile them."""
     kappa, w, film = case.kappa, case.constants.get("w", 0.0), case.film
     A, lam = case.parameters.get("A", 0.0), case.parameters.get("lam", 1.0)
+    moved, depth = case.drive == "velocity", case.constants.get("D", 0.0)
 
     def rates(t: float, y: Array) -> Array:
         h = math.exp(y[0])
         bar = h / (1.0 + h)
         a2 = 2.0 * (bar + abs(y[1]))
         a = math.sqrt(a2)
+        if moved:
+            h_dot = -4 / 9 * a * y[1] / (1.5 * math.pi * a2 * a2 / bar**3)
+            return np.array([h_dot / h, 0.5 * (h_dot + depth * w * math.cos(w * t))])
         F = kappa * (1.0 + 0.5 * math.sin(w * t))
         F_dot = 0.5 * kappa * w * math.cos(w * t)
         net = F - A * math.exp(-h / lam) if film else F
@@ -311,7 +413,7 @@ def _scipy(case: Case, method: str, compiled: bool) -> Solve:
     def solve(tolerance: float) -> tuple[Array, Array]:
         found = solve_ivp(
             rates, (0.0, case.t[-1]), start, method=method, t_eval=case.t, rtol=max(tolerance, 3e-14),
-            atol=[tolerance, tolerance * case.delta0],
+            atol=[tolerance, tolerance * float(case.scale.min())],
         )  # fmt: skip
         if not found.success:
             raise RuntimeError(found.message)
@@ -337,7 +439,7 @@ def _numbalsoda(case: Case) -> Solve:
     start, grid = np.array([math.log(case.h0), case.delta0]), np.concatenate([[0.0], case.t])
 
     def solve(tolerance: float) -> tuple[Array, Array]:
-        found, success = lsoda(address, start, grid, rtol=tolerance, atol=tolerance * case.delta0)
+        found, success = lsoda(address, start, grid, rtol=tolerance, atol=tolerance * float(case.scale.min()))
         if not success:
             raise RuntimeError("LSODA failed")
         return np.exp(found[1:, 0]), found[1:, 1]
@@ -390,6 +492,14 @@ def report_text(report: dict[str, Any]) -> str:
         goal = GOALS.get(case.split(",")[0])
         if goal:
             lines.append(f"    {'goal':28}" + "".join(f"{g:10.2f}" for g in goal))
+    table = report.get("specialisation", [])
+    if table:
+        lines += ["", "What each rule of specialisation is worth: without it, operations of the law and CPU time"]
+        columns = ("constant", "sine")
+        lines.append(f"    {'':32}" + "".join(f"{name:>26}" for name in columns))
+        for row in table:
+            cells = [f"{row['operations'][name]}, {row[name] * 1e6:.1f} us" if name in row else "-" for name in columns]
+            lines.append(f"    {row['kernel']:32}" + "".join(f"{cell:>26}" for cell in cells))
     return "\n".join(lines) + "\n"
 
 

@@ -2,7 +2,8 @@
 
 A reference is made by collocation, too, but in mpmath, with 16 stages at 34 digits and the law as the paper prints it,
 on the steps of an engine run at 1e-10: on these an error of order 9 is 1e-10, and one of order 17 about 1e-18. It is
-stored in ``generated/bench/reference.json``; ``python -m softdyn.bench_reference`` makes it anew.
+stored in ``generated/bench/reference.json``; ``python -m softdyn.bench_reference`` makes what
+the file lacks.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ SINE_END, RADIANS = 4.17e6, 50.0
 LAM, LOG_A = 1e-5, 10.0
 #: lam zeta/F on the film: the time in which a deviation of the gap from it decays.
 RELAXATION = 7.56042e7
+#: Approach and retraction: X = 2R + h0 - DEPTH sin(w t) from contact at h0 = R on, over half a period.
+DEPTH, HALF_PERIOD = 1.3, 1e3
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ class Case:
 
     Attributes
     ----------
-    drive : "constant" or "sine"
+    drive : "constant", "sine" or "velocity"
+        Of the last, the deflection is 0 at the start, and kappa too.
     film : bool
         Whether a steric force is added: the law is then not stock, but :func:`film_law`.
     """
@@ -65,9 +69,17 @@ class Case:
         return film_law() if self.film else "rognon_gay"
 
     @property
-    def force(self) -> Any:
-        """The force, as ``simulate`` takes it."""
-        return f"{self.kappa!r}*(1 + 0.5*sin(w*t))" if self.drive == "sine" else self.kappa
+    def given(self) -> dict[str, Any]:
+        """What drives the pair, as ``simulate`` takes it."""
+        if self.drive == "velocity":
+            return {"velocity": "-D*w*cos(w*t)"}
+        return {"force": f"{self.kappa!r}*(1 + 0.5*sin(w*t))" if self.drive == "sine" else self.kappa}
+
+    @property
+    def scale(self) -> Array:
+        """Size of the deflection that its errors are measured by: its own, or the largest where it changes sign."""
+        sizes = np.abs(self.delta)
+        return np.full(len(sizes), np.max(sizes)) if self.drive == "velocity" else sizes
 
 
 def film_law() -> Any:
@@ -119,6 +131,19 @@ def _definitions() -> list[dict[str, Any]]:
                 "t": np.geomspace(1e6, past * RELAXATION, OUTPUTS).tolist(),
             }
         )
+    found.append(
+        {
+            "name": "velocity",
+            "about": f"X = 3R - {DEPTH} R sin(pi t/T) over T = {HALF_PERIOD:g}: pressed, pulled apart; from h/R = 1, "
+            f"{OUTPUTS} output times; errors of delta over the largest",
+            "drive": "velocity",
+            "kappa": 0.0,
+            "film": False,
+            "h0": 1.0,
+            "t": [HALF_PERIOD * x for x in even],
+            "constants": {"D": DEPTH, "w": math.pi / HALF_PERIOD},
+        }
+    )
     return found
 
 
@@ -129,11 +154,8 @@ def cases() -> list[Case]:
     for definition in _definitions():
         reference = stored[definition["name"]]
         arrays = {name: np.array([float(x) for x in reference[name]]) for name in ("h", "delta")}
-        found.append(
-            Case(
-                **{**definition, "t": np.array(definition["t"]), **arrays}, h0=100.0, delta0=float(reference["delta0"])
-            )
-        )
+        of_case = {"h0": 100.0, **definition, "t": np.array(definition["t"]), **arrays}
+        found.append(Case(**of_case, delta0=float(reference["delta0"])))
     return found
 
 
@@ -145,8 +167,13 @@ def _mp_rate(definition: dict[str, Any]) -> tuple[Callable[[Any, Any], Any], Cal
     w = mp.mpf(definition.get("constants", {}).get("w", 0.0))
     A, lam = mp.mpf(definition["kappa"] * math.exp(LOG_A)), mp.mpf(LAM)
 
+    moved = definition["drive"] == "velocity"
+    depth = mp.mpf(definition.get("constants", {}).get("D", 0.0))
+
     def delta_at(t: Any, u: Any) -> Any:
         h = mp.exp(u)
+        if moved:  # X is known
+            return (h - 1 + depth * mp.sin(w * t)) / 2
         bar = h / (1 + h)
         F = kappa * (1 + mp.mpf("0.5") * mp.sin(w * t))
         delta = mp.mpf(9) / 4 * F / mp.sqrt(2 * (bar + mp.cbrt(mp.mpf(9) ** 2 / 32 * F**2)))
@@ -161,9 +188,11 @@ def _mp_rate(definition: dict[str, Any]) -> tuple[Callable[[Any, Any], Any], Cal
     def rate(t: Any, u: Any) -> Any:
         h = mp.exp(u)
         bar = h / (1 + h)
-        F = kappa * (1 + mp.mpf("0.5") * mp.sin(w * t))
+        delta = delta_at(t, u)
+        a2 = 2 * (bar + abs(delta))
+        F = 4 * mp.sqrt(a2) * delta / 9 if moved else kappa * (1 + mp.mpf("0.5") * mp.sin(w * t))
         net = F - A * mp.exp(-h / lam) if film else F
-        return -net / (3 * mp.pi / 2 * (2 * (bar + delta_at(t, u))) ** 2 / bar**3) / h
+        return -net / (3 * mp.pi / 2 * a2**2 / bar**3) / h
 
     return rate, delta_at
 
@@ -182,7 +211,7 @@ def make_reference(definition: dict[str, Any], say: Callable[[str], None]) -> di
     integrals = mp.matrix([[c ** (j + 1) / (j + 1) for j in range(STAGES)] for c in nodes])
     inverse = powers * integrals**-1
     edges = _edges(definition)
-    t, u = mp.mpf(0), mp.log(100)
+    t, u = mp.mpf(0), mp.log(definition.get("h0", 100))
     outputs, found = list(definition["t"]), []
     for number, end in enumerate(edges):
         step = mp.mpf(end) - t
@@ -199,7 +228,7 @@ def make_reference(definition: dict[str, Any], say: Callable[[str], None]) -> di
             say(f"{definition['name']}: step {number} of {len(edges)}, h = {mp.nstr(mp.exp(u), 8)}")
     assert not outputs, "outputs are left over"
     return {
-        "delta0": mp.nstr(delta_at(mp.mpf(0), mp.log(100)), 30),
+        "delta0": mp.nstr(delta_at(mp.mpf(0), mp.log(definition.get("h0", 100))), 30),
         "h": [h for h, _ in found],
         "delta": [delta for _, delta in found],
     }
@@ -209,11 +238,10 @@ def _edges(definition: dict[str, Any]) -> list[float]:
     """Ends of the steps of the engine at 1e-10."""
     from softdyn.api import simulate
 
-    case = Case(
-        **{**definition, "t": np.array(definition["t"])}, h0=100.0, delta0=0.0, h=np.empty(0), delta=np.empty(0)
-    )
+    of_case = {"h0": 100.0, **definition, "t": np.array(definition["t"])}
+    case = Case(**of_case, delta0=0.0, h=np.empty(0), delta=np.empty(0))
     run = simulate(
-        law=case.law, parameters=case.parameters, h=100.0, force=case.force, constants=case.constants,
+        law=case.law, parameters=case.parameters, h=case.h0, **case.given, constants=case.constants,
         until_t=definition["t"][-1], rtol=1e-10, method="integrate",
     )  # fmt: skip
     return run.t[1:].tolist()
@@ -247,8 +275,9 @@ def _stages(rate: Callable[[Any, Any], Any], times: list[Any], u: Any, step: Any
 
 
 def main() -> None:
-    """Make all references anew."""
-    made = {definition["name"]: make_reference(definition, print) for definition in _definitions()}
+    """Make the references that are missing; all of them, where there is no file."""
+    known = json.loads(FILE.read_text(encoding="utf-8"))["cases"] if FILE.is_file() else {}
+    made = {d["name"]: known.get(d["name"]) or make_reference(d, print) for d in _definitions()}
     FILE.parent.mkdir(parents=True, exist_ok=True)
     how = (__doc__ or "").split("\n\n", 1)[1].replace("\n", " ").strip()
     FILE.write_text(json.dumps({"how": how, "cases": made}, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,46 @@
+"""What specialisation is worth: the same run with each rule switched off."""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from softdyn.kernels import Kernel
+from softdyn.laws import law_of
+
+#: This rule leaves out what nobody asked for: without it a kernel computes all outputs.
+OUTPUTS = "outputs asked for"
+
+
+def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator[tuple[str, Kernel, int]]:
+    """Variants of a scene's kernel in C: its name, the kernel, and the operations of its law.
+
+    As it is, without each of the rules that apply, without all of them, and with the parameters, all 1, as numbers.
+    """
+    from softdyn.derive.emit import emit
+    from softdyn.derive.kernel import kernel_ir, total_operations
+    from softdyn.derive.specialise import RULES, Needs, Rule
+
+    declared, full = law_of(law), Needs(**needs)
+    back_end = importlib.import_module("softdyn.targets.c")
+    made_by = back_end.identity()
+    applied = [saving.rule for saving in kernel_ir(declared, full).savings]
+    variants: list[tuple[str, tuple[Rule, ...], Needs]] = [("as it is", RULES, full)]
+    for name in applied:
+        kept = tuple(rule for rule in RULES if rule.name != name)
+        variants.append((f"without: {name}", kept, replace(full, outputs=None) if name == OUTPUTS else full))
+    variants.append(("without any", (), replace(full, outputs=None)))
+    ones = {name: "1" for name in kernel.parameters if name != "R"}
+    variants.append((f"with {' = '.join(ones)} = 1 as numbers", RULES, replace(full, fixed=ones)))
+    for name, rules, of_variant in variants:
+        ir = kernel_ir(declared, of_variant, rules)
+        with tempfile.TemporaryDirectory(prefix="softdyn-") as scratch:
+            for file, content in back_end.build(ir.name, emit(ir, "c"), made_by).items():
+                Path(scratch, file).write_bytes(content)
+            functions = back_end.load(Path(scratch), {"name": ir.name, "drive": ir.drive, "inputs": ir.inputs})
+        made = replace(kernel, functions=functions, outputs=ir.outputs, parameters=ir.parameters, inputs=ir.inputs)
+        yield name, made, total_operations(ir)
