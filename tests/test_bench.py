@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import softdyn
-from softdyn import bench
+from softdyn import bench, bench_batch
 from softdyn.bench_reference import Case, cases
+from softdyn.bench_rules import kernels_by_rule
 from softdyn.errors import SceneError
+from softdyn.kernels import get_kernel
+from softdyn.pair import kernel_needs
+from softdyn.scene import drive_of
 
 STORED = Path(bench.__file__).parent / "generated" / "bench" / "bench.json"
 
@@ -22,7 +27,7 @@ def test_references_are_those_of_the_quadrature(case: Case) -> None:
     """In double precision, so to rounding: of the sum for t, through the rate, and of exp(10 - h/lam) near a film."""
     moving = np.abs(case.h / 1e-4 - 1) > 1e-3 if case.film else np.full(len(case.h), True)
     exact = softdyn.simulate(
-        law=case.law, parameters=case.parameters, h=case.h0, force=case.force, until_h=float(case.h[moving][-1]),
+        law=case.law, parameters=case.parameters, h=case.h0, **case.given, until_h=float(case.h[moving][-1]),
         gaps=case.h[moving].tolist(), method="quadrature", quantities=("dh_dt",),
     )  # fmt: skip
     error = np.abs((exact.t - case.t[moving]) * exact.dh_dt / exact.h)
@@ -41,6 +46,32 @@ def test_the_engine_reaches_every_reference() -> None:
             solve = bench._ours(case, target, "auto")
             for rtol in (1e-6, 1e-10, 1e-13):
                 assert bench._true_error(case, *solve(rtol)) < 10 * rtol + 1e-14, (case.name, target, rtol)
+
+
+def test_the_batch_reaches_its_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Times at given gaps by quadrature, against gaps at these times: to rounding of t through the rate."""
+    monkeypatch.setattr(bench_batch, "RUNS", 40)
+    monkeypatch.setattr(bench_batch, "COMPARED", 40)
+    forces, times, deltas, gaps = bench_batch.reference()
+    solve = bench_batch._ours("c", forces, times)
+    for rtol in (1e-6, 1e-9, 1e-12):
+        assert bench_batch.error_of(solve(rtol), deltas, gaps) < 10 * rtol
+
+
+def test_a_kernel_without_rules_gives_the_same_numbers() -> None:
+    """Rules leave out what a scene does not need, and change nothing else but groupings."""
+    case = next(case for case in cases() if case.name == "constant, kappa = 0.01")
+    scene = bench._scene(case, "c", "auto")
+    drive = drive_of(scene)
+    needs = kernel_needs(scene, drive)
+    kernel = get_kernel(scene.law, "c", **needs)
+    operations = {}
+    for variant, made, count in kernels_by_rule(scene.law, kernel, needs):
+        scene_of = replace(scene, parameters={name: scene.parameters[name] for name in made.parameters})
+        assert bench._true_error(case, *bench._runs(case, scene_of, drive, made)(1e-10)) < 1e-9, variant
+        operations[variant] = count
+    assert operations["as it is"] == min(count for name, count in operations.items() if not name.startswith("with "))
+    assert operations["without any"] == max(operations.values())
 
 
 def run(integrator: str, error: float, cpu_s: float) -> dict[str, object]:
@@ -99,7 +130,7 @@ def test_an_integrator_has_one_colour_in_all_diagrams_and_one_entry_in_the_legen
 
 def test_the_stored_report_is_of_the_cases_there_are() -> None:
     stored = json.loads(STORED.read_text(encoding="utf-8"))
-    assert stored["cases"] == {case.name: case.about for case in cases()}
+    assert stored["cases"] == {**{case.name: case.about for case in cases()}, "batch": bench_batch.ABOUT}
     text = STORED.with_name("bench.txt").read_text(encoding="utf-8")
     assert text == bench.report_text(stored)
 
