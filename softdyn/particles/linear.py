@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -120,7 +120,7 @@ def _finished(pattern: Pattern, data: Array, fixed: NDArray[np.bool_]) -> bsr_ar
 
 
 def assemble_quarters(
-    pattern: Pattern, quarters: Sequence[Array], diagonal: Array, fixed: NDArray[np.bool_]
+    pattern: Pattern, quarters: Iterable[Array], diagonal: Array, fixed: NDArray[np.bool_]
 ) -> bsr_array:
     """Matrix of which the blocks of a contact are given one by one: ii, ij, ji, jj; else as :func:`assemble`."""
     width = diagonal.shape[1]

@@ -18,7 +18,7 @@ than positions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -523,17 +523,23 @@ def _factorise(
     for axis in gauge:
         diagonal[0, axis] += scale
     newton.counts["factorisations"] += 1
-    if now.slid is None or known is None:
+    slid = now.slid
+    if slid is None or known is None:
         matrix = linear.assemble(newton.pattern, blocks, diagonal, system.fixed)
         newton.solve, newton.method = linear.solver(matrix, d)
         return
     # what spins without any resistance, as a particle about the line of its only contacts, does not
     diagonal[:, d:] += IDLE * max(scale, _largest(now.values["stiff"]))
-    parts = sliding.tangents(known, now.values, now.slid, now.n, curvature, s)
-    quarters = [np.concatenate([part, np.zeros((len(springs), width, width))]) for part in parts]
-    for quarter, sign in zip(quarters, (1.0, -1.0, -1.0, 1.0), strict=True):
-        quarter[:, :d, :d] += sign * blocks
-    matrix = linear.assemble_quarters(newton.pattern, quarters, diagonal, system.fixed)
+
+    def quarters() -> Iterator[Array]:
+        """One after the other: all of them at once would take most of the memory."""
+        parts = sliding.tangents(known, now.values, slid, now.n, curvature, s)
+        for part, sign in zip(parts, (1.0, -1.0, -1.0, 1.0), strict=True):
+            whole = np.concatenate([part, np.zeros((len(springs), width, width))]) if springs else part
+            whole[:, :d, :d] += sign * blocks
+            yield whole
+
+    matrix = linear.assemble_quarters(newton.pattern, quarters(), diagonal, system.fixed)
     newton.solve, newton.method = linear.unsymmetric_solver(matrix, d, width)
 
 
