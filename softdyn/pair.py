@@ -232,8 +232,8 @@ def _estimated_error(scene: Scene, steps: Array, t: Array) -> float:
     at = np.searchsorted(steps[:, 0], t, side="right") - 1
     error = steps[at, -2]
     if scene.times is None:
-        duration = steps[at, 0] + steps[at, 1] - steps[0, 0]
-        error = np.minimum(error, steps[at, -1] / duration)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.fmin(error, steps[at, -1] / (t - steps[0, 0]))
     # written so that an overflow on the way is an error, too
     largest = float(np.max(error, initial=0.0))
     return largest if largest < LARGEST_ERROR else LARGEST_ERROR
