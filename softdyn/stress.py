@@ -30,7 +30,7 @@ from softdyn.bench import processor
 from softdyn.bench_reference import UNIT
 from softdyn.errors import SoftdynError
 from softdyn.pair import ALLOWED_ERROR
-from softdyn.results import PairResult, written_whole
+from softdyn.results import PairResult, require_folder, written_whole
 from softdyn.stress_random import random_scenes
 from softdyn.stress_reference import Case, Reference, cases, references
 
@@ -317,7 +317,14 @@ def all_cells(say: Callable[[str], None] = lambda _: None) -> list[Cell]:
 
 
 def stress(folder: Path, *, scenes: int = RANDOM_SCENES, say: Callable[[str], None] = print) -> dict[str, Any]:
-    """Run everything, and write ``stress.json``, ``stress.txt`` and ``stress.png`` into a folder."""
+    """Run everything, and write ``stress.json``, ``stress.txt`` and ``stress.png`` into a folder.
+
+    Raises
+    ------
+    SceneError
+        If the folder cannot be written to, which is seen before anything is run.
+    """
+    require_folder(folder)
     began = time.process_time()
     cells = all_cells(say)
     batches = [random_scenes(scenes, say), random_scenes(scenes // 4, say, LOOSE)]
