@@ -19,6 +19,10 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 
@@ -101,6 +105,63 @@ def evaluate(expression: Expression, t: float) -> float:
         return float(value(expression.shape))
     except (ValueError, ZeroDivisionError, OverflowError):
         return math.nan
+
+
+#: Points of a run at which the sign of an argument of abs is looked at.
+POINTS = 4097
+
+
+def kinks(shape: Node, constants: NDArray[np.float64], start: float, end: float) -> NDArray[np.float64]:
+    """Times between two at which an argument of abs changes sign, in order: to the last digit, by bisection.
+
+    An argument that changes sign twice between two of POINTS times is not found out.
+    """
+    found: list[NDArray[np.float64]] = []
+    if not math.isfinite(end):
+        return np.empty(0)
+    for argument in _arguments_of_abs(shape):
+
+        def sign(t: NDArray[np.float64], argument: Node = argument) -> NDArray[np.float64]:
+            with np.errstate(all="ignore"):
+                return np.sign(np.broadcast_to(_values(argument, t, constants), t.shape))
+
+        t = np.linspace(start, end, POINTS)
+        signs = sign(t)
+        low, high = t[:-1][signs[:-1] * signs[1:] < 0], t[1:][signs[:-1] * signs[1:] < 0]
+        before = sign(low)
+        for _ in range(1100):
+            middle = low + (high - low) / 2
+            open_ = (low < middle) & (middle < high)
+            if not open_.any():
+                break
+            same = sign(middle) == before
+            low, high = np.where(open_ & same, middle, low), np.where(open_ & ~same, middle, high)
+        found += [high, t[signs == 0]]
+    times = np.unique(np.concatenate(found)) if found else np.empty(0)
+    return times[(start < times) & (times < end)]
+
+
+def _arguments_of_abs(node: Node) -> list[Node]:
+    inside = [found for part in node[1:] if isinstance(part, tuple) for found in _arguments_of_abs(part)]
+    return [*inside, node[2]] if node[:2] == ("call", "abs") and _has_time(node[2]) else inside
+
+
+def _values(node: Node, t: NDArray[np.float64], constants: NDArray[np.float64]) -> Any:
+    """Values of an expression at many times."""
+    kind, *parts = node
+    if kind == "time":
+        return t
+    if kind == "constant":
+        return constants[parts[0]]
+    if kind == "call":
+        name = {"atan": "arctan"}.get(parts[0], parts[0])
+        return getattr(np, name)(_values(parts[1], t, constants))
+    left = _values(parts[0], t, constants)
+    if kind == "neg":
+        return -left
+    right = parts[1] if isinstance(parts[1], int) else _values(parts[1], t, constants)
+    operations = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "power": np.power}
+    return operations[kind](left, right)
 
 
 def _has_time(node: Node) -> bool:

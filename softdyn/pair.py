@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.expression import kinks
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.quadrature import integrate_constant_force
 from softdyn.results import Event, PairResult
@@ -48,7 +49,8 @@ SMALL_ERROR = 0.1
 LARGEST_ERROR = 1e300
 
 #: What ends a step, by its number in the steps.
-WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to rest on a film")
+WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to rest on a film", "the drive has a kink")
+KINK = WHAT.index("the drive has a kink")
 
 Progress = Callable[[float, float], None]
 
@@ -232,8 +234,8 @@ def _estimated_error(scene: Scene, steps: Array, t: Array) -> float:
     at = np.searchsorted(steps[:, 0], t, side="right") - 1
     error = steps[at, -2]
     if scene.times is None:
-        duration = steps[at, 0] + steps[at, 1] - steps[0, 0]
-        error = np.minimum(error, steps[at, -1] / duration)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.fmin(error, steps[at, -1] / (t - steps[0, 0]))
     # written so that an overflow on the way is an error, too
     largest = float(np.max(error, initial=0.0))
     return largest if largest < LARGEST_ERROR else LARGEST_ERROR
@@ -286,16 +288,22 @@ def integrate_steps(
     state[13] = float(method == "auto")
     width = kernel.width
     recorded: list[Array] = []
-    status = 2
-    while status == 2:
-        capacity = CHUNK if recorded else FIRST_CHUNK
-        chunk = np.empty(capacity * width)
-        status = kernel.functions.integrate(t_end, u_stop, rtol, p, *drive.arguments, capacity, state, chunk)
-        recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
-        if progress is not None:
-            progress(float(state[0]), math.exp(min(state[1], 700.0)))
-        if status == 2:
-            status = _stuck(state)
+    # steps end where an expression has a kink, as they do at the rows of a table
+    stops = [*kinks(drive.shape, drive.constants, drive.start, t_end)] if isinstance(drive.shape, tuple) else []
+    for stop in (*stops, t_end):
+        status, capacity = 2, FIRST_CHUNK
+        while status == 2:
+            chunk = np.empty(capacity * width)
+            status = kernel.functions.integrate(stop, u_stop, rtol, p, *drive.arguments, capacity, state, chunk)
+            recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
+            if progress is not None:
+                progress(float(state[0]), math.exp(min(state[1], 700.0)))
+            if status == 2:
+                status, capacity = _stuck(state), CHUNK
+        if status != 0:
+            break
+        if stop < t_end and len(recorded[-1]):
+            recorded[-1][-1, 2] = KINK
     return recorded[0] if len(recorded) == 1 else np.concatenate(recorded), np.append(state, status)
 
 

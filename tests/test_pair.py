@@ -139,6 +139,22 @@ def test_a_sinusoidal_force_that_crosses_zero_against_scipy() -> None:
         np.testing.assert_allclose(found.h, expected, rtol=30 * rtol)
 
 
+@pytest.mark.parametrize("rtol", [1e-4, 1e-10])
+def test_steps_end_at_the_kinks_of_a_force(rtol: float) -> None:
+    """Of abs, wherever its argument changes sign: events at the last digit; the error is that of smooth steps."""
+    k, w, late = 1e-3, 1e-3, 1.23e4
+    roots = [n * math.pi / w for n in range(1, 7)]
+    times = np.linspace(0, 2e4, 11)
+    expected = scipy_gaps(
+        lambda t: k * (abs(math.sin(w * t)) + 0.5 * abs(t - late) / late), 1.0, times, sorted([*roots, late])
+    )
+    scene = {"force": "k*(abs(sin(w*t)) + 0.5*abs(t - L)/L)", "constants": {"k": k, "w": w, "L": late}}
+    found = run(h=1.0, **scene, until_h=None, until_t=2e4, times=list(times), rtol=rtol)
+    np.testing.assert_allclose(found.h, expected, rtol=rtol + 1e-11)
+    events = [event.t for event in found.events if event.what == "the drive has a kink"]
+    np.testing.assert_allclose(events, sorted([*roots, late]), rtol=4e-16)
+
+
 def test_a_force_table_against_scipy() -> None:
     """Kinks at the breakpoints of the table, a change of sign between two of them."""
     t, F = np.array([0.0, 2e4, 5e4, 9e4, 2e5]), np.array([1e-2, 5e-2, -1e-2, 2e-2, 0.1])

@@ -569,5 +569,5 @@ def test_the_viscosity_of_a_dense_suspension_lies_within_the_envelope_of_known_l
     assert min(boyer, zarraga, maron_pierce) < found < max(boyer, zarraga, maron_pierce)
     assert np.all(result.contact_h > 0)
     # nearly rigid: no surface gives in by a thousandth of the radius
-    assert float(result.contact_delta.max()) < 1e-3
+    assert float(result.contacts(-1)["delta"].max()) < 1e-3
     assert abs(result.energy["imbalance"]) < 2e-3

@@ -437,7 +437,9 @@ def hertz_dry_integrate(t_end: float, u_stop: float, rtol: float, p: array, tabl
             given[i] = _given(t + _NODES[i + 1] * step, table_t, table_F, segment)
         # where the force crosses zero the law may have a kink: end a step there
         if crossing == inf:
-            side = _given(t, table_t, table_F, segment)
+            # its sign, not itself: products underflow
+            value = _given(t, table_t, table_F, segment)
+            side = 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0
             earlier = t
             for i in range(8):
                 later = t + _NODES[i + 1] * step
@@ -453,7 +455,7 @@ def hertz_dry_integrate(t_end: float, u_stop: float, rtol: float, p: array, tabl
                     crossing = later
                     break
                 if given[i] != 0.0:
-                    side = given[i]
+                    side = 1.0 if given[i] > 0.0 else -1.0
                 earlier = later
             if crossing < inf:
                 continue

@@ -745,7 +745,9 @@ int64_t steric_integrate(double t_end, double u_stop, double rtol, const double 
         }
         /* where the force crosses zero the law may have a kink: end a step there */
         if (crossing == INFINITY) {
-            double side = _given(t, table_t, table_F, segment);
+            /* its sign, not itself: products underflow */
+            const double value = _given(t, table_t, table_F, segment);
+            double side = value > 0.0 ? 1.0 : (value < 0.0 ? -1.0 : 0.0);
             double earlier = t;
             for (int64_t i = 0; i < 8; i++) {
                 double later = t + _NODES[i + 1] * step;
@@ -765,7 +767,7 @@ int64_t steric_integrate(double t_end, double u_stop, double rtol, const double 
                     break;
                 }
                 if (given[i] != 0.0) {
-                    side = given[i];
+                    side = given[i] > 0.0 ? 1.0 : -1.0;
                 }
                 earlier = later;
             }

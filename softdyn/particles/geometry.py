@@ -210,7 +210,7 @@ def find_pairs(
         found_shift.append(np.zeros((len(near), d), dtype=np.int64))
     i, j, shift = (np.concatenate(parts) for parts in (found_i, found_j, found_shift))
     order = np.lexsort((*shift.T, j, i))
-    return i[order].astype(np.int64), j[order].astype(np.int64), shift[order].astype(np.int64)
+    return i[order].astype(np.int64), j[order].astype(np.int64), shift[order].astype(np.int32)
 
 
 def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple[Integers, Integers, Integers]:
@@ -274,7 +274,8 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
         turns = round(cell[0, 1] / cell[0, 0])
         shift[:, 0] -= turns * shift[:, 1]
     if len(i):
-        key = np.column_stack([i, j, shift])
-        _, unique = np.unique(key, axis=0, return_index=True)
-        i, j, shift = i[unique], j[unique], shift[unique]
+        order = np.lexsort((*shift.T, j, i))
+        i, j, shift = i[order], j[order], shift[order]
+        another = np.append(True, (i[1:] != i[:-1]) | (j[1:] != j[:-1]) | (shift[1:] != shift[:-1]).any(axis=1))
+        i, j, shift = i[another], j[another], shift[another]
     return i, j, shift

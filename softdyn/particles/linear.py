@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -67,8 +67,8 @@ def pattern_of(count: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Patter
     indptr = np.searchsorted(rows, np.arange(count + 1))
     return Pattern(
         count,
-        indptr,
-        indices,
+        indptr.astype(np.int32),
+        indices.astype(np.int32),
         where[:count],
         where[count : count + len(a)],
         where[count + len(a) :],
@@ -78,30 +78,37 @@ def pattern_of(count: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Patter
     )
 
 
-def assemble(pattern: Pattern, blocks: Array, diagonal: Array, fixed: NDArray[np.bool_]) -> bsr_array:
+def assemble(
+    pattern: Pattern, component: Callable[[int, int], Array], diagonal: Array, fixed: NDArray[np.bool_]
+) -> bsr_array:
     """Matrix from the stiffness of each contact and what resists each particle by itself.
 
     Parameters
     ----------
     pattern : Pattern
-    blocks : array, shape (contacts, d, d)
-        Symmetric; added to the diagonal blocks of both particles, taken from those off the diagonal.
+    component : function of two axes
+        That component of the symmetric block of each contact, shape (contacts,): added to the diagonal blocks of both
+        particles, taken from those off the diagonal. One at a time, since all of them take much memory.
     diagonal : array, shape (N, d)
         Added to the diagonal of the matrix.
     fixed : array of bool, shape (N, d)
         Unknowns that are none: their rows and columns become those of the unit matrix, scaled.
     """
     d = diagonal.shape[1]
-    data = np.zeros((len(pattern.indices), d, d))
-    between = blocks[pattern.pair]
+    data = np.empty((len(pattern.indices), d, d))
+    every = bool(pattern.pair.all())
+    j = pattern.j if every else pattern.j[pattern.pair]
     for a in range(d):
-        for b in range(d):
-            own = np.bincount(pattern.i, blocks[:, a, b], minlength=pattern.count)
-            own += np.bincount(pattern.j[pattern.pair], between[:, a, b], minlength=pattern.count)
-            data[pattern.diagonal, a, b] = own
+        for b in range(a, d):
+            values = component(a, b)
+            between = values if every else values[pattern.pair]
             # two contacts between the same particles, through different images, share a place
-            data[:, a, b] -= np.bincount(pattern.upper, between[:, a, b], minlength=len(data))
-            data[:, a, b] -= np.bincount(pattern.lower, between[:, a, b], minlength=len(data))
+            column = np.zeros(len(data))
+            column -= np.bincount(pattern.upper, between, minlength=len(data))
+            column -= np.bincount(pattern.lower, between, minlength=len(data))
+            own = np.bincount(pattern.i, values, minlength=pattern.count)
+            column[pattern.diagonal] = own + np.bincount(j, between, minlength=pattern.count)
+            data[:, a, b] = data[:, b, a] = column
         data[pattern.diagonal, a, a] += diagonal[:, a]
     return _finished(pattern, data, fixed)
 
@@ -120,7 +127,7 @@ def _finished(pattern: Pattern, data: Array, fixed: NDArray[np.bool_]) -> bsr_ar
 
 
 def assemble_quarters(
-    pattern: Pattern, quarters: Sequence[Array], diagonal: Array, fixed: NDArray[np.bool_]
+    pattern: Pattern, quarters: Iterable[Array], diagonal: Array, fixed: NDArray[np.bool_]
 ) -> bsr_array:
     """Matrix of which the blocks of a contact are given one by one: ii, ij, ji, jj; else as :func:`assemble`."""
     width = diagonal.shape[1]

@@ -137,7 +137,7 @@ def find_contacts(
             contacts.h = np.maximum(apart, float(scene.gap))
         contacts.touched = contacts.h < reach
         return contacts, listed, int(contacts.touched.sum()), 0
-    mine, source = _common(contacts, old)
+    mine, source = common(contacts, old)
     contacts.h[mine] = old.h[source]
     contacts.touched[mine] = old.touched[source]
     contacts.T[mine] = old.T[source]
@@ -152,12 +152,15 @@ def find_contacts(
     return contacts, listed, 0, dropped
 
 
-def _common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows of the contacts that are in both lists, in each of them."""
-    rows = [np.column_stack([c.i, c.j, c.shift]) for c in (contacts, old)]
-    both = np.concatenate(rows)
-    order = np.lexsort(both.T)  # stable: of two equal rows, that of the new list comes first
-    same = np.flatnonzero((both[order[1:]] == both[order[:-1]]).all(axis=1))
+    both = [np.concatenate(ends) for ends in ((contacts.i, old.i), (contacts.j, old.j), (contacts.shift, old.shift))]
+    order = np.lexsort((*both[2].T, both[1], both[0]))  # stable: of two equal rows, that of the new list comes first
+    equal = np.ones(max(0, len(order) - 1), dtype=bool)
+    for column in (both[0], both[1], *both[2].T):
+        ordered = column[order]
+        equal &= ordered[1:] == ordered[:-1]
+    same = np.flatnonzero(equal)
     return order[same], order[same + 1] - len(contacts)
 
 

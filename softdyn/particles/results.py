@@ -15,7 +15,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
-from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, contact_state, works
+from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, elastic_forces, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -77,8 +77,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
     n, r, _ = directions(contacts, x, cell, system.walls)
-    values = contact_state(system, contacts, contacts.S - r, contacts.h)
-    F = values["F_ela"]
+    F = elastic_forces(system, contacts, contacts.S - r, contacts.h)
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
     if system.kernel.tangential:
         stress -= np.einsum("c,ca,cb->ab", r, contacts.T, n)
@@ -95,7 +94,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         contacts.i[near],
         contacts.j[near],
         contacts.h[near],
-        values["delta"][near],
+        ((contacts.S - r + contacts.h) / 2)[near],
         F[near],
         n[near],
         stress,

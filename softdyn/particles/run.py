@@ -17,10 +17,10 @@ from scipy.sparse.csgraph import connected_components
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles import linear, sliding
-from softdyn.particles.geometry import Contacts, directions, lattice
+from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.kernel import energies, get_contact_kernel
 from softdyn.particles.method import ORDER
-from softdyn.particles.neighbours import find_contacts, travelled
+from softdyn.particles.neighbours import common, find_contacts, travelled
 from softdyn.particles.results import Frame, ParticleResult, frame_of, gather
 from softdyn.particles.scene import (
     AXES,
@@ -429,11 +429,12 @@ def integrate(
 def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:
     """Look for contacts at the present positions; gaps, guesses and forces stay."""
     old = state.contacts
-    rates = dict(zip(_names(old), state.y_rate.tolist(), strict=True))
     state.contacts, state.listed, _, dropped = find_contacts(
         scene, checked, system.kernel, state.x, state.t, old, system.box, system.walls
     )
-    state.y_rate = np.array([rates.get(name, 0.0) for name in _names(state.contacts)])
+    new, known = common(state.contacts, old)
+    y_rate, state.y_rate = state.y_rate, np.zeros(len(state.contacts))
+    state.y_rate[new] = y_rate[known]
     closed = np.flatnonzero(~(state.contacts.h > 0))
     if len(closed):
         c = int(closed[0])
@@ -447,10 +448,6 @@ def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: 
     state.counts["dropped"] += dropped
     state.counts["listings"] += 1
     newton.forget()
-
-
-def _names(contacts: Contacts) -> list[tuple[int, ...]]:
-    return list(map(tuple, np.column_stack([contacts.i, contacts.j, contacts.shift]).tolist()))
 
 
 def _why(system: System, state: State, error: Exception) -> str:

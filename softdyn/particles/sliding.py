@@ -13,6 +13,7 @@ for levers and coefficients.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -219,8 +220,8 @@ def _skew(v: Array) -> Array:
 
 def tangents(
     known: Known, values: dict[str, Array], slid: Slid, n: Array, curvature: Array, s: float
-) -> tuple[Array, Array, Array, Array]:
-    """Derivatives of the forces and torques/R on i and j by the coordinates of i and j: blocks ii, ij, ji, jj.
+) -> Iterator[Array]:
+    """Derivatives of the forces and torques/R on i and j by the coordinates of i and j: blocks ii, ij, ji, jj in turn.
 
     Exact where n has not turned since the start of the step; what is left out is of second order in that turn.
     """
@@ -258,7 +259,6 @@ def tangents(
             rolled * curved * (facing[:, None, None] * across + n[:, :, None] * (slid.roll[:, None, :] @ across))
         )
         turned_r = -curved * (_skew(slid.force) @ across)
-    blocks = []
     for row in range(2):
         sign = 1.0 - 2.0 * row
         by_force = slid.beta[row][:, None, None] * by_turn.transpose(0, 2, 1)
@@ -279,5 +279,4 @@ def tangents(
                 by_force @ by_rotation
                 + sign * other * rolled * resisted / (known.radii[row] * known.radii[column])[:, None, None]
             )
-            blocks.append(block)
-    return blocks[0], blocks[1], blocks[2], blocks[3]
+            yield block

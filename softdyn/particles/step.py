@@ -18,7 +18,7 @@ than positions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -36,6 +36,8 @@ Flags = NDArray[np.bool_]
 MOST_ITERATIONS = 40
 #: A factorisation is used again as long as each iteration with it leaves less than this of the residual.
 CONTRACTION = 0.2
+#: Contacts that are looked at together where all at once would take much memory.
+MANY = 1 << 15
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
@@ -509,31 +511,44 @@ def _factorise(
     if newton.pattern is None:
         newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
         ends = np.array(newton.gauge_pairs, dtype=np.int64).reshape(-1, 2)
-        newton.pattern = linear.pattern_of(
-            count, np.concatenate([contacts.i, ends[:, 0]]), np.concatenate([contacts.j, ends[:, 1]])
-        )
-    across = (now.F * curvature)[:, None, None]
+        i, j = contacts.i, contacts.j
+        if len(ends):
+            i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
+        newton.pattern = linear.pattern_of(count, i, j)
+    newton.solve = None  # and with it the matrix before
+    across = now.F * curvature
     springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
-    dyads = now.n[:, :, None] * now.n[:, None, :]
-    blocks = (across[:, 0, 0] - now.F_r)[:, None, None] * dyads - across * np.eye(d)
     scale = _largest(now.F_r)
-    if springs:
-        blocks = np.concatenate([blocks, [scale * spring for spring in springs]])
+
+    def component(a: int, b: int) -> Array:
+        block = (across - now.F_r) * now.n[:, a] * now.n[:, b]
+        if a == b:
+            block -= across
+        return np.append(block, [scale * spring[a, b] for spring in springs]) if springs else block
+
     diagonal = system.resistance / s if moving else np.zeros((count, width))
     for axis in gauge:
         diagonal[0, axis] += scale
     newton.counts["factorisations"] += 1
-    if now.slid is None or known is None:
-        matrix = linear.assemble(newton.pattern, blocks, diagonal, system.fixed)
+    slid = now.slid
+    if slid is None or known is None:
+        matrix = linear.assemble(newton.pattern, component, diagonal, system.fixed)
         newton.solve, newton.method = linear.solver(matrix, d)
         return
     # what spins without any resistance, as a particle about the line of its only contacts, does not
     diagonal[:, d:] += IDLE * max(scale, _largest(now.values["stiff"]))
-    parts = sliding.tangents(known, now.values, now.slid, now.n, curvature, s)
-    quarters = [np.concatenate([part, np.zeros((len(springs), width, width))]) for part in parts]
-    for quarter, sign in zip(quarters, (1.0, -1.0, -1.0, 1.0), strict=True):
-        quarter[:, :d, :d] += sign * blocks
-    matrix = linear.assemble_quarters(newton.pattern, quarters, diagonal, system.fixed)
+
+    def quarters() -> Iterator[Array]:
+        """One after the other: all of them at once would take most of the memory."""
+        parts = sliding.tangents(known, now.values, slid, now.n, curvature, s)
+        for part, sign in zip(parts, (1.0, -1.0, -1.0, 1.0), strict=True):
+            whole = np.concatenate([part, np.zeros((len(springs), width, width))]) if springs else part
+            for a in range(d):
+                for b in range(d):
+                    whole[:, a, b] += sign * component(a, b)
+            yield whole
+
+    matrix = linear.assemble_quarters(newton.pattern, quarters(), diagonal, system.fixed)
     newton.solve, newton.method = linear.unsymmetric_solver(matrix, d, width)
 
 
@@ -635,11 +650,15 @@ def take_step(
 
     guess_x, guess_y, box_rates = v, y_rate, system.box_rates
     spent = [power or dict.fromkeys(works(system), 0.0)]
+    at: _Stage | None = None
     for row, node in zip(ROWS, NODES, strict=True):
+        at = None  # many numbers that the next stage has no use for
         at = stage(row, t + node * dt, guess_x, guess_y, box_rates)
         rates.append(at.rates)
         guess_x, guess_y, box_rates = at.rates[0], at.rates[1], at.box_rates
         spent.append(powers(at.system, contacts, at.found, t + node * dt, guess_x, guess_y))
+
+    assert at is not None
 
     def work(weights: Sequence[float], last: dict[str, float]) -> dict[str, float]:
         pairs = list(zip(weights, [*spent, last], strict=True))
@@ -698,33 +717,61 @@ def contact_state(system: System, contacts: Contacts, overlap: Array, h: Array) 
 
 def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, y_rate: Array) -> dict[str, float]:
     """Power of each kind in :data:`WORKS`, at one stage."""
-    overlap = contacts.S - at.r
-    values = contact_state(system, contacts, overlap, at.h)
-    _, U_h = energies(system.kernel, overlap, at.h, system.p, contacts.q.reshape(-1))
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * y_rate / np.sqrt(1 + at.y**2)
+    images = image_velocities(system, contacts, t)
+    more = {}
+    if at.slid is not None:
+        values = contact_state(system, contacts, contacts.S - at.r, at.h)
+        more = tangential_powers(system, contacts, at, values, v, images, h_rate)
+        del values
+    moved = np.flatnonzero(images.any(axis=1))
+    pushed = at.F[moved, None] * at.n[moved]
+    if at.slid is not None:
+        pushed = pushed + at.slid.force[moved]
+    carried = -np.sum(pushed * images[moved], axis=1)
+    box = contacts.j[moved] < len(v)
+    del images, pushed
     u = background(system, at.x)
     resisting = system.resistance * (v - u)
     held = np.where(system.fixed, at.reaction, 0.0)
-    images = image_velocities(system, contacts, t)
-    pushed = at.F[:, None] * at.n
-    if at.slid is not None:
-        pushed = pushed + at.slid.force
-    carried = -np.sum(pushed * images, axis=1)
-    box = contacts.j < len(v)
-    more = {}
-    if at.slid is not None:
-        more = tangential_powers(system, contacts, at, values, v, images, h_rate)
+    gaps, remote, U_h = _gap_powers(system, contacts, at, h_rate)
     return {
         "external": float(np.sum((system.force(t) + held) * v)) + float(carried[~box].sum()),
         "flow": -float(np.sum(resisting * u)),
         "box": float(carried[box].sum()),
-        "gaps": float(np.sum(values["friction"] * h_rate**2)),
+        "gaps": gaps,
         "drag": float(np.sum(resisting * (v - u))),
-        "remote": -float(np.sum(values["remote"] * h_rate)),
-        "U_h": -float(np.sum(U_h * h_rate)),
+        "remote": remote,
+        "U_h": U_h,
         **more,
     }
+
+
+def elastic_forces(system: System, contacts: Contacts, overlap: Array, h: Array) -> Array:
+    """F_ela of each contact; so many contacts at a time."""
+    F = np.empty_like(h)
+    for part, some in _portions(contacts):
+        F[part] = contact_state(system, some, overlap[part], h[part])["F_ela"]
+    return F
+
+
+def _portions(contacts: Contacts) -> Iterator[tuple[slice, Contacts]]:
+    """Slices of the contacts, and contacts with the parameters of these."""
+    for low in range(0, len(contacts), MANY):
+        part = slice(low, low + MANY)
+        yield part, replace(contacts, q=np.ascontiguousarray(contacts.q[:, part]))
+
+
+def _gap_powers(system: System, contacts: Contacts, at: Balance, h_rate: Array) -> tuple[float, float, float]:
+    """Power lost in the gaps, and taken by remote forces and the U_h term; so many contacts at a time."""
+    sums = np.zeros(3)
+    for part, some in _portions(contacts):
+        overlap, h, rate = contacts.S[part] - at.r[part], at.h[part], h_rate[part]
+        values = contact_state(system, some, overlap, h)
+        _, U_h = energies(system.kernel, overlap, h, system.p, some.q.reshape(-1))
+        sums += [np.sum(values["friction"] * rate**2), -np.sum(values["remote"] * rate), -np.sum(U_h * rate)]
+    return float(sums[0]), float(sums[1]), float(sums[2])
 
 
 def tangential_powers(
