@@ -503,7 +503,7 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
     u_dot = rate[0]
     deflection = delta[0]
     if stride == 0.0:
-        stride = 0.5 * pow(1e9 * rtol, 1.0 / 17.0)
+        stride = 1.5 * pow(1e9 * rtol, 1.0 / 17.0)
     for i in range(16):
         F[i] = c[0]
     stored: int = 0

@@ -750,7 +750,7 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
     double u_dot = rate[0];
     double deflection = delta[0];
     if (stride == 0.0) {
-        stride = 0.5 * pow(1000000000.0 * rtol, 1.0 / 17.0);
+        stride = 1.5 * pow(1000000000.0 * rtol, 1.0 / 17.0);
     }
     for (int64_t i = 0; i < 16; i++) {
         F[i] = c[0];
