@@ -136,7 +136,10 @@ def _parser() -> argparse.ArgumentParser:
 
     run = add("run", _run, "simulate a scene")
     run.add_argument(
-        "scene", metavar="SCENE", type=Path, help="a .toml file, or two, line, t1, emulsion, suspension: many particles"
+        "scene",
+        metavar="SCENE",
+        type=Path,
+        help="a .toml file, or two, line, t1, emulsion, suspension, spheres: many particles",
     )
     run.add_argument(
         "-o",

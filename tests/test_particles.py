@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 import softdyn
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.particles import linear
+from softdyn.particles import bench, linear
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
@@ -492,6 +492,18 @@ def test_conjugate_gradients_take_the_same_way(drag: float, monkeypatch: pytest.
     assert "conjugate" in iterated.stats["linear_solver"]
     np.testing.assert_allclose(iterated.x, direct.x, atol=1e-4)
     np.testing.assert_allclose(iterated.stress, direct.stress, atol=1e-4 * np.abs(direct.stress).max())
+
+
+def test_the_bench_times_solvers_of_one_system() -> None:
+    """That of a sheared crystal: both solve it, conjugate gradients to their tolerance in the norm of the residual."""
+    matrix = bench.newton_matrix(bench.plane_crystal(6))
+    b = np.random.default_rng(0).standard_normal(matrix.shape[0])
+    for solve, tolerance in (
+        (linear.direct(matrix, 2), 1e-9),
+        (linear.conjugate_gradients(matrix, 2), linear.CG_TOLERANCE),
+    ):
+        assert np.linalg.norm(matrix @ solve(b) - b) <= 1.01 * tolerance * np.linalg.norm(b)
+    assert all(seconds > 0 for seconds in bench.time_solvers(matrix, 2).values())
 
 
 def test_conjugate_gradients_name_what_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import bsr_array
 
+from softdyn.particles import linear
 from softdyn.particles.geometry import directions, flow, lattice
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.packing import lattice_packing, random_packing
@@ -34,6 +36,13 @@ SPHERES = {**UNIT, "nu": 0.5}
 def crystal(cells: int) -> tuple[Array, Array, Array]:
     """Positions, radii and box of a disturbed crystal in three dimensions: six contacts for each particle."""
     x, lengths = lattice_packing("fcc", [cells] * 3, 2.02)
+    moved = x + 0.05 * np.random.default_rng(1).uniform(-1, 1, x.shape)
+    return np.mod(moved, lengths), np.ones(len(x)), lengths
+
+
+def plane_crystal(cells: int) -> tuple[Array, Array, Array]:
+    """Positions, radii and box of a disturbed crystal in two dimensions."""
+    x, lengths = lattice_packing("hexagonal", [cells, cells], 2.02)
     moved = x + 0.05 * np.random.default_rng(1).uniform(-1, 1, x.shape)
     return np.mod(moved, lengths), np.ones(len(x)), lengths
 
@@ -207,6 +216,45 @@ def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
     }
 
 
+def newton_matrix(packing: tuple[Array, Array, Array]) -> bsr_array:
+    """Newton's matrix of a sheared packing, at a step as long as the tolerance allows."""
+    scene = sheared(packing, rtol=1e-2, until=100.0)
+    kept: list[bsr_array] = []
+    prepared = linear.solver
+
+    def keep(matrix: bsr_array, d: int) -> tuple[Callable[[Array], Array], str]:
+        kept[:] = [matrix]
+        return prepared(matrix, d)
+
+    linear.solver = keep
+    try:
+        checked, system = prepare(scene)
+        newton = Newton()
+        integrate(scene, checked, system, newton, start(scene, checked, system, newton))
+    finally:
+        linear.solver = prepared
+    return kept[0]
+
+
+def time_solvers(matrix: bsr_array, d: int) -> dict[str, float]:
+    """Seconds of CPU to prepare a solver and to solve with it once, for each solver; pyamg's where it is installed."""
+    b = np.random.default_rng(0).standard_normal(matrix.shape[0])
+    solvers: dict[str, Callable[[], Any]] = {
+        "sparse LDL^T": lambda: linear.direct(matrix, d)(b),
+        "conjugate gradients": lambda: linear.conjugate_gradients(matrix, d)(b),
+    }
+    try:
+        import pyamg
+    except ImportError:
+        pass
+    else:
+        rows = matrix.tocsr()
+        solvers["the same with pyamg"] = lambda: pyamg.smoothed_aggregation_solver(
+            rows, B=np.tile(np.eye(d), (rows.shape[0] // d, 1))
+        ).solve(b, tol=linear.CG_TOLERANCE, accel="cg")
+    return {name: median_cpu(solve, 3) for name, solve in solvers.items()}
+
+
 def bench_particles() -> int:
     """Measure, and print one line for each figure."""
     for law, said in ((sliding_law(), ""), ("equal_spheres", ", of a law whose friction holds a logarithm")):
@@ -236,6 +284,11 @@ def bench_particles() -> int:
             f"{row['particles']:.0f} spheres, {row['contacts']:.0f} contacts: {row['seconds']:.3g} s",
             flush=True,
         )
+    for d, cells in ((2, 20), (2, 60), (2, 150), (3, 6), (3, 10)):
+        matrix = newton_matrix(crystal(cells) if d == 3 else plane_crystal(cells))
+        seconds = ", ".join(f"{name} {value:.3g} s" for name, value in time_solvers(matrix, d).items())
+        chosen = "sparse LDL^T" if matrix.shape[0] <= linear.LARGEST_DIRECT[d] else "conjugate gradients"
+        print(f"linear system, {d}D, {matrix.shape[0]} unknowns: {seconds}; chosen: {chosen}", flush=True)
     for rate in (1e-4, 1e-6, 1e-8):
         row = time_explicit(rate)
         print(

@@ -151,8 +151,8 @@ def solver(matrix: bsr_array, d: int) -> tuple[Callable[[Array], Array], str]:
     """
     size = matrix.shape[0]
     if size <= LARGEST_DIRECT[d]:
-        return _direct(matrix, d), "sparse LDL^T"
-    return _conjugate_gradients(matrix, d), "conjugate gradients, block-diagonal preconditioner"
+        return direct(matrix, d), "sparse LDL^T"
+    return conjugate_gradients(matrix, d), "conjugate gradients, block-diagonal preconditioner"
 
 
 def unsymmetric_solver(matrix: bsr_array, d: int, width: int) -> tuple[Callable[[Array], Array], str]:
@@ -162,11 +162,11 @@ def unsymmetric_solver(matrix: bsr_array, d: int, width: int) -> tuple[Callable[
     where little slides in a step. So pivots stay on the diagonal, and their signs still tell where nothing resists.
     """
     if matrix.shape[0] <= LARGEST_DIRECT[d]:
-        return _direct(matrix, width), "sparse LU"
+        return direct(matrix, width), "sparse LU"
     return _stabilised(matrix, width), "BiCGStab, block-diagonal preconditioner"
 
 
-def _direct(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
+def direct(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
     size = matrix.shape[0]
     full = csc_array(matrix)
     try:
@@ -244,7 +244,7 @@ def _stabilised(matrix: bsr_array, width: int) -> Callable[[Array], Array]:
     return solve
 
 
-def _conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
+def conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
     count = matrix.shape[0] // d
     rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
     own = matrix.data[rows == matrix.indices]
