@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError, SoftdynError
+from softdyn.expression import has_kinks
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair import (
     ALLOWED_ERROR,
@@ -225,8 +226,8 @@ def _together(
     if drive.table is None:
         needs["deflection"] = one_sign or "either"
     kernel = kernel_of(scene.law, scene.target, **needs)
-    if kernel.dry:
-        return None
+    if kernel.dry or (isinstance(drive.shape, tuple) and has_kinks(drive.shape)):
+        return None  # at kinks steps have to end
     parameters, sound = _parameters(first, varied, kernel, drive)
     h = np.broadcast_to(np.asarray(varied.get("h", scene.h), dtype=float), (runs,))
     sound &= np.isfinite(h) & (h >= np.finfo(float).tiny) & np.isfinite(constants).all(axis=1)

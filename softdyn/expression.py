@@ -141,6 +141,11 @@ def kinks(shape: Node, constants: NDArray[np.float64], start: float, end: float)
     return times[(start < times) & (times < end)]
 
 
+def has_kinks(shape: Node) -> bool:
+    """Whether an expression has an abs whose argument depends on the time."""
+    return bool(_arguments_of_abs(shape))
+
+
 def _arguments_of_abs(node: Node) -> list[Node]:
     inside = [found for part in node[1:] if isinstance(part, tuple) for found in _arguments_of_abs(part)]
     return [*inside, node[2]] if node[:2] == ("call", "abs") and _has_time(node[2]) else inside

@@ -33,6 +33,10 @@ SCENES: dict[str, tuple[Scene, dict[str, Any]]] = {
         Scene(**PAPER, force=WAVE, constants={"F0": 1e-2, "w": 1e-2}, until_t=3e3, times=40),
         {"F0": FORCES, "w": np.geomspace(1e-3, 1e-2, 40)},
     ),
+    "kinks": (
+        Scene(**PAPER, force="F0*abs(sin(w*t))", constants={"F0": 1e-2, "w": 1e-2}, until_t=3e3, times=40),
+        {"F0": FORCES},
+    ),
     "table": (
         Scene(
             **PAPER, force=Table(np.array([0.0, 10, 20, 400]), np.array([0.0, 0.1, 0.1, 0.01])), until_t=300.0, times=11
