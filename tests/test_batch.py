@@ -72,8 +72,9 @@ def cases() -> list[Any]:
 
 @pytest.mark.parametrize(("name", "target"), cases())
 def test_each_run_is_that_of_simulate(name: str, target: str) -> None:
-    """The steps are the same, the outputs solved for to a thousandth of rtol.
+    """Outputs are solved for to a thousandth of rtol; steps are the same, unless a last digit of ln h changes them.
 
+    Then both are within their estimated errors.
     Rates are differences, of forces on a film and of one another: they are held to the size of their terms.
     """
     scene, varied = SCENES[name]
@@ -93,7 +94,8 @@ def test_each_run_is_that_of_simulate(name: str, target: str) -> None:
             if key in ("dh_dt", "dX_dt", "ddelta_dt"):
                 size = size + np.abs(alone.F) / alone.zeta
             off = np.abs(found.arrays[key][run] - expected[keep])
-            assert np.all(off <= 1e-2 * scene.rtol * size[keep]), (key, run)
+            allowed = 1e-2 * scene.rtol + 2 * alone.stats["error"]
+            assert np.all(off <= allowed * size[keep]), (key, run)
 
 
 def test_simulate_takes_arrays() -> None:
