@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 import softdyn
+from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import bench, linear
 from softdyn.particles.geometry import Wall, directions, lattice
@@ -536,3 +537,33 @@ def test_pairs_are_counted_once() -> None:
     result = simulate_particles(rhombus(until=10.0))
     pairs = list(zip(result.contacts(0)["i"].tolist(), result.contacts(0)["j"].tolist(), strict=True))
     assert pairs == list(itertools.combinations(range(4), 2))
+
+
+@pytest.mark.parametrize("tangential", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_film_that_attraction_drains_ends_the_run_by_name(tangential: bool) -> None:
+    """Nearly rigid spheres that attract each other touch at the integral of (zeta + 3 pi eta R)/F_adh over the gap.
+
+    Without the end of the run gaps fall to 1e-104, where h^3 underflows, and energies reach 1e104 without an error.
+    Spheres flatten below (A/E)^(2/5), 2e-5 of the first gap squared: time does not tell. Each of some hundred steps is
+    allowed an error of 1e-5.
+    """
+    parameters = {"E": 1e9, "eta": 1.0, "nu": 0.5, "Pi0": 1e-3, "ell": 0.01, "A": 1e-3}
+    places = [[0.0, 0.0, 0.0], [2.01, 0.0, 0.0]]
+    flow = {"drag": 1.0, "reach": 0.5, "until": 20.0, "tangential": tangential, "rtol": 1e-5, "gap": None}
+    with pytest.raises(IntegrationError, match="film of the contact of particles 0 and 1 is drained") as stopped:
+        simulate_particles(scene(law="dlvo", parameters=parameters, positions=places, pushes=[], **flow))
+    values = {"R": 1.0, "delta": 0.0, **parameters}
+    terms = [(term, {str(symbol): symbol for symbol in term.free_symbols}) for term in (dlvo.zeta, dlvo.F_adh)]
+
+    def slowness(gap: float) -> float:
+        width = float(dlvo.a.subs({symbol: {**values, "h": gap}[str(symbol)] for symbol in dlvo.a.free_symbols}))
+        at = {**values, "h": gap, "a": width}
+        zeta, F_adh = (float(term.subs({symbol: at[name] for name, symbol in names.items()})) for term, names in terms)
+        return (zeta + 3 * np.pi) / -F_adh
+
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    touch = sum(0.005 * w * slowness(0.005 * (1 + node)) for node, w in zip(nodes, weights, strict=True))
+    partial = stopped.value.partial
+    assert isinstance(partial, ParticleResult)
+    assert partial.step_t[-1] == pytest.approx(touch, rel=1e-3)
+    assert abs(partial.energy["imbalance"]) < 1e-3

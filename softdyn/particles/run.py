@@ -42,6 +42,7 @@ from softdyn.particles.step import (
     balance,
     contact_state,
     gauge_axes,
+    pair_named,
     take_step,
     turns_freely,
     works,
@@ -54,6 +55,8 @@ MOST_STEPS = 1_000_000
 #: Seconds between two checkpoints.
 CHECKPOINT_EVERY = 30.0
 SMALLEST_STEP = 1e-12
+#: Gap, relative to the radius, below which a film is drained: the distance of two centres tells no smaller one.
+DRAINED = float(np.finfo(float).eps)
 #: External forces on what may move freely must balance to this fraction.
 UNBALANCED = 1e-9
 #: So must their torque; it depends on the positions, and is known to their accuracy.
@@ -390,6 +393,7 @@ def integrate(
             if failure is not None:
                 state.v, state.y_rate, power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
             continue
+        _require_films(system, state, step.end.h, when)
         if state.frames and state.frames[0].t == state.t == 0.0:
             state.frames[0] = _frame(system, replace(state, v=step.first_v))
         for output in step.outputs:
@@ -424,6 +428,20 @@ def integrate(
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:
             after_step(state)
+
+
+def _require_films(system: System, state: State, h: Array, when: float) -> None:
+    """No film is drained: attraction without anything at short range to stop it closes a gap within a finite time."""
+    contacts, count = state.contacts, len(state.x)
+    drained = np.flatnonzero(h < DRAINED * system.radii[contacts.i])
+    if len(drained):
+        c = int(drained[np.argmin(h[drained])])
+        raise IntegrationError(
+            f"at t={when:.6g} the film of {pair_named(contacts, c, count)} is drained: its gap of {h[c]:.3g} is below "
+            f"the rounding of the radius {system.radii[contacts.i[c]]:.6g}, where no law holds, and the energy of an "
+            "attraction is without bound; let the law repel at short range (as steric does), weaken what draws the "
+            "surfaces together (as A does in dlvo), or end the run before"
+        )
 
 
 def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:

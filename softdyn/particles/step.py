@@ -552,7 +552,8 @@ def _factorise(
     newton.solve, newton.method = linear.unsymmetric_solver(matrix, d, width)
 
 
-def _pair(contacts: Contacts, c: int, count: int) -> str:
+def pair_named(contacts: Contacts, c: int, count: int) -> str:
+    """Words for one contact."""
     i, j = int(contacts.i[c]), int(contacts.j[c])
     return f"the contact of particles {i} and {j}" if j < count else f"the contact of particle {i} and wall {j - count}"
 
@@ -562,7 +563,7 @@ def _unsolved(contacts: Contacts, now: Balance, count: int) -> str:
     if not len(bad):
         return "positions are not finite"
     c = int(bad[0])
-    return f"{_pair(contacts, c, count)}, at r={now.r[c]:.6g}, has no gap that solves its equation"
+    return f"{pair_named(contacts, c, count)}, at r={now.r[c]:.6g}, has no gap that solves its equation"
 
 
 def _unbalanced(now: Balance, free: Flags) -> str:
