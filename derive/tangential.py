@@ -44,7 +44,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from sympy import Eq, Expr, Symbol, diff, simplify, solve
+from sympy import Eq, Expr, Symbol, collect, diff, expand, simplify, solve
 
 from softdyn.derive.dynamics import a_delta, a_h
 from softdyn.derive.soundness import sound
@@ -125,6 +125,27 @@ def stage() -> dict[Symbol, Expr]:
         difference = (slopes[ALONG[symbol]] - along(form)).subs(slopes).subs(lever, B / A).subs(keep, kept)
         assert simplify(difference.subs(slopes).subs(A_w, w * A)) == 0, f"the slope of {symbol} is wrong"
     return {**forms, **slopes}
+
+
+@cache
+def motion() -> list[tuple[str, Eq]]:
+    """Derive what any law's tangential motion obeys, without the weight of the film, as its derivation shows it."""
+    T, M, u, turn, slide, dT_dt = (Symbol(name, real=True) for name in ("T", "M", "u", "w", "sigma", "dT_dt"))
+    R1, R2 = Symbol("R1", positive=True), Symbol("R2", positive=True)
+    D = Symbol("D", real=True)
+    force, moment, surfaces = Eq(T, A * u + D * B * turn), Eq(M, D * B * u + G * turn), Eq(u, slide - dT_dt / k_t)
+    film = solve(force, u)[0]
+    (rate,) = solve(Eq(film, surfaces.rhs), dT_dt)
+    (given,) = solve(moment.subs(u, film), M)
+    steps = [
+        ("radii of the pair", Eq(size_ratio, R1 * R2 / (R1 + R2) ** 2)),
+        ("film: force on surfaces that slide at u and roll at w = (omega1 - omega2) x n", force),
+        ("film: moment", moment),
+        ("surfaces in series with it, where the bodies slide at sigma", surfaces),
+        ("solved for dT/dt, in the frame that turns with the pair", Eq(dT_dt, expand(rate))),
+        ("moment at that force", Eq(M, collect(expand(given), (T, turn)))),
+    ]
+    return [(text, step.subs(D, (R1 - R2) / (R1 + R2))) for text, step in steps]
 
 
 def tangential_definitions(tangential: Tangential) -> dict[Symbol, Expr]:

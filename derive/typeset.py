@@ -21,8 +21,9 @@ from sympy.printing.latex import LatexPrinter, greek_letters_set
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, law_jacobians, law_quantities, partials
 from softdyn.derive.forms import V, as_product, force, force_unit, kappa
 from softdyn.derive.forms import x as gap_ratio
-from softdyn.derive.law import expressions
+from softdyn.derive.law import expressions, tangential_expressions
 from softdyn.derive.symbols import R, eta, h
+from softdyn.derive.tangential import motion
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
@@ -36,6 +37,9 @@ LATEX_NAMES = {
     "F": r"F_\mathrm{ext}",
     "F_ela": r"F_\mathrm{ela}",
     "F_adh": r"F_\mathrm{adh}",
+    "dT_dt": r"\dot{T}",
+    "k_t": r"k_t",
+    "size_ratio": r"s_{12}",
     "dF_dt": r"\dot{F}_\mathrm{ext}",
     "dh_dt": r"\dot{h}",
     "ddelta_dt": r"\dot{\delta}",
@@ -437,7 +441,18 @@ def derivation(law: ContactLaw) -> Derivation:
             *(item for item in law_quantities(law).items() if item[0] not in expressions(law)),
         ],
         "Jacobians of this law, d(rates)/d(state)": list(law_jacobians(law).items()),
+        **tangential_sections(law),
     })  # fmt: skip
+
+
+def tangential_sections(law: ContactLaw) -> dict[str, list[Line]]:
+    """What a law declares of tangential motion, and what follows; nothing, if it declares none."""
+    if law.tangential is None:
+        return {}
+    return {
+        "tangential motion, declared": list(tangential_expressions(law.tangential).items()),
+        "tangential motion of any law": list(motion()),
+    }
 
 
 def _generic_results(generic: GenericDynamics) -> list[Line]:

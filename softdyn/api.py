@@ -110,9 +110,13 @@ def _varied(keywords: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
             given |= keywords[field]
     arrays = {name: value for name, value in given.items() if isinstance(value, np.ndarray) and value.ndim}
     for name, value in arrays.items():
-        if value.ndim != 1 or not len(value) or not np.issubdtype(value.dtype, np.number):
+        # complex numbers and masks would lose a part in silence
+        real = np.issubdtype(value.dtype, np.floating) or np.issubdtype(value.dtype, np.integer)
+        if isinstance(value, np.ma.MaskedArray):
+            raise SceneError(f"{name} is a masked array: give those values that are to be run, {name}.compressed()")
+        if value.ndim != 1 or not len(value) or not real:
             raise SceneError(
-                f"{name} is an array of shape {value.shape} and type {value.dtype}: one row of numbers is needed"
+                f"{name} is an array of shape {value.shape} and type {value.dtype}: one row of real numbers is needed"
             )
     lengths = {name: len(value) for name, value in arrays.items()}
     if len(set(lengths.values())) > 1:

@@ -50,6 +50,7 @@ from softdyn.derive.typeset import (
     form_latex,
     line_latex,
     name_latex,
+    tangential_sections,
     to_latex,
 )
 from softdyn.errors import SoftdynError
@@ -81,6 +82,10 @@ WHAT = {
     "dh_dt": "rate of the gap",
     "dX_dt": "rate of the distance",
     "U_h": "energy's slope in the gap",
+    "sliding": "friction of sliding",
+    "coupling": "friction that couples sliding and rolling",
+    "rolling": "friction of rolling",
+    "k_t": "tangential stiffness",
 }
 RIGID = "The particles are rigid: the elastic force is whatever keeps δ = 0, and the centres move as the gap does."
 DRY = "No fluid resists: the gap closes at once, h = 0, and the centres follow the force."
@@ -148,6 +153,7 @@ def page(law: ContactLaw) -> str:
         "parameters": parameters(law, show),
         "any_law": any_law(show),
         "this_law": this_law(law, show),
+        "tangential": tangential(law, show),
         "limits": [limit_entry(limit, findings, diagram, show) for limit in law.limits],
         "figures": figures(diagram),
         "regimes": regimes(diagram, show),
@@ -283,6 +289,18 @@ def this_law(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
             "long": not fits,
         })  # fmt: skip
     return lines
+
+
+def tangential(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
+    """What the law declares of tangential motion, and what any law makes of that; nothing, if it declares none."""
+    found = []
+    for name, value in (line for lines in tangential_sections(law).values() for line in lines):
+        step = value if isinstance(value, Eq) else Eq(Symbol(name), value, evaluate=False)
+        found.append({
+            "text": _sentence(WHAT.get(name, name)),
+            "formula": show(to_latex(step), f"{sstr(step.lhs)} = {sstr(step.rhs)}"),
+        })  # fmt: skip
+    return found
 
 
 # ------------------------------------------------------------------------------------------------------------- limits

@@ -380,11 +380,12 @@ def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
 def _table_from(name: str, t: Any, F: Any) -> Table:
     try:
         table = Table(np.array(t, dtype=float), np.array(F, dtype=float))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise SceneError(f"{name}: a table is a pair of arrays of numbers, (t, values)") from None
     if table.t.ndim != 1 or table.t.shape != table.F.shape or len(table.t) < 2:
         raise SceneError(
-            f"{name}: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}"
+            f"{name}: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}; many "
+            "runs at once take their values as a numpy array"
         )
     steps = np.diff(table.t)
     rising = (steps >= 0).all() and not (np.diff(np.flatnonzero(steps == 0)) == 1).any()

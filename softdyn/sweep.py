@@ -53,10 +53,11 @@ def read_values(text: str) -> tuple[str, Array]:
         match = _RANGE.fullmatch(values.replace(" ", ""))
         if match is None:
             return name, np.array([float(value) for value in values.split(",")])
-        count = int(match[4])
-        if not 1 <= count <= LARGEST_COUNT:
+        first, last, count = float(match[2]), float(match[3]), int(match[4])
+        largest = 308 if match[1] == "logspace" else 1e308  # beyond it, and from nan, there are no numbers
+        if not (1 <= count <= LARGEST_COUNT and abs(first) <= largest and abs(last) <= largest):
             raise ValueError
-        return name, getattr(np, match[1])(float(match[2]), float(match[3]), count)
+        return name, getattr(np, match[1])(first, last, count)
     except ValueError:
         raise SceneError(
             f"--vary {text}: NAME=logspace(a,b,n) (10**a to 10**b), NAME=linspace(a,b,n) or NAME=x,y,... is expected"

@@ -125,6 +125,12 @@ def test_several_arrays_are_taken_value_by_value() -> None:
 def test_arrays_that_do_not_fit_are_refused() -> None:
     with pytest.raises(SceneError, match="as many values each; here there are 3 of h, 2 of force"):
         softdyn.simulate(**{**PAPER, "h": np.ones(3)}, force=np.ones(2), until_h=0.1)
+    for lossy in (np.array([1e-2j, 1.0]), np.array([True, False]), np.array(["1", "2"]), np.ma.array([1.0, 2.0])):
+        with pytest.raises(SceneError, match=r"force is (an array of .* real numbers|a masked array)"):
+            softdyn.simulate(**PAPER, force=lossy, until_h=0.1)
+    for values in ([1e-2, 2e-2], [10**400, 1]):
+        with pytest.raises(SceneError, match="a table is"):
+            softdyn.simulate(**PAPER, force=values, until_h=0.1)
     with pytest.raises(SceneError, match=r"force is an array of shape \(2, 2\)"):
         softdyn.simulate(**PAPER, force=np.ones((2, 2)), until_h=0.1)
     with pytest.raises(SceneError, match=r"h is an array of shape \(0,\)"):

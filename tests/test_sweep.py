@@ -156,7 +156,11 @@ def test_values_are_read(text: str, name: str, values: list[float]) -> None:
     np.testing.assert_allclose(array, values, rtol=1e-15)
 
 
-@pytest.mark.parametrize("text", ["kappa", "=1", "h=", "h=logspace(1,2)", "h=logspace(1,2,0)", "h=__import__('os')"])
+@pytest.mark.parametrize(
+    "text",
+    ["kappa", "=1", "h=", "h=logspace(1,2)", "h=logspace(1,2,0)", "h=__import__('os')", "h=logspace(-6,nan,5)",
+     "h=logspace(0,999,5)", "h=linspace(0,inf,5)"],
+)  # fmt: skip
 def test_what_is_no_list_of_values_is_refused(text: str) -> None:
     with pytest.raises(SceneError, match="is expected"):
         read_values(text)

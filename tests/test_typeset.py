@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from latex_values import value
 from matplotlib.mathtext import MathTextParser
-from sympy import Abs, Expr, Matrix, Mul, Rational, S, Symbol, exp, log, pi, sqrt, tanh
+from sympy import Abs, Expr, Matrix, Mul, Rational, S, Symbol, exp, log, pi, simplify, sqrt, tanh
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
 from softdyn.derive.dynamics import generic_dynamics
@@ -27,9 +27,10 @@ from softdyn.derive.typeset import (
     form_latex,
     name_latex,
     symbol_latex,
+    tangential_sections,
     to_latex,
 )
-from softdyn.laws import find, load, stock_laws
+from softdyn.laws import find, law_of, load, stock_laws
 
 A, lam, kT = Symbol("A", positive=True), Symbol("lam", positive=True), Symbol("kT", positive=True)
 nu = Symbol("nu", positive=True)
@@ -237,12 +238,23 @@ def balanced(text: str) -> bool:
 
 def test_mathtext_sets_every_formula_of_a_derivation() -> None:
     parser = MathTextParser("path")
-    for lines in derivation(film()).values():
+    for lines in (*derivation(film()).values(), *tangential_sections(law_of("equal_spheres")).values()):
         for name, expr in lines:
             if not isinstance(expr, Matrix):
                 parser.parse(f"${to_latex(expr)}$")
                 assert balanced(to_latex(expr))
             assert balanced(name_latex(name))
+
+
+def test_a_derivation_has_tangential_motion_if_the_law_declares_it() -> None:
+    assert tangential_sections(film()) == {}
+    declared, steps = tangential_sections(law_of("equal_spheres")).values()
+    assert [name for name, _ in declared] == ["sliding", "coupling", "rolling", "k_t"]
+    # a Maxwell element: the friction of sliding in series with the stiffness, where nothing rolls
+    (rate,) = (step.rhs for _, step in steps if step.lhs == Symbol("dT_dt", real=True))
+    T, sigma = Symbol("T", real=True), Symbol("sigma", real=True)
+    stiffness, friction = Symbol("k_t", positive=True), Symbol("sliding", positive=True)
+    assert simplify(rate.subs(Symbol("w", real=True), 0) - stiffness * (sigma - T / friction)) == 0
 
 
 def test_a_law_and_a_derivation_are_latex_in_a_notebook(law: ContactLaw) -> None:

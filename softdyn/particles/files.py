@@ -142,7 +142,7 @@ def _end(until: Mapping[str, Any], flow: Mapping[str, Any]) -> float:
         return until["t"]
     rate, strain = flow.get("shear_rate", 0), until["strain"]
     if not isinstance(rate, (int, float)) or not rate:
-        raise SceneError("[until] strain needs [flow] shear_rate")
+        raise SceneError("[until] strain needs [flow] shear_rate, a number; give t where the rate is not known before")
     if isinstance(strain, bool) or not isinstance(strain, (int, float)):
         raise SceneError(f"[until] strain must be a number, not {strain!r}")
     return strain / abs(rate)

@@ -13,7 +13,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
@@ -81,12 +81,16 @@ def plot_particles(result: ParticleResult) -> Figure:
         _, colours = draw_network(network, result, -1, largest_force(result, [-1]))
         scale = network.inset_axes((0.1, 1.04, 0.8, 0.02))
         figure.colorbar(colours, cax=scale, label=FORCE, orientation="horizontal", ticklocation="top")
+        scale.xaxis.set_major_locator(MaxNLocator(5, symmetric=True))
     else:
         _draw_profile(network, result)
     for column, panels in enumerate((left, right), start=1):
         places = grid[0, column].subgridspec(len(panels), 1)
         for row, panel in enumerate(panels):
-            panel(figure.add_subplot(places[row]), result)
+            axes = figure.add_subplot(places[row])
+            panel(axes, result)
+            if axes.get_xscale() == "linear":
+                axes.ticklabel_format(axis="x", scilimits=(-3, 5))  # longer times run into each other
     figure.suptitle(f"{result.law}: {result.x.shape[1]} particles, {_when(result, -1)}", fontsize="medium")
     return figure
 
