@@ -140,9 +140,12 @@ def faults_of(law: ContactLaw) -> list[str]:
 def _tangential_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     if law.tangential is None:
         return []
+    if not all(hasattr(law.tangential, name) for name in TANGENTIAL):
+        kind = type(law.tangential).__name__
+        return [f"tangential = {law.tangential!r} is a {kind}, not a Tangential(sliding=..., k_t=...)"]
     faults = []
     for name, (arguments, dimension) in TANGENTIAL.items():
-        expr = getattr(law.tangential, name, None)
+        expr = getattr(law.tangential, name)
         where = f"tangential {name}"
         if not isinstance(expr, Expr):
             faults.append(f"{where} = {expr!r} is a {type(expr).__name__}, not a sympy expression")

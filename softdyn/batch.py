@@ -44,7 +44,7 @@ CALL = 256
 STATES = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Batch:
     """What many runs gave, one row for each run.
 
@@ -70,6 +70,10 @@ class Batch:
             return self.arrays[name]
         there = ", ".join(self.arrays) if name != "arrays" else ""
         raise AttributeError(f"the batch has no {name!r}; its arrays are {there}")
+
+    def __repr__(self) -> str:
+        names, values = ", ".join(self.varied), ", ".join(self.arrays)
+        return f"Batch of {len(self)} runs, {len(self.errors)} of them failed; varied: {names}; arrays: {values}"
 
     def __len__(self) -> int:
         return len(self.arrays["t"])

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,6 +195,8 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
         )
     try:
         if path.suffix == ".npz":
+            if not is_zipfile(path) and path.is_file():
+                raise ValueError("it is no .npz archive")
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 if "about" not in stored.files:
                     raise ValueError("it holds no run; the table of a sweep is for numpy.load")

@@ -102,6 +102,7 @@ def test_simulate_takes_arrays() -> None:
     found = softdyn.simulate(**PAPER, force=np.array([1e-3, 1e-2]), until_h=0.1, gaps=5)
     assert isinstance(found, Batch)
     assert found.h.shape == (2, 5)
+    assert repr(found).startswith("Batch of 2 runs, 0 of them failed; varied: force; arrays: t, h")
     assert len(found) == 2
     np.testing.assert_array_equal(found.varied["force"], [1e-3, 1e-2])
     alone = softdyn.simulate(**PAPER, force=1e-2, until_h=0.1, gaps=5)

@@ -254,6 +254,10 @@ def test_what_is_no_expression_is_refused_by_its_type(wrong: Any, kind: str) -> 
     assert the_fault(F_adh=wrong) == f"F_adh = {wrong!r} is a {kind}, not a sympy expression"
 
 
+def test_what_is_no_tangential_part_is_refused_by_its_type() -> None:
+    assert the_fault(tangential=3) == "tangential = 3 is a int, not a Tangential(sliding=..., k_t=...)"
+
+
 # ---------------------------------------------------------------- parameters, names, limits
 
 

@@ -340,7 +340,7 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
         point, normal = _coordinates(wall.point, d), _coordinates(wall.normal, d)
         size = 0.0 if normal is None else float(np.linalg.norm(normal))
         if point is None or normal is None or not 0 < size < math.inf:
-            faults.append(f"wall {number} needs a point and a normal of {d} finite coordinates each")
+            faults.append(f"wall {number} needs a point and a normal of {d} finite coordinates each, the normal not 0")
             continue
         if not isinstance(wall.rigid, (bool, np.bool_)):
             faults.append(f"wall {number}: rigid must be true or false, not {wall.rigid!r}")
