@@ -262,6 +262,7 @@ kernels.get_kernel(sys.argv[1], "numba", outputs=("F_ela",))
 """
 
 
+@pytest.mark.slow
 def test_a_numba_kernel_half_compiled_is_completed_and_kept(empty_cache: Path, tmp_path: Path) -> None:
     """A process that ends while numba compiles leaves some functions in its cache: the rest builds on them."""
     law = str(write_law(tmp_path, factor="3"))
@@ -587,6 +588,7 @@ def test_the_library_is_what_was_compiled(empty_cache: Path, tmp_path: Path) -> 
     assert out[0] == 8.0
 
 
+@pytest.mark.slow
 def test_numba_kernels_keep_their_flags_in_their_text(empty_cache: Path, tmp_path: Path) -> None:
     """Numba's own cache would not notice other flags; the text is the key."""
     kernel = build(write_law(tmp_path), "numba")

@@ -44,7 +44,7 @@ def scipy_states(V: Callable[[float], float], compliance: float = 0.0) -> tuple[
     return np.exp(found.y[0]), found.y[1]
 
 
-@pytest.mark.parametrize("target", ["c", "numba"])
+@pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 def test_an_approach_at_a_given_velocity_against_scipy(target: str) -> None:
     h, delta = scipy_states(lambda t: -1e-3)
     for rtol in (1e-5, 1e-8):

@@ -12,6 +12,8 @@ from test_phases import diagram_of
 
 from softdyn import exponents, plane
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.results import PairResult
+from softdyn.scene import Scene
 from softdyn.targets import c
 
 TARGET = "c" if c.available() else "numba"
@@ -171,14 +173,14 @@ def test_the_result_is_plain_data_and_a_table(paper: exponents.Measurement) -> N
 
 
 def test_a_run_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    simulate = exponents.simulate
+    simulate = exponents.simulate_pair
 
-    def fail_at_small_forces(**scene: object) -> object:
-        if scene["force"] < 1e-4:
+    def fail_at_small_forces(scene: Scene) -> PairResult:
+        if scene.force < 1e-4:
             raise IntegrationError("the reason given")
-        return simulate(**scene)
+        return simulate(scene)
 
-    monkeypatch.setattr(exponents, "simulate", fail_at_small_forces)
+    monkeypatch.setattr(exponents, "simulate_pair", fail_at_small_forces)
     found = exponents.measure(diagram_of("rognon_gay"), TARGET)
     assert found.failures
     assert all("the reason given" in failure for failure in found.failures)
