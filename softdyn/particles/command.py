@@ -48,6 +48,8 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
         "energy": dict(result.energy),
         "stats": dict(result.stats),
     }
+    for warning in result.stats["warnings"]:
+        print(f"softdyn: warning: {warning}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
         return 0

@@ -143,6 +143,8 @@ class ParticleResult:
         ``sliding``, ``rolling`` and a change of the tangential stiffness (``k_t``); ``imbalance``, what is left over
         relative to the sum of all sizes.
     stats : mapping
+        How the run went. ``snapped``, ``snap_energy``: contacts that left their range under tension, and what they had
+        stored, which no term of the balance has; ``warnings``: list of str.
     """
 
     law: str

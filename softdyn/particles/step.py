@@ -42,6 +42,8 @@ MANY = 1 << 15
 IDLE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
 INSTANT = 1e-100
+#: Fraction of their range up to which gaps are held to the tolerance: beyond, film and remote force have faded to 1e-3.
+NEARLY = 0.99
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -686,11 +688,12 @@ def take_step(
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
     """Error of a step relative to what is allowed.
 
-    The root of the mean square over contacts within their range, and a tenth of the largest; likewise over particles,
+    The root of the mean square over contacts within :data:`NEARLY` their range, and a tenth of the largest; beyond, a
+    contact under tension snaps off, at a rate without bound, which no step resolves. Likewise over particles,
     where their positions are integrated; likewise over tangential forces, relative to the largest force, or to what
     would shear the contact's surfaces by its gap.
     """
-    active = end.h < system.reach
+    active = end.h < NEARLY * system.reach
     found = [0.0]
     if active.any():
         relative = (y_error / np.sqrt(1 + end.y**2))[active] / system.rtol
