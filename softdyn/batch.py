@@ -208,6 +208,19 @@ def is_plain(scene: Scene) -> bool:
     return (scene.until_h is None) != (scene.until_t is None) and (scene.times is None or scene.until_h is None)
 
 
+def _first_sound(scene: Scene, points: list[dict[str, float]]) -> Scene:
+    """The first of the runs whose numbers can be used: what is wrong with some is told of each of them."""
+    faults = []
+    for point in points:
+        try:
+            check_scene(found := varied_scene(scene, point))
+            drive_of(found)
+            return found
+        except SceneError as error:
+            faults.append(error)
+    raise faults[0]
+
+
 def _together(
     scene: Scene,
     varied: Mapping[str, Array],
@@ -217,8 +230,7 @@ def _together(
 ) -> tuple[dict[str, Array], list[int], dict[int, tuple[str, ...]]] | None:
     """Arrays of all runs, the numbers of those that have to be made alone, and warnings; None if all have to."""
     runs = len(points)
-    first = varied_scene(scene, points[0])
-    check_scene(first)
+    first = _first_sound(scene, points)
     drive = drive_of(first)
     constants = _constants(scene, varied, points, drive)
     if constants is None:

@@ -300,5 +300,5 @@ class _Parser:
         if name == "pi":
             return self._constant(math.pi)
         near = get_close_matches(name, [*self.names, "t", "pi", *FUNCTIONS], n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else "; define it in [drive] constants"
+        hint = f"; did you mean {near[0]!r}?" if near else "; define it among the constants"
         raise self._error(f"unknown name {name!r}{hint}", at)

@@ -153,6 +153,20 @@ def test_what_fails_says_why_and_leaves_the_others() -> None:
     assert np.isnan(found.t[1:]).all()
 
 
+@pytest.mark.parametrize("bad", [{"force": np.nan}, {"h": -1.0}, {"E": -1.0}, {"E": np.nan}])
+def test_the_first_run_may_be_the_one_that_fails(bad: dict[str, float]) -> None:
+    (name,) = bad
+    good = {"force": 1e-2, "h": 1.0, "E": 3.0}[name]
+    values = np.array([bad[name], good])
+    keywords: dict[str, Any] = {**PAPER, "force": 1e-2, "until_h": 0.1}
+    keywords |= {"parameters": {**PAPER["parameters"], "E": values}} if name == "E" else {name: values}
+    found = softdyn.simulate(**keywords)
+    assert list(found.errors) == [0]
+    assert name in found.errors[0]
+    assert np.isnan(found.t[0]).all()
+    assert np.isfinite(found.t[1]).all()
+
+
 def test_warnings_name_their_run() -> None:
     found = softdyn.simulate(**PAPER, force=np.array([1e-2, 30.0]), until_h=0.1)
     assert isinstance(found, Batch)

@@ -228,7 +228,8 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
         if small:
             raise SceneError(
                 f"[box] is too small along {', '.join('xyz'[axis] for axis in small)}: a particle would meet another "
-                f"one twice; at least {2 * cut:.6g} is needed, twice the largest diameter and range"
+                f"one twice; at least {2 * cut:.6g} is needed, twice the largest diameter and range (under an imposed "
+                "stress the box may have shrunk to this: more particles)"
             )
         full = reduced + np.diag(np.where(box.periodic, 0.0, 1.0))
         fractions = np.linalg.solve(full, x.T).T
