@@ -226,6 +226,7 @@ def race(law: str, target: str, racers: int) -> list[tuple[str, str]]:
     return [tuple(out.split()) for out, _ in results]  # type: ignore[misc]
 
 
+@pytest.mark.slow
 def test_racing_processes_leave_one_whole_entry(empty_cache: Path, tmp_path: Path) -> None:
     law = str(write_law(tmp_path, factor="3"))
     results = race(law, "c", 3)

@@ -455,7 +455,7 @@ def test_kernels_agree_with_50_digits(name: str, target: str, tmp_path: Path) ->
     assert {output: error for output, error in worst.items() if not error <= 16} == {}
 
 
-@pytest.mark.parametrize("name", list(LAWS))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "dlvo" else []) for n in LAWS])
 def test_a_law_runs(name: str) -> None:
     """A small scene, by the integrator and by quadrature: they share the law's kernel, and nothing else."""
     law = LAWS[name]

@@ -436,12 +436,6 @@ def check_random(law: ContactLaw) -> None:
 quickly = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 
 
-@settings(max_examples=1, **quickly)
-@given(posynomial_laws())
-def test_the_regimes_of_a_random_law_are_its_own(law: ContactLaw) -> None:
-    check_random(law)
-
-
 @pytest.mark.slow
 @settings(max_examples=20, **quickly)
 @given(posynomial_laws())
