@@ -48,8 +48,8 @@ GOALS = {
 }
 #: What stands between these and the ratios, by profiles of the C kernel: said where a goal is not reached.
 LIMITS = {
-    "constant": "nearly half is the call from Python; of the rest more than half is the 50 outputs, each an inversion of "
-    "the time's polynomial and a force balance",
+    "constant": "nearly half is the call from Python; of the rest more than half is the 50 outputs, each an inversion "
+    "of the time's polynomial and a force balance",
     "sine": "steps no longer than the dense output, of order 9, allows; in each, two to three passes of Newton's "
     "iteration over 8 force balances, rates and slopes, and a matrix of 8 rows",
     "batch": "more than half is the 50 outputs, each an inversion of the time's polynomial and a force balance",
