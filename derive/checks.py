@@ -101,12 +101,12 @@ RESERVED = frozenset(
     enum except extern finally float for from global goto if import in inline int is lambda long nonlocal not or
     pass raise register restrict return short signed sizeof static struct switch try typedef union unsigned void
     volatile while with yield array empty inf isfinite jit nan numba sqrt fabs exp log expm1 log1p pow sin cos tan
-    NAN INFINITY HUGE_VAL None True False size_ratio
+    NAN INFINITY HUGE_VAL None True False size_ratio newton terms
     asin acos atan sinh cosh tanh asinh acosh atanh erf erfc abs min max range
     """.split()
 )
-#: Names that the code generator makes up: x0, x1, ... and powers of names.
-MADE_UP = re.compile(r"x\d+|\w+_p\d+")
+#: Names that the code generator makes up: x0, x1, ..., gap0, gap1, ... and powers of names.
+MADE_UP = re.compile(r"(x|gap)\d+|\w+_p\d+")
 
 
 def faults_of(law: ContactLaw) -> list[str]:

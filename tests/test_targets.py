@@ -388,7 +388,22 @@ def evaluate_with_parameters(names: list[str], assumptions: dict[str, bool], tar
 
 
 #: Names of every kind that could get in the way: an argument, a loop's, quantities, a power's, a partial's, keywords.
-SUSPECTS = ["w", "i", "lambda1", "F_ela", "dF_ddelta", "x0", "R_p2", "a_h", "expm1", "signed", "class"]
+SUSPECTS = [
+    "w",
+    "i",
+    "gap0",
+    "newton",
+    "terms",
+    "lambda1",
+    "F_ela",
+    "dF_ddelta",
+    "x0",
+    "R_p2",
+    "a_h",
+    "expm1",
+    "signed",
+    "class",
+]
 
 
 @pytest.mark.parametrize("name", SUSPECTS)
