@@ -25,8 +25,8 @@ equation of a contact, with eq. 7, is H = 0,
 
 where the weight w(h) takes film and remote force away between half the range of a contact and its range. At the range
 w = 0, so F = 0 and delta = 0: a contact is made, and dropped when pressed, without a jump in force; one that is pulled
-snaps off there, since -F/(w zeta) has no bound. Newton's iteration solves H, and the implicit function theorem gives the
-consistent tangent dF/dr along it.
+snaps off there, since -F/(w zeta) has no bound. Newton's iteration solves H, and the implicit function theorem gives
+the consistent tangent dF/dr along it.
 """
 
 from __future__ import annotations

@@ -398,6 +398,7 @@ def test_two_laws_of_one_name_do_not_meet(empty_cache: Path, tmp_path: Path) -> 
 # ---------------------------------------------------------------- keys
 
 
+@pytest.mark.slow
 def test_each_need_has_its_kernel(empty_cache: Path) -> None:
     keys = {
         get_kernel("rognon_gay", "c", **needs).key  # type: ignore[arg-type]

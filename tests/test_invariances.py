@@ -14,6 +14,9 @@ from scipy.integrate import simpson
 
 import softdyn
 
+#: Random runs, many of them: the other tests hold single ones to the same.
+pytestmark = pytest.mark.slow
+
 UNIT = {"R": 1.0, "E": 1.0, "eta": 1.0}
 Array = NDArray[np.float64]
 

@@ -52,6 +52,7 @@ def test_references_of_constant_forces_are_those_of_the_quadrature() -> None:
             np.testing.assert_allclose(exact.t, stored[case.key].t, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_what_has_no_solution_on_the_way_is_refused() -> None:
     """A force beyond the largest that the law can carry was once balanced by a deflection of the other sign."""
     for cell in stress.law_cells():
