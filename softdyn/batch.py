@@ -248,7 +248,8 @@ def _together(
     h = np.broadcast_to(np.asarray(varied.get("h", scene.h), dtype=float), (runs,))
     sound &= np.isfinite(h) & (h >= np.finfo(float).tiny) & np.isfinite(constants).all(axis=1)
     deltas = np.full(runs, math.nan)
-    if drive.control != "force":
+    # under a force the kernel finds it, unless X is given, and has to agree
+    if drive.control != "force" or scene.X is not None:
         for run in np.flatnonzero(sound):
             try:
                 of_run = varied_scene(scene, points[run])

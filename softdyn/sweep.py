@@ -35,7 +35,7 @@ Progress = Callable[[int, int], None]
 
 #: Runs in a part, a few tenths of a second of work: of runs that are made one by one, and of those that are not.
 PART = 250
-PLAIN_PART = 20_000
+PLAIN_PART = 5000
 _RANGE = re.compile(r"(linspace|logspace)\(([^,()]+),([^,()]+),([^,()]+)\)")
 
 
@@ -123,7 +123,7 @@ def sweep(
         done = _found(folder, _identity(scene, values), set(parts))
     missing = [first for first in parts if first not in done]
     tasks = [(scene, values, first, min(first + size, runs)) for first in missing]
-    if tasks:
+    if len(tasks) > 1 and not is_plain(scene):
         run_part((scene, values, 0, 1))  # derive and compile once, before all workers want to
     for first, part in _made(tasks, scheduler):
         done[first] = part

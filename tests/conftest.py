@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 @pytest.fixture(autouse=True, scope="session")
 def session_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Keep the user's kernel cache out of the tests; subprocesses inherit the variable."""
-    folder = tmp_path_factory.mktemp("softdyn-cache")
+    base = tmp_path_factory.getbasetemp()
+    # one for all processes that share the tests, lest each builds the same kernels
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "softdyn-cache"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOFTDYN_CACHE_DIR", str(folder))
         yield folder

@@ -167,6 +167,15 @@ def test_the_first_run_may_be_the_one_that_fails(bad: dict[str, float]) -> None:
     assert np.isfinite(found.t[1]).all()
 
 
+def test_an_X_that_contradicts_is_told_of_its_run() -> None:
+    """X = 2R + h - 2 delta of the first run; the second is pushed harder, and deflected more."""
+    alone = softdyn.simulate(**PAPER, force=1e-2, until_h=0.1)
+    found = softdyn.simulate(**PAPER, X=float(alone.X[0]), force=np.array([1e-2, 2e-2]), until_h=0.1)
+    assert isinstance(found, Batch)
+    assert list(found.errors) == [1]
+    assert "contradicts" in found.errors[1]
+
+
 def test_warnings_name_their_run() -> None:
     found = softdyn.simulate(**PAPER, force=np.array([1e-2, 30.0]), until_h=0.1)
     assert isinstance(found, Batch)

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.expression import evaluate, parse
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
 from softdyn.particles.results import ParticleResult
@@ -74,7 +75,8 @@ def test_the_stress_is_as_imposed(d: int, stress: dict[str, Any], shear_rate: fl
     assert abs(result.energy["imbalance"]) < 1e-3
     total, size = total_stress(result), np.abs(result.stress).sum(axis=(1, 2)).max()
     expected = {
-        name: eval(value, {"t": result.t}) if isinstance(value, str) else value for name, value in stress.items()
+        name: [evaluate(parse(value), float(t)) for t in result.t] if isinstance(value, str) else value
+        for name, value in stress.items()
     }
     for name, value in expected.items():
         if name == "pressure":
