@@ -20,8 +20,8 @@ BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 CROWDED = 20.0
 #: An axis that is logarithmic on both sides of zero is linear below this fraction of its largest value at least.
 SMALLEST = 1e-15
-#: Fewer points than this are marked.
-FEW = 30
+#: Fewer points than this are marked: the lines between outputs are no outputs.
+FEW = 200
 
 
 def plot_pair(result: PairResult) -> Figure:
@@ -94,7 +94,7 @@ def draw_lines(axes: Axes, result: PairResult, over: str, lines: dict[str, tuple
     """
     x = result.h / result.parameters["R"] if over == "h/R" else result.t
     for name, (label, colour) in lines.items():
-        axes.plot(x, result.arrays[name], color=colour, label=label, marker="." if len(result) < FEW else "")
+        axes.plot(x, result.arrays[name], color=colour, label=label, marker="." if len(result) < FEW else "", ms=4)
     scale, options = scale_for(x)
     axes.set_xscale(scale, **options)
     if over == "t":

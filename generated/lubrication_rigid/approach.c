@@ -1360,13 +1360,6 @@ static inline int64_t _collect(double small, double start, double *restrict wors
             if (m == 0) {
                 continue;
             }
-            /* as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t */
-            double error = steps[base + 21];
-            const double late = steps[base + 22] / (last - start);
-            error = at_gaps == 1 && late < error ? late : error;
-            if (!(error <= worst[0])) {
-                worst[0] = error;
-            }
             for (int64_t k = 0; k < 8; k++) {
                 lane[k] = targets[offset + j + (k < m ? k : m - 1)];
             }
@@ -1398,6 +1391,15 @@ static inline int64_t _collect(double small, double start, double *restrict wors
                         z[i] = steps[base + 4 + i];
                     }
                     u[gathered + k] = at_gaps == 1 ? lane[k] : begin + _between((lane[k] - steps[base]) / steps[base + 1], z);
+                }
+            }
+            for (int64_t k = 0; k < m; k++) {
+                /* as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t */
+                double error = steps[base + 21];
+                const double late = steps[base + 22] / (t[gathered + k] - start);
+                error = at_gaps == 1 && late < error ? late : error;
+                if (!(error <= worst[0])) {
+                    worst[0] = error;
                 }
             }
             gathered += m;

@@ -1132,12 +1132,6 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
                     m += 1
             if m == 0:
                 continue
-            # as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t
-            error = steps[base + 21]
-            late = steps[base + 22] / (last - start)
-            error = late if at_gaps == 1 and late < error else error
-            if not error <= worst[0]:
-                worst[0] = error
             for k in range(8):
                 lane[k] = targets[offset + j + (k if k < m else m - 1)]
             if panel != 0.0:
@@ -1162,6 +1156,13 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
                     for i in range(8):
                         z[i] = steps[base + 4 + i]
                     u[gathered + k] = lane[k] if at_gaps == 1 else begin + _between((lane[k] - steps[base]) / steps[base + 1], z)
+            for k in range(m):
+                # as far from the curve (t, h), where outputs are at gaps, as the smaller of the errors of h and of t
+                error = steps[base + 21]
+                late = steps[base + 22] / (t[gathered + k] - start)
+                error = late if at_gaps == 1 and late < error else error
+                if not error <= worst[0]:
+                    worst[0] = error
             gathered += m
             j += m
             if gathered == 8:
