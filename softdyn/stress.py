@@ -16,7 +16,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -99,24 +99,23 @@ def worst(cells: Sequence[Cell]) -> Cell:
 def reference_cells(case: Case, reference: Reference) -> Iterable[Cell]:
     """A case at every tolerance; under a constant push, its outputs at gaps and at times, each way of integrating."""
     for rtol in RTOLS:
-        column = f"{rtol:g}"
         if not case.by_gap:
-            yield _at_times(case, reference, rtol, case.name, reference.t, reference.h, "auto")
+            yield _at_times(case, rtol, reference.t, reference.h, reference.delta, "auto")
             continue
         gaps = _at_gaps(case, reference, rtol)
         # h at the double next to a time of 30 digits differs from the gap by the rate times what the double lacks
         ill = np.abs(reference.rate) * reference.t * 1.1e-16 > 1e-2
-        t, h = reference.t[~ill], (reference.h * np.exp(-reference.rate * reference.t_low))[~ill]
-        timed = [_at_times(case, reference, rtol, case.name, t, h, method) for method in ("auto", "integrate")]
+        h = reference.h * np.exp(-reference.rate * reference.t_low)
+        known = reference.t[~ill], h[~ill], reference.delta[~ill]
+        timed = [_at_times(case, rtol, *known, method) for method in ("auto", "integrate")]
         if case.group == "pull":
-            yield Cell(**{**asdict(gaps), "name": f"{case.name}, at gaps"})
-            yield Cell(**{**asdict(worst(timed)), "name": f"{case.name}, at times"})
+            yield replace(gaps, name=f"{case.name}, at gaps")
+            yield replace(worst(timed), name=f"{case.name}, at times")
         else:
-            yield Cell(**{**asdict(worst([gaps, *timed])), "column": column})
+            yield worst([gaps, *timed])
 
 
-def _at_times(case: Case, reference: Reference, rtol: float, name: str, t: Array, h: Array, method: str) -> Cell:
-    delta = reference.delta[: len(t)]
+def _at_times(case: Case, rtol: float, t: Array, h: Array, delta: Array, method: str) -> Cell:
     scale = np.maximum(np.abs(delta), 0.1 * np.max(np.abs(delta)))
 
     def error(result: PairResult) -> float:
@@ -126,7 +125,7 @@ def _at_times(case: Case, reference: Reference, rtol: float, name: str, t: Array
         return float(max(of_h, of_delta))
 
     scene = {**case.scene, "times": t.tolist(), "until_t": float(t[-1]), "rtol": rtol, "method": method}
-    return judge((case.group, name, f"{rtol:g}"), lambda: simulate(**scene), error, ALLOWED_ERROR * rtol)
+    return judge((case.group, case.name, f"{rtol:g}"), lambda: simulate(**scene), error, ALLOWED_ERROR * rtol)
 
 
 def _at_gaps(case: Case, reference: Reference, rtol: float) -> Cell:
