@@ -1,8 +1,7 @@
 """``softdyn stress``: where it is hard, is the pair engine right, or does it say that it is not.
 
-Every cell of the matrix is a case at a tolerance, compared with a reference computed another way. It is *right* if all
-outputs are within ten times the tolerance (what the README promises), *told* if the result itself warns of an error at
-least as large as the true one, *refused* if an error names the cause, and *wrong* in every other case: none may be.
+Every cell of the matrix is a case at a tolerance, compared with a reference computed another way: right within ten
+times the tolerance (what the README promises), told, refused, or wrong (:mod:`softdyn.stress_judge`).
 """
 
 from __future__ import annotations
@@ -13,10 +12,9 @@ import math
 import platform
 import sys
 import time
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,67 +26,18 @@ import softdyn
 from softdyn.api import simulate
 from softdyn.bench import processor
 from softdyn.bench_reference import UNIT
-from softdyn.errors import SoftdynError
 from softdyn.pair import ALLOWED_ERROR
 from softdyn.results import PairResult, require_folder, written_whole
+from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
 from softdyn.stress_random import random_scenes
 from softdyn.stress_reference import Case, Reference, cases, references
 
 Array = NDArray[np.float64]
 
 RTOLS = (1e-3, 1e-6, 1e-9, 1e-12, 1e-14)
-RIGHT, TOLD, REFUSED, WRONG = "right", "told", "refused", "wrong"
-OUTCOMES = (RIGHT, TOLD, REFUSED, WRONG)
 #: Random scenes at default settings; a quarter of them again at a loose tolerance, where errors once grew unseen.
 RANDOM_SCENES = 1000
 LOOSE = 1e-3
-
-
-@dataclass(frozen=True)
-class Cell:
-    """What came of one case in one column: a tolerance, or a hostile value.
-
-    Attributes
-    ----------
-    error : float
-        Largest true error of the outputs, relative; nan where there is none.
-    allowed : float
-        What it may be.
-    said : str
-        The error's or the warning's words.
-    """
-
-    group: str
-    name: str
-    column: str
-    outcome: str
-    error: float = math.nan
-    allowed: float = math.nan
-    said: str = ""
-
-
-def judge(
-    where: tuple[str, str, str], run: Callable[[], PairResult], error_of: Callable[[PairResult], float], allowed: float
-) -> Cell:
-    """Run, and compare."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            result = run()
-    except SoftdynError as refusal:
-        return Cell(*where, REFUSED, allowed=allowed, said=str(refusal))
-    except Exception as failure:  # anything else is a fault, and is reported as one
-        return Cell(*where, WRONG, allowed=allowed, said=f"{type(failure).__name__}: {failure}")
-    finite = all(np.isfinite(result.arrays[name]).all() for name in ("t", "h", "delta"))
-    if not finite or not (result.h > 0).all():
-        return Cell(*where, WRONG, allowed=allowed, said="an output is not finite, or h is not positive")
-    error = error_of(result)
-    if error <= allowed:
-        return Cell(*where, RIGHT, error, allowed)
-    told = [warning for warning in result.warnings if "known" in warning]
-    if told and (error <= result.stats["error"] or "not known" in told[0]):
-        return Cell(*where, TOLD, error, allowed, told[0])
-    return Cell(*where, WRONG, error, allowed, f"the result estimates {result.stats.get('error', math.nan):.1e}")
 
 
 def worst(cells: Sequence[Cell]) -> Cell:

@@ -11,17 +11,17 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.api import simulate
-from softdyn.bench_reference import UNIT
-from softdyn.errors import SoftdynError
 from softdyn.pair import ALLOWED_ERROR
 from softdyn.results import PairResult
 from softdyn.scene import Scene
+from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
 from softdyn.stress_reference import Case, make_reference
 
 Array = NDArray[np.float64]
@@ -142,13 +142,10 @@ def _run(case: Case, rtol: float) -> PairResult:
     return simulate(**case.scene, until_t=case.end, times=[0.0, *case.at.tolist()], rtol=rtol)
 
 
-def error_of(case: Case, result: PairResult, rtol: float) -> float:
+def error_of(case: Case, rtol: float, result: PairResult) -> float:
     """Largest relative error of the outputs: of t at gaps, of h at times."""
     if case.by_gap:
-        exact = simulate(
-            law="rognon_gay", parameters=UNIT, h=case.h0, force=case.given, until_h=case.end, gaps=case.at.tolist(),
-            method="quadrature",
-        )  # fmt: skip
+        exact = simulate(**case.scene, until_h=case.end, gaps=case.at.tolist(), method="quadrature")
         return float(np.max(np.abs(result.t / exact.t - 1)))
     h, _ = _lsoda(case, float(result.delta[0]))
     error = float(np.max(np.abs(result.h[1:] / h - 1)))
@@ -161,38 +158,30 @@ def error_of(case: Case, result: PairResult, rtol: float) -> float:
 def random_scenes(count: int, say: Callable[[str], None] = lambda _: None, rtol: float = RTOL) -> dict[str, Any]:
     """Run so many scenes; how many came out how, the largest error, what was wrong, and how errors were estimated."""
     random = np.random.default_rng(SEED)
-    counts: Counter[str] = Counter()
-    largest, wrong, refusals, ratios = 0.0, [], [], []
+    cells, ratios, wrong = [], [], []
     for number in range(count):
         case = random_case(random, number)
-        try:
-            result = _run(case, rtol)
-        except SoftdynError as refusal:
-            counts["refused"] += 1
-            refusals.append(f"{number}: {refusal}")
-            say(f"random {number}: refused: {refusal}")
-            continue
-        finite = all(np.isfinite(values).all() for values in result.arrays.values()) and bool((result.h > 0).all())
-        error = error_of(case, result, rtol) if finite else math.inf
-        told = any("known" in warning for warning in result.warnings) and error <= result.stats["error"]
-        outcome = "right" if error <= ALLOWED_ERROR * rtol else "told" if told else "wrong"
-        counts[outcome] += 1
-        largest = max(largest, error)
+        judged = judge(
+            ("random", str(number), f"{rtol:g}"), partial(_run, case, rtol), partial(error_of, case, rtol),
+            ALLOWED_ERROR * rtol,
+        )  # fmt: skip
+        cells.append(judged)
         # the references' own errors are far below; at gaps the estimate is of h or t, whichever is less
-        if error > 0.1 * rtol and not case.by_gap:
-            ratios.append(result.stats["error"] / error)
-        if outcome != "right":
-            say(f"random {number}: {outcome}: error {error:.1e}, estimated {result.stats['error']:.1e}: {case}")
-        if outcome == "wrong":
+        if judged.error > 0.1 * rtol and not case.by_gap:
+            ratios.append(judged.estimated / judged.error)
+        if judged.outcome == WRONG:
             wrong.append(repr(case))
+        if judged.outcome != RIGHT:
+            say(f"random {number}: {judged.outcome}: error {judged.error:.1e}: {judged.said}: {case}")
+    counts = Counter(cell.outcome for cell in cells)
     low, middle, high = np.quantile(ratios, [0, 0.5, 1]).tolist() if ratios else [None] * 3
     return {
         "scenes": count,
         "rtol": rtol,
         "seed": SEED,
-        **{outcome: counts[outcome] for outcome in ("right", "told", "refused", "wrong")},
-        "largest_error": largest,
+        **{outcome: counts[outcome] for outcome in OUTCOMES},
+        "largest_error": max((cell.error for cell in cells if not math.isnan(cell.error)), default=0.0),
         "estimate_over_error": {"scenes": len(ratios), "least": low, "median": middle, "largest": high},
         "wrong_scenes": wrong,
-        "refusals": refusals,
+        "refusals": [f"{cell.name}: {cell.said}" for cell in cells if cell.outcome == REFUSED],
     }

@@ -1,0 +1,70 @@
+"""What came of a run that should have been refused, or right: one judgement for the whole stress matrix.
+
+A run is *right* if all outputs are within what is allowed, *told* if the result itself warns of an error at least as
+large as the true one, *refused* if an error names the cause, and *wrong* in every other case: none may be.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from softdyn.errors import SoftdynError
+from softdyn.results import PairResult
+
+RIGHT, TOLD, REFUSED, WRONG = "right", "told", "refused", "wrong"
+OUTCOMES = (RIGHT, TOLD, REFUSED, WRONG)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What came of one case in one column: a tolerance, or a hostile value.
+
+    Attributes
+    ----------
+    error : float
+        Largest true error of the outputs, relative; nan where there is none.
+    estimated : float
+        What the result says it is; nan where it does not.
+    allowed : float
+        What it may be.
+    said : str
+        The error's or the warning's words.
+    """
+
+    group: str
+    name: str
+    column: str
+    outcome: str
+    error: float = math.nan
+    estimated: float = math.nan
+    allowed: float = math.nan
+    said: str = ""
+
+
+def judge(
+    where: tuple[str, str, str], run: Callable[[], PairResult], error_of: Callable[[PairResult], float], allowed: float
+) -> Cell:
+    """Run, and compare."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            result = run()
+    except SoftdynError as refusal:
+        return Cell(*where, REFUSED, allowed=allowed, said=str(refusal))
+    except Exception as failure:  # anything else is a fault, and is reported as one
+        return Cell(*where, WRONG, allowed=allowed, said=f"{type(failure).__name__}: {failure}")
+    finite = all(np.isfinite(values).all() for values in result.arrays.values())
+    if not finite or not (result.h > 0).all():
+        return Cell(*where, WRONG, allowed=allowed, said="an output is not finite, or h is not positive")
+    error, estimated = error_of(result), float(result.stats.get("error", math.nan))
+    if error <= allowed:
+        return Cell(*where, RIGHT, error, estimated, allowed)
+    told = [warning for warning in result.warnings if "known" in warning]
+    if told and (error <= estimated or "not known" in told[0]):
+        return Cell(*where, TOLD, error, estimated, allowed, told[0])
+    return Cell(*where, WRONG, error, estimated, allowed, f"the result estimates {estimated:.1e}")
