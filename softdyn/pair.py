@@ -373,7 +373,8 @@ def _sample(scene: Scene, kernel: Kernel, drive: Drive, steps: Array, stopped_by
     if scene.gaps is not None:
         return _at_gaps(scene, kernel, steps, end, stopped_by)
     if scene.times is None:
-        t = np.append(steps[:, 0], end)
+        t = np.append(_reached(kernel, steps), end)
+        t = t[(t < end) | (np.arange(len(t)) == len(t) - 1)]
     elif isinstance(scene.times, (int, np.integer)):
         t = np.linspace(drive.start, end, int(scene.times))
     else:
@@ -389,6 +390,19 @@ def _sample(scene: Scene, kernel: Kernel, drive: Drive, steps: Array, stopped_by
     if len(t) and t[0] == drive.start:
         h[0] = scene.h
     return t, h
+
+
+def _reached(kernel: Kernel, steps: Array) -> Array:
+    """Times of the starts of the steps, and of the nodes of panels of the gap, which are few and wide."""
+    if not _has_panels(kernel):
+        return steps[:, 0]
+    inside = [row[0] + row[4:-4] if row[-3] != 0 else row[:0] for row in steps]
+    return np.concatenate([np.append(row[:1], times) for row, times in zip(steps, inside, strict=True)])
+
+
+def _has_panels(kernel: Kernel) -> bool:
+    """Whether steps may be panels of the gap: then there is room for more than a step in time and its two errors."""
+    return kernel.components == 1 and kernel.width > IN_TIME + 2
 
 
 def states_at(kernel: Kernel, steps: Array, t: Array) -> Array:
@@ -409,7 +423,7 @@ def _ends(kernel: Kernel, steps: Array) -> Array:
     """Return ln h at the start of each step, and at the end of the last."""
     last = steps[-1]
     # of a panel of the gap its length comes last but for the errors; of a step in time, the last stage is at its end
-    by_gap = kernel.components == 1 and kernel.width > IN_TIME + 2 and last[-3] != 0
+    by_gap = _has_panels(kernel) and last[-3] != 0
     return np.append(steps[:, 3], last[3] + (last[-3] if by_gap else last[IN_TIME - 1]))
 
 

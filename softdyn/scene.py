@@ -91,7 +91,7 @@ class Scene:
         Output times: how many, evenly spaced over the run, or which.
     gaps : int or sequence of float, optional
         Output gaps instead: how many, evenly spaced in ln h between h and until_h, or which, in the order of passage.
-        Without times and gaps there is one output at every step taken.
+        Without times and gaps there is one output at every step taken, and at the nodes of panels of the gap.
     quantities : sequence of str
         What to output besides t, h and delta: of :data:`QUANTITIES`.
     rtol : float

@@ -486,9 +486,13 @@ def test_large_forces_are_warned_of() -> None:
 
 def test_outputs_are_those_asked_for() -> None:
     assert list(run(gaps=5, quantities=("zeta",)).arrays) == ["t", "h", "delta", "zeta"]
-    steps = run()
+    steps = run(method="integrate")
     assert len(steps) == steps.stats["steps"] + 1  # without times or gaps: each step taken
-    assert steps.stopped_by == "h"
+    panels = run()
+    assert len(panels) == 16 * panels.stats["steps"] + 1  # and the nodes of panels of the gap
+    assert np.all(np.diff(panels.t) > 0)
+    assert np.all(np.diff(panels.h) < 0)
+    assert steps.stopped_by == panels.stopped_by == "h"
     late = run(times=[0.0, 1.0, 1e12])
     assert len(late) == 2
     assert "1 of the 3 output times lie after the end" in late.warnings[0]

@@ -117,11 +117,13 @@ def test_a_deflection_that_is_not_positive_has_an_axis_of_its_own(name: str) -> 
 
 def test_points_of_a_short_result_are_marked() -> None:
     marked = {}
-    for name in ("one point", "approach"):
-        figure = softdyn.simulate(**{**BASE, **SCENES[name]}).plot()
-        marked[name] = {line.get_marker() for axes in figure.axes for line in axes.lines}
-    assert marked["one point"] == {"."}
-    assert marked["approach"].isdisjoint({"."})
+    for name, gaps in (("one point", None), ("approach", 199), ("approach", 200)):
+        more = {"gaps": gaps} if gaps else {}
+        figure = softdyn.simulate(**{**BASE, **SCENES[name], **more}).plot()
+        marked[gaps] = {line.get_marker() for axes in figure.axes for line in axes.lines}
+    assert marked[None] == {"."}
+    assert marked[199] == {"."}
+    assert marked[200].isdisjoint({"."})
 
 
 @pytest.mark.parametrize(
