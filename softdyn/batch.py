@@ -394,13 +394,13 @@ def _call(
         n = part.stop - part.start
         written = np.full((height * count + 2) * n, math.nan)
         given = np.ascontiguousarray(rows[part]).ravel(), np.ascontiguousarray(targets[part]).ravel()
-        kernel.functions.runs(n, count, int(at_gaps), count, settings, *given, *table, written)
+        kernel.functions.runs(n, count, int(at_gaps), settings, *given, *table, written)
         out[:, part] = written[: height * count * n].reshape(height, n, count)
         status[part], error[part] = written[height * count * n :].reshape(2, n)
         return n
 
     if kernel.target == "numba":  # compiled here if it never was, and not by all threads at once
-        kernel.functions.runs(0, 0, 0, 0, settings, np.empty(0), np.empty(0), *table, np.empty(0))
+        kernel.functions.runs(0, 0, 0, settings, np.empty(0), np.empty(0), *table, np.empty(0))
     done = 0
     with ThreadPoolExecutor(cpu_count() or 1) as pool:
         for n in pool.map(make, range(0, runs, CALL)):

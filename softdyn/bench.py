@@ -260,7 +260,7 @@ def _runs(case: Case, scene: Scene, drive: Drive, kernel: Kernel) -> Solve:
 
     def solve(tolerance: float) -> tuple[Array, Array]:
         settings = np.array([tolerance, 0.0, longest, float(MOST_STEPS), float(scene.method == "auto")])
-        kernel.functions.runs(1, outputs, 0, 0, settings, row, case.t, out)
+        kernel.functions.runs(1, outputs, 0, settings, row, case.t, out)
         return out[outputs : 2 * outputs], out[2 * outputs : 3 * outputs]
 
     return solve

@@ -72,7 +72,7 @@ def _ours(target: str, forces: Array, times: Array) -> Solve:
 
     def solve(tolerance: float) -> tuple[Array, Array]:
         settings = np.array([tolerance, 0.0, math.inf, float(MOST_STEPS), 1.0])
-        kernel.functions.runs(RUNS, OUTPUTS, 0, OUTPUTS, settings, rows, targets, out)
+        kernel.functions.runs(RUNS, OUTPUTS, 0, settings, rows, targets, out)
         found = out[: height * RUNS * OUTPUTS].reshape(height, RUNS, OUTPUTS)
         return found[1], found[2]
 

@@ -836,7 +836,7 @@ def _write(small: float, i: int, m: int, total: int, t: array, u: array, delta: 
 
 
 @jit
-def _collect(small: float, start: float, worst: array, j: int, first: int, count: int, total: int, at_gaps: int, targets: array, offset: int, stored: int, steps: array, p: array, table_t: array, table_F: array, rows: int, out: array) -> int:
+def _collect(small: float, start: float, worst: array, j: int, first: int, count: int, total: int, at_gaps: int, targets: array, stored: int, steps: array, p: array, table_t: array, table_F: array, rows: int, out: array) -> int:
     """Write the outputs of a run from number j on, as far as the stored steps reach; returns how far that is."""
     lane = empty(8)
     t = empty(8)
@@ -858,15 +858,15 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
             m = 0
             if at_gaps == 1:
                 # begin + (end - begin) rounds
-                while gathered + m < 8 and j + m < count and (begin - targets[offset + j + m]) * (end - targets[offset + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin):
+                while gathered + m < 8 and j + m < count and (begin - targets[first + j + m]) * (end - targets[first + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin):
                     m += 1
             else:
-                while gathered + m < 8 and j + m < count and targets[offset + j + m] <= last:
+                while gathered + m < 8 and j + m < count and targets[first + j + m] <= last:
                     m += 1
             if m == 0:
                 continue
             for k in range(8):
-                lane[k] = targets[offset + j + (k if k < m else m - 1)]
+                lane[k] = targets[first + j + (k if k < m else m - 1)]
             for k in range(m):
                 t[gathered + k] = _passage(lane[k], base, steps) if at_gaps == 1 else lane[k]
                 part = (t[gathered + k] - steps[base]) / steps[base + 1]
@@ -891,14 +891,13 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
 
 
 @jit
-def cone_runs(n: int, count: int, at_gaps: int, pitch: int, settings: array, runs: array, targets: array, table_t: array, table_F: array, rows: int, out: array) -> None:
+def cone_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, targets: array, table_t: array, table_F: array, rows: int, out: array) -> None:
     """Make n runs, each with its own parameters, start and end, and write the outputs asked for.
 
     settings: rtol, the time of the start, longest step, steps that a run may take, whether ln h may serve as the
     independent variable.
     runs: of each run t_end, u_stop, ln h, delta (which follows from the force here), 4 parameters.
-    targets: the times, or with at_gaps = 1 the values of ln h, of the outputs, in the order of passage; those of run k
-    from pitch*k on.
+    targets: the times, or with at_gaps = 1 the values of ln h, of the count outputs of each run, in the order of passage.
     out: t, h, delta, what is given, its rate, a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2, each n*count numbers; the status of each run, as
     cone_integrate returns it, or 10 if it took too many steps, 11 if the gap left the range of double precision;
     and the largest estimated error of its outputs, relative.
@@ -924,7 +923,7 @@ def cone_runs(n: int, count: int, at_gaps: int, pitch: int, settings: array, run
         ended: int = 2
         while ended == 2:
             ended = cone_integrate(runs[at], runs[at + 1], settings[0], p, table_t, table_F, rows, 32, state, steps)
-            j = _collect(1e-3 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, pitch * run, int(state[9]), steps, p, table_t, table_F, rows, out)
+            j = _collect(1e-3 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, int(state[9]), steps, p, table_t, table_F, rows, out)
             if ended == 2 and state[4] + state[5] > settings[3]:
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:

@@ -30,7 +30,7 @@
  *       The times at which ln h passes n values within given steps.
  *   void lubrication_rigid_sample(n, t, stored, steps, out)
  *       The state at n times, from the steps.
- *   void lubrication_rigid_runs(n, count, at_gaps, pitch, settings, runs, targets, out)
+ *   void lubrication_rigid_runs(n, count, at_gaps, settings, runs, targets, out)
  *       n runs with their outputs; see there.
  *
  *   p: R, eta
@@ -1323,7 +1323,7 @@ static inline void _write(double small, int64_t i, int64_t m, int64_t total, dou
 }
 
 /* Write the outputs of a run from number j on, as far as the stored steps reach; returns how far that is. */
-static inline int64_t _collect(double small, double start, double *restrict worst, int64_t j, int64_t first, int64_t count, int64_t total, int64_t at_gaps, const double *restrict targets, int64_t offset, int64_t stored, const double *restrict steps, const double *restrict p, const double *restrict c, double *restrict out)
+static inline int64_t _collect(double small, double start, double *restrict worst, int64_t j, int64_t first, int64_t count, int64_t total, int64_t at_gaps, const double *restrict targets, int64_t stored, const double *restrict steps, const double *restrict p, const double *restrict c, double *restrict out)
 {
     double lane[8];
     double t[8];
@@ -1349,11 +1349,11 @@ static inline int64_t _collect(double small, double start, double *restrict wors
             m = 0;
             if (at_gaps == 1) {
                 /* begin + (end - begin) rounds */
-                while (gathered + m < 8 && j + m < count && (begin - targets[offset + j + m]) * (end - targets[offset + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin)) {
+                while (gathered + m < 8 && j + m < count && (begin - targets[first + j + m]) * (end - targets[first + j + m]) <= 1e-15 * (1.0 + fabs(end)) * fabs(end - begin)) {
                     m += 1;
                 }
             } else {
-                while (gathered + m < 8 && j + m < count && targets[offset + j + m] <= last) {
+                while (gathered + m < 8 && j + m < count && targets[first + j + m] <= last) {
                     m += 1;
                 }
             }
@@ -1361,7 +1361,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
                 continue;
             }
             for (int64_t k = 0; k < 8; k++) {
-                lane[k] = targets[offset + j + (k < m ? k : m - 1)];
+                lane[k] = targets[first + j + (k < m ? k : m - 1)];
             }
             if (panel != 0.0) {
                 if (known == 0) {
@@ -1421,13 +1421,12 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    settings: rtol, the time of the start, longest step, steps that a run may take, whether ln h may serve as the
    independent variable.
    runs: of each run t_end, u_stop, ln h, delta (which follows from the force here), 2 parameters, 1 constants of the drive.
-   targets: the times, or with at_gaps = 1 the values of ln h, of the outputs, in the order of passage; those of run k
-   from pitch*k on.
+   targets: the times, or with at_gaps = 1 the values of ln h, of the count outputs of each run, in the order of passage.
    out: t, h, delta, what is given, its rate, a, X, dh_dt, each n*count numbers; the status of each run, as
    lubrication_rigid_integrate returns it, or 10 if it took too many steps, 11 if the gap left the range of double precision;
    and the largest estimated error of its outputs, relative.
    What a run does not reach is left as it is. */
-void lubrication_rigid_runs(int64_t n, int64_t count, int64_t at_gaps, int64_t pitch, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
+void lubrication_rigid_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
 {
     double state[17];
     double worst[1];
@@ -1455,7 +1454,7 @@ void lubrication_rigid_runs(int64_t n, int64_t count, int64_t at_gaps, int64_t p
         int64_t ended = 2;
         while (ended == 2) {
             ended = lubrication_rigid_integrate(runs[at], runs[at + 1], settings[0], p, c, 32, state, steps);
-            j = _collect(0.001 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, pitch * run, (int64_t)state[9], steps, p, c, out);
+            j = _collect(0.001 * settings[0], settings[1], worst, j, count * run, count, count * n, at_gaps, targets, (int64_t)state[9], steps, p, c, out);
             if (ended == 2 && state[4] + state[5] > settings[3]) {
                 ended = 10;
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {

@@ -16,7 +16,7 @@ class Functions(NamedTuple):
     ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``,
     ``drive(n, t, *drive, value, rate)``, ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``
     ``passages(n, u, at, steps, out)``, ``sample(n, t, stored, steps, out)`` and
-    ``runs(n, count, at_gaps, pitch, settings, runs, targets, *table, out)``.
+    ``runs(n, count, at_gaps, settings, runs, targets, *table, out)``.
     """
 
     evaluate: Callable[..., Any]

@@ -146,5 +146,5 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
         integrate=function("integrate", number, number, number, array, *drive, integer, array, array),
         passages=function("passages", integer, array, array, array, array),
         sample=function("sample", integer, array, integer, array, array),
-        runs=function("runs", *[integer] * 4, array, array, array, *(drive if len(drive) > 1 else []), array),
+        runs=function("runs", *[integer] * 3, array, array, array, *(drive if len(drive) > 1 else []), array),
     )
