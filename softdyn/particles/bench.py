@@ -163,7 +163,7 @@ def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
     within = first.contacts.h < 0.4
     contacts = replace(
         first.contacts,
-        **{name: getattr(first.contacts, name)[within] for name in ("i", "j", "shift", "S", "h", "touched")},
+        **{name: getattr(first.contacts, name)[within] for name in ("i", "j", "shift", "S", "h", "touched", "T")},
         q=np.ascontiguousarray(first.contacts.q[:, within]),
     )
     x0, h0 = first.x.copy(), contacts.h.copy()
