@@ -21,12 +21,17 @@ choice. It must keep h > 0 at any step, as ln h does, and cost no exponential. W
 maps h > 0 onto all real y, agrees with ln(h/g) to second order, and is algebraic: compilers vectorise it. The scalar
 equation of a contact, with eq. 7, is H = 0,
 
-    H = w (y - y*) + s y_h (F_ela - w F_adh)/zeta ,
+    H = f (y - y*) + s y_h (F_ela - f F_adh)/zeta ,     F = g F_ela ,
 
-where the weight w(h) takes film and remote force away between half the range of a contact and its range. At the range
-w = 0, so F = 0 and delta = 0: a contact is made, and dropped when pressed, without a jump in force; one that is pulled
-snaps off there, since -F/(w zeta) has no bound. Newton's iteration solves H, and the implicit function theorem gives
-the consistent tangent dF/dr along it.
+where f (film) and g (grip) are the weights of the film and of the elastic force in a contact that has a range. From
+half of it on, w(h) falls from 1 to 0. Where the surfaces are pressed together, f = w and g = 1: film and remote force
+fade, and gap and centres go together in the end. Where they are pulled apart, f = 1 and g = w: what they pull with
+fades, and the gap opens as if there were no range. So F = 0 at the range in either case: a contact is made and dropped
+without a jump in force; and both agree at delta = 0. (With f = w alone a pulled contact snaps off, since -F/(w zeta) has no bound; with
+g = w alone a pair that comes fast is pressed deep before it feels a force.) A contact stores g U, dissipates
+w zeta (dh/dt)^2, takes w F_adh from remote forces, and adds g_h U to the slope in h of what it stores.
+
+Newton's iteration solves H, and the implicit function theorem gives the consistent tangent dF/dr along it.
 """
 
 from __future__ import annotations
@@ -37,7 +42,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Integer, Max, Min, Rational, Symbol, diff, simplify
+from sympy import Expr, Integer, Max, Min, Piecewise, Rational, Symbol, diff, simplify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive import tangential as tangential_stage
@@ -59,15 +64,20 @@ g, reach = Symbol("g", positive=True), Symbol("reach", positive=True)
 # the stage's data, and the state y(h)
 s, y_star = Symbol("s", positive=True), Symbol("y_star", real=True)
 Y, Y_h, Y_hh = Symbol("Y", real=True), Symbol("Y_h", positive=True), Symbol("Y_hh", real=True)
-# the weight of film and remote force, with the fraction of the fading zone that is still ahead
+# the weight of a contact, with the fraction of the fading zone that is still ahead
 w, w_h, ahead = Symbol("w", nonnegative=True), Symbol("w_h", real=True), Symbol("ahead", nonnegative=True)
 # the same fraction before it is cut at 1 and at 0, one cut at a time
 fading, started = Symbol("fading", real=True), Symbol("started", real=True)
-# the approach rate -w dh/dt, its relative friction's slopes, and the derivatives along the contact's equation
+# the weights of the film and of the elastic force, and their slopes
+film, film_h = Symbol("film", nonnegative=True), Symbol("film_h", real=True)
+grip, grip_h = Symbol("grip", nonnegative=True), Symbol("grip_h", real=True)
+# the approach rate -film dh/dt, its relative friction's slopes, and the derivatives along the contact's equation
 rho, rho_h, rho_r = (Symbol(name, real=True) for name in ("rho", "rho_h", "rho_r"))
 log_zeta_h, log_zeta_delta = Symbol("log_zeta_h", real=True), Symbol("log_zeta_delta", real=True)
 remote_h, remote_delta = Symbol("remote_h", real=True), Symbol("remote_delta", real=True)
-H, H_h, H_r, h_r, F_r = (Symbol(name, real=True) for name in ("H", "H_h", "H_r", "h_r", "F_r"))
+H, H_h, H_r, h_r = (Symbol(name, real=True) for name in ("H", "H_h", "H_r", "h_r"))
+# the force that reaches the particles, and its consistent tangent
+F, F_r = Symbol("F", real=True), Symbol("F_r", real=True)
 friction, remote, dh_dt = Symbol("friction", real=True), Symbol("remote", real=True), Symbol("dh_dt", real=True)
 
 #: y, and the weight: 1 up to half the range, 0 beyond it, with a continuous slope.
@@ -76,7 +86,7 @@ FADING = 2 * (reach - h) / reach
 WEIGHT = ahead**2 * (3 - 2 * ahead)
 
 #: What ``state`` reports of a contact.
-OUTPUTS = (delta, a, F_ela, friction, remote, C, dF_dh, dh_dt)
+OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt)
 
 
 @dataclass(frozen=True)
@@ -123,8 +133,9 @@ class ContactIR:
         Rows of what ``state`` gives.
     tangential : tuple of str
         Rows of what ``contacts`` gives besides of tangential motion; empty without it.
-    iteration, tangent, state, elastic : ContactCode
-        H and dH/dy; the force and its consistent tangent; the outputs; the elastic force and its slope in h.
+    iteration, tangent, state, elastic, weight : ContactCode
+        H and dH/dy; the force and its consistent tangent; the outputs; the elastic force and its slope in h; the
+        weight of what is stored, and its slope in h.
     """
 
     name: str
@@ -141,6 +152,7 @@ class ContactIR:
     tangent: ContactCode
     state: ContactCode
     elastic: ContactCode
+    weight: ContactCode
     savings: tuple[Saving, ...]
     operations: dict[str, dict[str, int]]
     sympy_version: str
@@ -153,20 +165,21 @@ def stage_equation() -> dict[Symbol, Expr]:
     Returns
     -------
     dict
-        ``rho`` = (F_ela - w F_adh)/zeta, ``H``, its derivatives ``H_h`` at fixed r and ``H_r`` at fixed h, ``h_r`` =
-        dh/dr along H = 0, and ``F_r`` = dF_ela/dr along it.
+        ``rho`` = (F_ela - film F_adh)/zeta, ``H``, its derivatives ``H_h`` at fixed r and ``H_r`` at fixed h, ``h_r`` =
+        dh/dr along H = 0, the weighted force ``F``, and ``F_r`` = dF/dr along H = 0.
 
     Raises
     ------
     AssertionError
         If the forms that the kernel computes are not the derivatives.
     """
-    rate = (F_ela - w * F_adh) / zeta
-    residual = w * (Y - y_star) + s * Y_h * rho
+    rate = (F_ela - film * F_adh) / zeta
+    residual = film * (Y - y_star) + s * Y_h * rho
+    weighted = grip * F_ela
 
     def along_h(expr: Expr) -> Expr:
         """Derivative by h at fixed r: delta = (overlap + h)/2 takes half of it."""
-        moving = diff(expr, Y) * Y_h + diff(expr, Y_h) * Y_hh + diff(expr, w) * w_h
+        moving = diff(expr, Y) * Y_h + diff(expr, Y_h) * Y_hh + diff(expr, film) * film_h + diff(expr, grip) * grip_h
         return total(expr, h) + total(expr, delta) / 2 + moving
 
     def along_r(expr: Expr) -> Expr:
@@ -182,20 +195,21 @@ def stage_equation() -> dict[Symbol, Expr]:
         remote_delta: total(F_adh, delta),
     }
     # written with relative slopes of zeta, which neither overflow nor cancel where zeta does
-    rate_h = (dF_dh + dF_ddelta / 2 - w_h * F_adh - w * (remote_h + remote_delta / 2)) / zeta - rho * (
+    rate_h = (dF_dh + dF_ddelta / 2 - film_h * F_adh - film * (remote_h + remote_delta / 2)) / zeta - rho * (
         log_zeta_h + log_zeta_delta / 2
     )
-    rate_r = -((dF_ddelta - w * remote_delta) / zeta - rho * log_zeta_delta) / 2
+    rate_r = -((dF_ddelta - film * remote_delta) / zeta - rho * log_zeta_delta) / 2
     assert simplify(rate_h.subs(rho, rate).subs(slopes) - along_h(rate)) == 0, "the slope of the rate in h is wrong"
     assert simplify(rate_r.subs(rho, rate).subs(slopes) - along_r(rate)) == 0, "the slope of the rate in r is wrong"
     by_h = along_h(residual) + diff(residual, rho) * rho_h
     by_r = along_r(residual) + diff(residual, rho) * rho_r
     # implicit function theorem: H(h(r), r) = 0
     gap = -H_r / H_h
-    force = (dF_dh + dF_ddelta / 2) * h_r - dF_ddelta / 2
-    expected = along_h(F_ela) * h_r + along_r(F_ela)
+    force = grip * ((dF_dh + dF_ddelta / 2) * h_r - dF_ddelta / 2) + grip_h * h_r * F_ela
+    expected = along_h(weighted) * h_r + along_r(weighted)
     assert simplify(force.subs(slopes) - expected) == 0, "the consistent tangent is wrong"
-    return {rho: rate, rho_h: rate_h, rho_r: rate_r, H: residual, H_h: by_h, H_r: by_r, h_r: gap, F_r: force}
+    equation = {rho: rate, rho_h: rate_h, rho_r: rate_r, H: residual, H_h: by_h, H_r: by_r, h_r: gap}
+    return {**equation, F: weighted, F_r: force}
 
 
 def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbol, Expr]:
@@ -234,14 +248,18 @@ def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbo
         ahead: Max(0, started),
         w: WEIGHT,
         w_h: diff(WEIGHT, ahead) * diff(FADING, h),
+        film: Piecewise((1, delta < 0), (w, True)),
+        film_h: Piecewise((0, delta < 0), (w_h, True)),
+        grip: Piecewise((w, delta < 0), (1, True)),
+        grip_h: Piecewise((w_h, delta < 0), (0, True)),
         Y: STATE,
         Y_h: diff(STATE, h),
         Y_hh: diff(STATE, h, 2),
         **stage_equation(),
         friction: w * zeta,
         remote: w * F_adh,
-        # beyond the range the gap follows the centres, at a rate that the contact does not know
-        dh_dt: -(F_ela / w - F_adh) / zeta,
+        # beyond the range a pressed gap follows the centres, at a rate that the contact does not know
+        dh_dt: -rho / film,
         **sliding,
     }
 
@@ -284,7 +302,8 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         savings.append(Saving(rule, before, count()))
 
     if not needs.fading:
-        specialise("no range", {w: Integer(1), w_h: Integer(0)})
+        whole, steady = dict.fromkeys((w, film, grip), Integer(1)), dict.fromkeys((w_h, film_h, grip_h), Integer(0))
+        specialise("no range", whole | steady)
     if law.F_adh == 0:
         nothing = dict.fromkeys((F_adh, remote_h, remote_delta), Integer(0))
         specialise("no remote force", nothing)
@@ -293,11 +312,13 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         names = tuple(name for name in names if name != size_ratio.name)
 
     outputs = (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
+    without_delta = {symbol: expr for symbol, expr in definitions.items() if symbol != delta}
     lines = {
         "iteration": straight_line([H, H_h, Y_h], definitions),
-        "tangent": straight_line([F_ela, F_r, *sliding], definitions),
+        "tangent": straight_line([F, F_r, *sliding], definitions),
         "state": straight_line(outputs, definitions),
-        "elastic": straight_line([F_ela, dF_dh], {k: e for k, e in definitions.items() if k != delta}),
+        "elastic": straight_line([F_ela, dF_dh], without_delta),
+        "weight": straight_line([grip, grip_h], without_delta) if needs.fading else [],
     }
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
@@ -326,6 +347,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         tangent=code("tangent"),
         state=code("state"),
         elastic=code("elastic"),
+        weight=code("weight"),
         savings=tuple(savings),
         operations={part: operations(text) for part, text in lines.items()},
         sympy_version=sympy.__version__,

@@ -68,13 +68,26 @@ def test_the_state_maps_the_gap_onto_all_numbers() -> None:
 
 
 def test_the_derivation_checks_itself() -> None:
-    assert [symbol.name for symbol in stage_equation()] == ["rho", "rho_h", "rho_r", "H", "H_h", "H_r", "h_r", "F_r"]
+    assert [symbol.name for symbol in stage_equation()] == [
+        "rho",
+        "rho_h",
+        "rho_r",
+        "H",
+        "H_h",
+        "H_r",
+        "h_r",
+        "F",
+        "F_r",
+    ]
 
 
 @pytest.mark.parametrize("fading", [False, True])
 @pytest.mark.parametrize("s", [0.0, 1e-3, 1.0, 1e3, 1e8])
 def test_the_solution_solves_the_equation_in_thirty_digits(s: float, fading: bool) -> None:
-    """W (y - y*) + s y_h F/zeta = 0 for the law as printed in the paper; the residual against the sum of its terms."""
+    """F (y - y*) + s y_h F_ela/zeta = 0 for the law as printed in the paper; the residual against the sum of its terms.
+
+    In a contact with a range, the film of a pressed one fades, f = w, and the force of a pulled one, F = w F_ela.
+    """
     kernel = get_contact_kernel("rognon_gay", "c", fading=fading)
     overlap, start = states(3, 200, -2.0)
     draw = np.random.default_rng(4)
@@ -91,14 +104,15 @@ def test_the_solution_solves_the_equation_in_thirty_digits(s: float, fading: boo
             elastic = mpmath.mpf(4) / 9 * radius * deflection
             zeta = 3 * mpmath.pi * radius**4 / (2 * bar**3)
             ahead = max(0, min(1, 2 * (mpmath.mpf(0.5) - here) / mpmath.mpf(0.5)))
-            weight = ahead**2 * (3 - 2 * ahead) if fading else 1
+            fade = ahead**2 * (3 - 2 * ahead) if fading else 1
+            weight, grip = (1, fade) if deflection < 0 else (fade, 1)
             state = (here / first - first / here) / 2
             rate = mpmath.mpf(s) * (1 / first + first / here**2) / 2 / zeta
             # what one unit in the last place of h or of the overlap changes in the force counts as rounding
             rounding = rate * radius * (abs(over) + here)
             size = weight * (abs(state) + abs(aim)) + rate * abs(elastic) + rounding + mpmath.mpf(1e-300)
             worst = max(worst, float(abs(weight * (state - aim) + rate * elastic) / size))
-            assert abs(force - elastic) <= 1e-12 * (abs(elastic) + radius * (abs(over) + here))
+            assert abs(force - grip * elastic) <= 1e-12 * (abs(elastic) + radius * (abs(over) + here))
     assert worst < 1e-12
 
 
@@ -145,16 +159,29 @@ def test_no_step_makes_a_gap_that_is_none(target: str) -> None:
         assert np.all(np.isfinite(gap[good]))
 
 
-def test_a_contact_beyond_its_range_is_none() -> None:
-    """No force, no stiffness, surfaces undeformed, whatever the step."""
+def test_a_contact_beyond_its_range_exerts_no_force() -> None:
+    """Whatever the step: the surfaces of a pressed one are undeformed, one that was pulled relaxes by itself."""
     kernel = get_contact_kernel("rognon_gay", "c", fading=True)
     apart = np.linspace(0.51, 2.0, 40)
     for s in (1e-3, 1.0, 1e5):
         unsolved, _, gap, F, F_r = solve(kernel, s, -apart, np.full(40, 0.6), np.zeros(40), np.zeros(40), np.ones(3))
         assert unsolved == 0
-        np.testing.assert_allclose(gap, apart, rtol=1e-12)
+        pressed = apart < 0.6
+        np.testing.assert_allclose(gap[pressed], apart[pressed], rtol=1e-12)
+        assert np.all(gap[~pressed] <= apart[~pressed] * (1 + 1e-12))
         assert np.abs(F).max() < 1e-13
         assert np.abs(F_r).max() < 1e-9
+
+
+def test_the_force_of_a_pulled_contact_vanishes_with_its_range() -> None:
+    """At a given deflection, in a short step: F = w F_ela, with w <= 48 left^2 and |F_ela| <= 4e-3 here."""
+    kernel = get_contact_kernel("rognon_gay", "c", fading=True)
+    left = np.geomspace(1e-6, 0.2, 30)  # to the range of 0.5
+    gap, nothing = 0.5 - left, np.zeros(30)
+    F = solve(kernel, 1e-6, -0.02 - gap, gap, nothing, nothing, np.ones(3))[3]
+    assert np.all(F <= 0)
+    assert np.all(np.abs(F) <= 4e-3 * 48 * left**2 * (1 + 1e-6) + 1e-12)
+    assert F[-1] < -1e-3
 
 
 def test_lanes_do_not_depend_on_their_neighbours() -> None:

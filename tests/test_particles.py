@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from pathlib import Path
 from typing import Any
 
@@ -184,14 +185,14 @@ def test_the_elastic_energy_is_the_integral_of_the_force() -> None:
     none = np.empty(0)
 
     def U(h: Array, delta: Array) -> Array:
-        return energies(system.kernel, 2 * delta - h, h, system.p, none)[0]
+        return energies(system.kernel, math.inf, 2 * delta - h, h, system.p, none)[0]
 
     step = 1e-4
     force = (U(h, delta * (1 + step)) - U(h, delta * (1 - step))) / (2 * step * delta)
     a = np.sqrt(2 * (h / (1 + h) + np.abs(delta)))
     np.testing.assert_allclose(force, 2 * 4 / 9 * a * delta, rtol=1e-6)
     slope = (U(h * (1 + step), delta) - U(h * (1 - step), delta)) / (2 * step * h)
-    np.testing.assert_allclose(energies(system.kernel, 2 * delta - h, h, system.p, none)[1], slope, rtol=1e-5)
+    np.testing.assert_allclose(energies(system.kernel, math.inf, 2 * delta - h, h, system.p, none)[1], slope, rtol=1e-5)
 
 
 @pytest.mark.parametrize("law", ["rognon_gay", "equal_spheres"])
@@ -293,7 +294,7 @@ def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
         delta = (contacts.S - r + contacts.h) / 2
         radius = contacts.q[0]
         a = np.sqrt(2 * radius * (radius * contacts.h / (radius + contacts.h) + np.abs(delta)))
-        U, _ = energies(system.kernel, contacts.S - r, contacts.h, system.p, contacts.q.reshape(-1))
+        U, _ = energies(system.kernel, system.reach, contacts.S - r, contacts.h, system.p, contacts.q.reshape(-1))
         return float(U.sum()), contact_forces(contacts, 4 / 9 * a * delta, n, len(x)).reshape(-1)
 
     found = minimize(energy, checked.x.reshape(-1), jac=True, method="BFGS", options={"gtol": 1e-10})
@@ -579,23 +580,15 @@ def pulled_apart(rtol: float) -> ParticleResult:
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-5])
-def test_a_contact_that_snaps_off_is_counted_with_its_energy(rtol: float) -> None:
-    """The rate of a gap has no bound where a stretched film ends: that stops no run, however small rtol.
-
-    What the balance lacks is what the contact had stored at its end: to the energy of the last step, in which the film
-    may take some (a few percent, as the step starts above half of the fading zone), and the balance's own error.
-    """
+def test_a_contact_that_is_pulled_beyond_its_range_ends_without_a_jump(rtol: float) -> None:
+    """Its force fades, with what it stores: the balance of energy holds, and no step is wasted on its end."""
     result = pulled_apart(rtol)
-    energy, stats = result.energy, result.stats
-    size = sum(abs(value) for name, value in energy.items() if name != "imbalance")
-    assert stats["snapped"] == 1
-    assert stats["snap_energy"] > 0
-    assert energy["imbalance"] * size == pytest.approx(stats["snap_energy"], rel=0.03, abs=rtol * size)
-    assert len(stats["warnings"]) == 1
-    assert "1 contact snapped off" in stats["warnings"][0]
+    assert result.stats["dropped"] == 1 or result.stats["made"] == 1
+    assert len(result.contacts(2)["h"]) == 0 < len(result.contacts(0)["h"])
+    assert abs(result.energy["imbalance"]) < rtol
+    assert result.stats["warnings"] == []
+    assert result.stats["rejected"] <= 0.2 * result.stats["steps"]
 
 
 def test_a_run_in_balance_has_no_warning() -> None:
-    """Two particles that are pushed together store, and snap nothing."""
-    stats = simulate_particles(scene(rtol=1e-4)).stats
-    assert (stats["snapped"], stats["snap_energy"], stats["warnings"]) == (0, 0.0, [])
+    assert simulate_particles(scene(rtol=1e-4)).stats["warnings"] == []

@@ -182,7 +182,7 @@ def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
     def rates(t: float, x: Array, h: Array) -> tuple[Array, Array]:
         n, r, _ = directions(contacts, x, lattice(system.box, t), ())
         values = contact_state(system, contacts, contacts.S - r, h)
-        forces = contact_forces(contacts, values["F_ela"], n, len(x))
+        forces = contact_forces(contacts, values["F"], n, len(x))
         return flow(system.box, x) - forces / system.drag[:, None], values["dh_dt"]
 
     def run(steps: int) -> tuple[Array, float]:

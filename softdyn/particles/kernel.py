@@ -164,7 +164,7 @@ def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Ca
     return (
         function("contacts", integer, integer, number, *reach, *[array] * (10 if manifest["tangential"] else 9)),
         function("state", None, integer, *reach, *[array] * 5),
-        function("energy", None, integer, *[array] * 4, integer, array, array, array),
+        function("energy", None, integer, *reach, *[array] * 4, integer, array, array, array),
     )
 
 
@@ -178,7 +178,7 @@ def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tupl
     none, p, reach = np.empty(0), np.ones(max(1, len(manifest["uniform"]))), (1.0,) if fading else ()
     contacts(0, 0.0, *reach, none, none, none, p, *[none] * (6 if manifest["tangential"] else 5))
     state(0, *reach, none, none, p, none, none)
-    energy(0, none, none, p, none, 0, none, none, none)
+    energy(0, *reach, none, none, p, none, 0, none, none, none)
     return contacts, state, energy
 
 
@@ -190,10 +190,11 @@ def _fractions() -> tuple[Array, Array]:
     return np.ascontiguousarray(x**2), np.ascontiguousarray(weight * x)
 
 
-def energies(kernel: ContactKernel, overlap: Array, h: Array, p: Array, q: Array) -> tuple[Array, Array]:
-    """Elastic energy U(h, delta) of each contact, and its slope U_h at fixed delta."""
+def energies(kernel: ContactKernel, reach: float, overlap: Array, h: Array, p: Array, q: Array) -> tuple[Array, Array]:
+    """Energy that each contact stores, and its slope in h at fixed delta."""
     n = len(h)
     out = np.empty((2, n))
     nodes, weights = _fractions()
-    kernel.energy(n, overlap, h, p, q, len(nodes), nodes, weights, out.reshape(-1))
+    within = (reach,) if kernel.fading else ()
+    kernel.energy(n, *within, overlap, h, p, q, len(nodes), nodes, weights, out.reshape(-1))
     return out[0], out[1]

@@ -15,7 +15,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
-from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, elastic_forces, works
+from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, forces_of, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
     n, r, _ = directions(contacts, x, cell, system.walls)
-    F = elastic_forces(system, contacts, contacts.S - r, contacts.h)
+    F = forces_of(system, contacts, contacts.S - r, contacts.h)
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
     if system.kernel.tangential:
         stress -= np.einsum("c,ca,cb->ab", r, contacts.T, n)
@@ -143,8 +143,7 @@ class ParticleResult:
         ``sliding``, ``rolling`` and a change of the tangential stiffness (``k_t``); ``imbalance``, what is left over
         relative to the sum of all sizes.
     stats : mapping
-        How the run went. ``snapped``, ``snap_energy``: contacts that left their range under tension, and what they had
-        stored, which no term of the balance has; ``warnings``: list of str.
+        How the run went; ``warnings``: list of str.
     """
 
     law: str

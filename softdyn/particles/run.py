@@ -197,7 +197,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         box=system.box,
         walls=system.walls,
         work=dict.fromkeys(works(system), 0.0),
-        counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1, "snapped": 0},
+        counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
     free: NDArray[np.bool_] = np.asarray(_free(system).any(axis=1) & ~(system.drag > 0))
     if free.any():
@@ -217,7 +217,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
                 f"at the start, with the gaps as given, the forces have no equilibrium: {_why(system, state, error)}"
             ) from None
         state.x = found.x[:, : x.shape[1]]
-        contacts.h = found.h  # beyond the range gaps follow the centres
+        contacts.h = found.h  # beyond the range pressed gaps follow the centres
         if found.slid is not None:
             contacts.T = found.slid.force
         newton.forget()
@@ -233,7 +233,7 @@ def _overlaps(system: System, state: State) -> Array:
 
 def _stored(system: System, state: State) -> float:
     contacts, overlap = state.contacts, _overlaps(system, state)
-    U, _ = energies(system.kernel, overlap, contacts.h, system.p, contacts.q.reshape(-1))
+    U, _ = energies(system.kernel, system.reach, overlap, contacts.h, system.p, contacts.q.reshape(-1))
     stored = float(U.sum())
     if system.kernel.tangential:
         k_t = contact_state(system, contacts, overlap, contacts.h)["k_t"]
@@ -396,7 +396,6 @@ def integrate(
                 state.v, state.y_rate, power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
             continue
         _require_films(system, state, step.end.h, when)
-        _count_snaps(system, state, step.end.h)
         if state.frames and state.frames[0].t == state.t == 0.0:
             state.frames[0] = _frame(system, replace(state, v=step.first_v))
         for output in step.outputs:
@@ -445,24 +444,6 @@ def _require_films(system: System, state: State, h: Array, when: float) -> None:
             "attraction is without bound; let the law repel at short range (as steric does), weaken what draws the "
             "surfaces together (as A does in dlvo), or end the run before"
         )
-
-
-def _count_snaps(system: System, state: State, h: Array) -> None:
-    """Count the contacts that leave their range under tension in this step, and what they had stored at its start.
-
-    Where the film has faded nothing holds them: that energy goes at once, faster than any step, and no term of the
-    balance has it. Of steps that are not short the film may have taken some before.
-    """
-    old = state.contacts
-    gone = np.flatnonzero((old.h < system.reach) & (h >= system.reach))
-    if not len(gone):
-        return
-    overlap = _overlaps(system, state)[gone]
-    q = np.ascontiguousarray(old.q[:, gone]).reshape(-1)
-    U, _ = energies(system.kernel, overlap, old.h[gone], system.p, q)
-    stretched = overlap + old.h[gone] < 0
-    state.counts["snapped"] += int(stretched.sum())
-    state.snap_energy += float(U[stretched].sum())
 
 
 def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:
@@ -529,13 +510,10 @@ def _result(
         "kernel": system.kernel.key,
     }
     energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
-    stats["snap_energy"] = state.snap_energy
     stats["warnings"] = []
     if abs(energy["imbalance"]) > IMBALANCE * system.rtol:
-        number = state.counts["snapped"]
-        snaps = f"; {number} contact{'s'[: number > 1]} snapped off, and let go {state.snap_energy:.3g} unresolved"
         stats["warnings"].append(
             f"the balance of energy is off by {energy['imbalance']:.1e} of the sum of its terms, {size:.3g}: more than "
-            f"{IMBALANCE:g} rtol{snaps if number else ''}"
+            f"{IMBALANCE:g} rtol"
         )
     return gather(scene, checked, system, state.frames, state.history, energy, stats)

@@ -91,8 +91,8 @@ class ParticleScene:
         Initial gap of the pairs whose surfaces are closer than that, which are then pressed together; all others start
         undeformed.
     reach : float, optional
-        Range of a contact: beyond this gap there is none, and from half of it on film and remote force fade. Without
-        it all pairs are in contact.
+        Range of a contact: beyond this gap there is none, and from half of it on it fades. Without it all pairs are
+        in contact.
     tangential : bool
         Whether particles slide, roll and turn, as their law declares.
     box : sequence of float or None, optional

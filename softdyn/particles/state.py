@@ -35,8 +35,6 @@ class State:
         Energies exchanged since the start.
     stored0 : float
         Elastic energy at the start.
-    snap_energy : float
-        Stored by contacts that left their range under tension, at the start of the step in which they did.
     counts : dict
     history : list of tuple
         For each step: time, length, residual, error, contacts within their range.
@@ -54,7 +52,6 @@ class State:
     walls: tuple[Wall, ...]
     work: dict[str, float]
     stored0: float = 0.0
-    snap_energy: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
     frames: list[Frame] = field(default_factory=list)

@@ -40,10 +40,9 @@ CONTRACTION = 0.2
 MANY = 1 << 15
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
-#: Where no time passes films hold for an instant: gaps within their range stay, those beyond it follow the centres.
+#: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
+#: centres.
 INSTANT = 1e-100
-#: Fraction of their range up to which gaps are held to the tolerance: beyond, film and remote force have faded to 1e-3.
-NEARLY = 0.99
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -688,12 +687,11 @@ def take_step(
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
     """Error of a step relative to what is allowed.
 
-    The root of the mean square over contacts within :data:`NEARLY` their range, and a tenth of the largest; beyond, a
-    contact under tension snaps off, at a rate without bound, which no step resolves. Likewise over particles,
+    The root of the mean square over contacts within their range, and a tenth of the largest. Likewise over particles,
     where their positions are integrated; likewise over tangential forces, relative to the largest force, or to what
     would shear the contact's surfaces by its gap.
     """
-    active = end.h < NEARLY * system.reach
+    active = end.h < system.reach
     found = [0.0]
     if active.any():
         relative = (y_error / np.sqrt(1 + end.y**2))[active] / system.rtol
@@ -711,7 +709,7 @@ def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error
 
 
 def contact_state(system: System, contacts: Contacts, overlap: Array, h: Array) -> dict[str, Array]:
-    """Return what the kernel says of each contact: delta, a, F_ela, friction (w zeta), remote (w F_adh), C, ..."""
+    """Return what the kernel says of each contact: delta, a, F, friction (w zeta), remote (w F_adh), C, ..."""
     kernel = system.kernel
     out = np.empty((len(kernel.outputs), len(h)))
     reach = (system.reach,) if kernel.fading else ()
@@ -752,11 +750,11 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, 
     }
 
 
-def elastic_forces(system: System, contacts: Contacts, overlap: Array, h: Array) -> Array:
-    """F_ela of each contact; so many contacts at a time."""
+def forces_of(system: System, contacts: Contacts, overlap: Array, h: Array) -> Array:
+    """Force of each contact; so many contacts at a time."""
     F = np.empty_like(h)
     for part, some in _portions(contacts):
-        F[part] = contact_state(system, some, overlap[part], h[part])["F_ela"]
+        F[part] = contact_state(system, some, overlap[part], h[part])["F"]
     return F
 
 
@@ -773,7 +771,7 @@ def _gap_powers(system: System, contacts: Contacts, at: Balance, h_rate: Array) 
     for part, some in _portions(contacts):
         overlap, h, rate = contacts.S[part] - at.r[part], at.h[part], h_rate[part]
         values = contact_state(system, some, overlap, h)
-        _, U_h = energies(system.kernel, overlap, h, system.p, some.q.reshape(-1))
+        _, U_h = energies(system.kernel, system.reach, overlap, h, system.p, some.q.reshape(-1))
         sums += [np.sum(values["friction"] * rate**2), -np.sum(values["remote"] * rate), -np.sum(U_h * rate)]
     return float(sums[0]), float(sums[1]), float(sums[2])
 
