@@ -27,9 +27,9 @@ where f (film) and g (grip) are the weights of the film and of the elastic force
 half of it on, w(h) falls from 1 to 0. Where the surfaces are pressed together, f = w and g = 1: film and remote force
 fade, and gap and centres go together in the end. Where they are pulled apart, f = 1 and g = w: what they pull with
 fades, and the gap opens as if there were no range. So F = 0 at the range in either case: a contact is made and dropped
-without a jump in force; and both agree at delta = 0. (With f = w alone a pulled contact snaps off, since -F/(w zeta) has no bound; with
-g = w alone a pair that comes fast is pressed deep before it feels a force.) A contact stores g U, dissipates
-w zeta (dh/dt)^2, takes w F_adh from remote forces, and adds g_h U to the slope in h of what it stores.
+without a jump in force; and both agree at delta = 0. (With f = w everywhere a pulled contact snaps off, since
+-F/(w zeta) has no bound; with f = 1 a pair that comes fast is pressed deep before it feels a force.) A contact stores
+g U, dissipates w zeta (dh/dt)^2, takes w F_adh from remote forces, and adds g_h U to the slope in h of what it stores.
 
 Newton's iteration solves H, and the implicit function theorem gives the consistent tangent dF/dr along it.
 """

@@ -57,8 +57,7 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     print(f"{result.law}, target {result.target}, {len(result.radii)} particles: {stats['method']}")
     print(
         f"  t = {result.t[-1]:.6g} in {stats['steps']} steps, {stats['rejected']} rejected; "
-        f"{stats['newton_iterations']} Newton iterations, {stats['newton_factorisations']} factorisations "
-        f"({stats['linear_solver'] or 'none'})"
+        f"{stats['newton_iterations']} Newton iterations ({stats['linear_solver'] or 'no linear system'})"
     )
     print(
         f"  {summary['contacts']} contacts within range; {stats['made']} made and {stats['dropped']} dropped, "

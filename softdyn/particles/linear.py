@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -13,11 +14,17 @@ from scipy.sparse.linalg import LinearOperator, splu
 
 Array = NDArray[np.float64]
 
-#: Unknowns up to which a sparse factorisation is faster than conjugate gradients, in two dimensions and in three.
-LARGEST_DIRECT = {1: 100_000, 2: 40_000, 3: 6_000}
-#: Newton's iteration corrects what conjugate gradients leave.
-CG_TOLERANCE = 1e-3
-CG_ITERATIONS = 2000
+#: What Krylov's methods leave of a residual, where nothing else is asked: Newton's iteration corrects it.
+TOLERANCE = 1e-2
+MOST_ITERATIONS = 2000
+#: Nonzeros of a factor beyond which there is none: 1 GB.
+LARGEST_FACTOR = 40_000_000
+#: Nanoseconds of some machine for each nonzero or multiplication: what is chosen must not depend on a clock, since the
+#: same scene gives the same result; ratios matter, and to a factor of two at most.
+PER_PRODUCT, PER_BLOCK, PER_ITERATION = 1.0, 3.0, 25_000.0
+PER_FACTOR, PER_FACTOR_NONZERO, PER_FACTOR_PRODUCT, PER_SOLVED_NONZERO = 200_000.0, 30.0, 0.2, 2.0
+#: Solutions for which a factor serves, before that is known.
+SOLUTIONS = 8
 
 
 class Indefinite(Exception):
@@ -143,46 +150,208 @@ def assemble_quarters(
     return _finished(pattern, data, fixed)
 
 
-def solver(matrix: bsr_array, d: int) -> tuple[Callable[[Array], Array], str]:
-    """Prepare solving with a matrix; returns the function and the name of the method.
+@dataclass(frozen=True)
+class Factor:
+    """A factorised matrix.
 
-    The function raises :class:`Indefinite` where conjugate gradients meet a direction of negative curvature, and so
-    does this one where the factorisation shows one.
+    Attributes
+    ----------
+    matrix : bsr_array
+    solve : function of a right-hand side
+    nonzeros : int
+        Of L.
+    products : float
+        Multiplications that it took.
     """
-    size = matrix.shape[0]
-    if size <= LARGEST_DIRECT[d]:
-        return direct(matrix, d), "sparse LDL^T"
-    return conjugate_gradients(matrix, d), "conjugate gradients, block-diagonal preconditioner"
+
+    matrix: bsr_array
+    solve: Callable[[Array], Array]
+    nonzeros: int
+    products: float
+
+    @property
+    def cost(self) -> float:
+        """Of making it."""
+        return PER_FACTOR + PER_FACTOR_NONZERO * self.nonzeros + PER_FACTOR_PRODUCT * self.products
+
+    @property
+    def cost_of_solution(self) -> float:
+        """Of using it once."""
+        return PER_SOLVED_NONZERO * self.nonzeros
 
 
-def unsymmetric_solver(matrix: bsr_array, d: int, width: int) -> tuple[Callable[[Array], Array], str]:
-    """Prepare solving with a matrix that is nearly symmetric; as :func:`solver`.
+@dataclass
+class Solver:
+    """Solves one linear system after another, each close to the one before.
 
-    The part of it that is not symmetric comes with the change of the tangential forces along the distance, and is small
-    where little slides in a step. So pivots stay on the diagonal, and their signs still tell where nothing resists.
+    A system is solved by Krylov's method, preconditioned by its blocks on the diagonal or by the factor of an earlier
+    one, or by its own factor: whichever costs least, by counts of operations. A factor is replaced as a machine is that
+    wears out: when the next solution costs more than the average over its life, its making included.
+
+    Attributes
+    ----------
+    d, width : int
+        Dimension of space, and unknowns of a particle.
+    symmetric : bool
+    certain : bool
+        Whether each matrix is factorised (as long as it is not too large), so that no direction is missed along which
+        nothing resists.
+    matrix : bsr_array or None
+        The present one.
+    factor : Factor or None
+    by_blocks : float
+        Cost of the last solution without a factor; 0 before there is any.
+    spent, solutions, last : float, int, float
+        Cost of all solutions with the factor and of making it, their number, cost of the last one.
+    counts : dict
+        ``factorisations`` and ``krylov``, iterations of Krylov's methods.
     """
-    if matrix.shape[0] <= LARGEST_DIRECT[d]:
-        return direct(matrix, width), "sparse LU"
-    return _stabilised(matrix, width), "BiCGStab, block-diagonal preconditioner"
+
+    d: int
+    width: int
+    symmetric: bool = True
+    certain: bool = False
+    matrix: bsr_array | None = None
+    factor: Factor | None = None
+    by_blocks: float = 0.0
+    spent: float = 0.0
+    solutions: int = 0
+    last: float = 0.0
+    counts: dict[str, int] = field(default_factory=lambda: {"factorisations": 0, "krylov": 0})
+    _precondition: Callable[[Array], Array] | None = None
+
+    @property
+    def method(self) -> str:
+        """Words for what the last solution was found by."""
+        krylov = "conjugate gradients" if self.symmetric else "BiCGStab"
+        if self.factor is None:
+            return f"{krylov}, preconditioned by blocks on the diagonal" if self.by_blocks else ""
+        direct = "sparse LDL^T" if self.symmetric else "sparse LU"
+        return direct if self.factor.matrix is self.matrix else f"{krylov}, preconditioned by {direct}"
 
 
-def direct(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
+def prepare(solver: Solver, matrix: bsr_array) -> None:
+    """Take a matrix to solve with.
+
+    Raises
+    ------
+    Indefinite
+        Where a factorisation, or a block on the diagonal, shows a direction along which nothing resists.
+    """
+    solver.matrix, solver._precondition = matrix, None
+    if _is_worth_a_factor(solver):
+        _factorise(solver)
+
+
+def solve(solver: Solver, b: Array, tolerance: float = TOLERANCE) -> Array:
+    """Solution of the present system, to a residual of ``tolerance`` at most, relative to b; of the shape of b.
+
+    Raises
+    ------
+    Indefinite
+        As :func:`prepare`, and where conjugate gradients meet a direction of negative curvature.
+    """
+    assert solver.matrix is not None
+    if solver.factor is not None and solver.factor.matrix is solver.matrix:
+        _count(solver, solver.factor.cost_of_solution)
+        return solver.factor.solve(b)
+    iterate = conjugate_gradients if solver.symmetric else stabilised
+    if solver.factor is None:
+        if solver._precondition is None:
+            solver._precondition = block_diagonal(solver.matrix, solver.width, definite=solver.symmetric)
+        precondition, each = solver._precondition, PER_BLOCK * solver.width * solver.matrix.shape[0]
+    else:
+        precondition, each = solver.factor.solve, solver.factor.cost_of_solution
+    each += PER_PRODUCT * solver.matrix.data.size + PER_ITERATION
+    each *= 1 if solver.symmetric else 2
+    expected = _expected(solver)
+    most = MOST_ITERATIONS
+    if expected.nonzeros <= LARGEST_FACTOR:
+        most = min(most, 1 + int(expected.cost / each))
+    x, iterations, done = iterate(solver.matrix, precondition, b, solver.width, tolerance, most)
+    solver.counts["krylov"] += iterations
+    _count(solver, iterations * each)
+    if not done and most < MOST_ITERATIONS:
+        _factorise(solver)
+        return solve(solver, b)
+    return x
+
+
+def _count(solver: Solver, cost: float) -> None:
+    if solver.factor is None:
+        solver.by_blocks = cost
+    else:
+        solver.spent, solver.solutions, solver.last = solver.spent + cost, solver.solutions + 1, cost
+
+
+def _expected(solver: Solver) -> Factor:
+    """What a factor would cost: as the last one, or as fits packings of spheres."""
+    assert solver.matrix is not None
+    if solver.factor is not None:
+        return solver.factor
+    size = solver.matrix.shape[0]
+    count = size / solver.width
+    # blocks in a row of L
+    blocks = {1: 3.0, 2: max(3.0, 2.75 * math.log2(count) - 5), 3: max(3.0, count ** (2 / 3))}[solver.d]
+    row = solver.width * blocks
+    return Factor(solver.matrix, lambda b: b, int(size * row), 2.3 * size * row**2)
+
+
+def _is_worth_a_factor(solver: Solver) -> bool:
+    expected = _expected(solver)
+    if expected.nonzeros > LARGEST_FACTOR:
+        return False
+    if solver.certain:
+        return True
+    if solver.factor is None:
+        return solver.by_blocks > expected.cost / SOLUTIONS + expected.cost_of_solution
+    average = solver.spent / solver.solutions if solver.solutions else math.inf
+    if solver.last <= average:
+        return False
+    if solver.by_blocks < average:
+        solver.factor = None
+        return False
+    solver.by_blocks *= 0.8  # what was found long ago is tried again one day
+    return True
+
+
+def _factorise(solver: Solver) -> None:
+    assert solver.matrix is not None
+    solver.factor = None  # not two at a time
+    solver.factor = direct(solver.matrix, solver.width)
+    solver.counts["factorisations"] += 1
+    solver.spent, solver.solutions, solver.last = solver.factor.cost, 0, 0.0
+
+
+def direct(matrix: bsr_array, width: int) -> Factor:
+    """Factorise a matrix that is symmetric, or nearly.
+
+    The part of a matrix that is not symmetric comes with the change of the tangential forces along the distance, and is
+    small where little slides in a step. So pivots stay on the diagonal, and their signs still tell where nothing
+    resists.
+
+    Raises
+    ------
+    Indefinite
+    """
     size = matrix.shape[0]
     full = csc_array(matrix)
     try:
         # pivots from the diagonal, as the matrix is symmetric: then the signs of U's are those of the eigenvalues
         factor = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:  # a pivot is exactly zero
-        raise Indefinite(lambda: _softest(matrix).reshape(-1, d)) from None
-    pivots = factor.U.diagonal()
+        raise Indefinite(lambda: _softest(matrix).reshape(-1, width)) from None
+    upper = factor.U
+    pivots = upper.diagonal()
     small = 1e-13 * float(np.abs(full.diagonal()).max(initial=0.0))
     if not np.array_equal(factor.perm_r, factor.perm_c) or not float(pivots.min()) > small:
-        raise Indefinite(lambda: _softest(matrix).reshape(-1, d))
+        raise Indefinite(lambda: _softest(matrix).reshape(-1, width))
+    columns = np.diff(upper.indptr).astype(float)
 
     def solve(b: Array) -> Array:
         return factor.solve(b.reshape(size)).reshape(b.shape)
 
-    return solve
+    return Factor(matrix, solve, upper.nnz, float(columns @ columns))
 
 
 def _softest(matrix: bsr_array) -> Array:
@@ -199,83 +368,95 @@ def _softest(matrix: bsr_array) -> Array:
     return vectors[:, 0]
 
 
-def _inner(a: Array, b: Array) -> float:
-    """Product, not by the BLAS, whose threads cost more than it."""
-    return float(np.einsum("i,i->", a, b))
+def block_diagonal(matrix: bsr_array, width: int, definite: bool = True) -> Callable[[Array], Array]:
+    """Preconditioner by the inverse of each particle's own block.
 
-
-def _stabilised(matrix: bsr_array, width: int) -> Callable[[Array], Array]:
-    """Van der Vorst's BiCGStab."""
+    Raises
+    ------
+    Indefinite
+        If one of them is not positive definite, and ``definite`` asks for it.
+    """
     count = matrix.shape[0] // width
     rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
-    inverse = np.linalg.inv(matrix.data[rows == matrix.indices])
+    own = matrix.data[rows == matrix.indices]
+    if definite:
+        try:
+            np.linalg.cholesky(own)
+        except np.linalg.LinAlgError:
+            lowest, directions = np.linalg.eigh(own)
+            worst = int(np.argmin(lowest[:, 0]))
+            direction = np.zeros((count, width))
+            direction[worst] = directions[worst, :, 0]
+            raise Indefinite(lambda: direction) from None
+    inverse = np.linalg.inv(own)
 
     def precondition(v: Array) -> Array:
         return np.einsum("iab,ib->ia", inverse, v.reshape(count, width)).reshape(-1)
 
-    def solve(b: Array) -> Array:
-        x, residual = np.zeros(b.size), b.reshape(-1).copy()
-        shadow, direction, image = residual.copy(), np.zeros(b.size), np.zeros(b.size)
-        goal = CG_TOLERANCE**2 * _inner(residual, residual)
-        before = length = weight = 1.0
-        for _ in range(CG_ITERATIONS):
-            if _inner(residual, residual) <= goal:
-                break
-            now = _inner(shadow, residual)
-            direction = residual + now / before * length / weight * (direction - weight * image)
-            towards = precondition(direction)
-            image = matrix @ towards
-            along = _inner(shadow, image)
-            if along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
-                break
-            length = now / along
-            half = residual - length * image
-            aside = precondition(half)
-            turned = matrix @ aside
-            size = _inner(turned, turned)
-            weight = _inner(turned, half) / size if size > 0 else 0.0
-            x += length * towards + weight * aside
-            residual = half - weight * turned
-            before = now
-            if weight == 0:
-                break
-        return x.reshape(b.shape)
-
-    return solve
+    return precondition
 
 
-def conjugate_gradients(matrix: bsr_array, d: int) -> Callable[[Array], Array]:
-    count = matrix.shape[0] // d
-    rows = np.repeat(np.arange(count), np.diff(matrix.indptr))
-    own = matrix.data[rows == matrix.indices]
-    if float(np.linalg.eigvalsh(own).min()) <= 0:
-        worst = int(np.argmin(np.linalg.eigvalsh(own)[:, 0]))
-        direction = np.zeros((count, d))
-        direction[worst] = np.linalg.eigh(own[worst])[1][:, 0]
-        raise Indefinite(lambda: direction)
-    inverse = np.linalg.inv(own)
+def conjugate_gradients(
+    matrix: bsr_array, precondition: Callable[[Array], Array], b: Array, width: int, tolerance: float, most: int
+) -> tuple[Array, int, bool]:
+    """Conjugate gradients; returns x, the number of iterations, and whether the tolerance is met.
 
-    def precondition(v: Array) -> Array:
-        return np.einsum("iab,ib->ia", inverse, v.reshape(count, d)).reshape(-1)
+    Raises
+    ------
+    Indefinite
+    """
+    x, residual = np.zeros(b.size), b.reshape(-1).copy()
+    goal = tolerance**2 * _inner(residual, residual)
+    direction = np.zeros(b.size)
+    before = 1.0
+    for iteration in range(most + 1):
+        if _inner(residual, residual) <= goal:
+            return x.reshape(b.shape), iteration, True
+        towards = precondition(residual)
+        now = _inner(residual, towards)
+        direction = towards + now / before * direction
+        before = now
+        image = matrix @ direction
+        curvature = _inner(direction, image)
+        if not curvature > 0:
+            raise Indefinite(partial(np.reshape, direction, (-1, width)))
+        x += now / curvature * direction
+        residual -= now / curvature * image
+    return x.reshape(b.shape), most, False
 
-    def solve(b: Array) -> Array:
-        x, residual = np.zeros(b.size), b.reshape(-1).copy()
-        goal = CG_TOLERANCE**2 * _inner(residual, residual)
-        direction = np.zeros(b.size)
-        before = 1.0
-        for _ in range(CG_ITERATIONS):
-            if _inner(residual, residual) <= goal:
-                break
-            towards = precondition(residual)
-            now = _inner(residual, towards)
-            direction = towards + now / before * direction
-            before = now
-            image = matrix @ direction
-            curvature = _inner(direction, image)
-            if not curvature > 0:
-                raise Indefinite(partial(np.reshape, direction, (count, d)))
-            x += now / curvature * direction
-            residual -= now / curvature * image
-        return x.reshape(b.shape)
 
-    return solve
+def stabilised(
+    matrix: bsr_array, precondition: Callable[[Array], Array], b: Array, width: int, tolerance: float, most: int
+) -> tuple[Array, int, bool]:
+    """Van der Vorst's BiCGStab; as :func:`conjugate_gradients`."""
+    x, residual = np.zeros(b.size), b.reshape(-1).copy()
+    shadow, direction, image = residual.copy(), np.zeros(b.size), np.zeros(b.size)
+    goal = tolerance**2 * _inner(residual, residual)
+    before = length = weight = 1.0
+    for iteration in range(most + 1):
+        if _inner(residual, residual) <= goal:
+            return x.reshape(b.shape), iteration, True
+        now = _inner(shadow, residual)
+        direction = residual + now / before * length / weight * (direction - weight * image)
+        towards = precondition(direction)
+        image = matrix @ towards
+        along = _inner(shadow, image)
+        if along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
+            break
+        length = now / along
+        half = residual - length * image
+        aside = precondition(half)
+        turned = matrix @ aside
+        size = _inner(turned, turned)
+        weight = _inner(turned, half) / size if size > 0 else 0.0
+        x += length * towards + weight * aside
+        residual = half - weight * turned
+        before = now
+        if weight == 0:
+            break
+    return x.reshape(b.shape), most, False
+
+
+def _inner(a: Array, b: Array) -> float:
+    """Product, not by the BLAS, whose threads cost more than it."""
+    return float(np.einsum("i,i->", a, b))

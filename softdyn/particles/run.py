@@ -379,7 +379,7 @@ def integrate(
                 continue
         except (StepFailed, linear.Indefinite) as refused:
             error, failure = math.inf, refused
-            newton.solve = None
+            newton.s = 0.0
         if not error <= 1.0:
             state.counts["rejected"] += 1
             grow = 1.0
@@ -503,7 +503,8 @@ def _result(
         "method": "SDIRK of order 3 in positions and gaps",
         **state.counts,
         **{f"newton_{name}": number for name, number in newton.counts.items()},
-        "linear_solver": newton.method,
+        **(newton.solver.counts if newton.solver else {}),
+        "linear_solver": newton.solver.method if newton.solver else "",
         "force_residual": max((row[2] for row in state.history), default=0.0),
         "wall_s": time.perf_counter() - began,
         "compile_s": system.kernel.compile_s,

@@ -34,8 +34,10 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOST_ITERATIONS = 40
-#: A factorisation is used again as long as each iteration with it leaves less than this of the residual.
-CONTRACTION = 0.2
+#: A matrix is used again as long as each iteration with it leaves less than this of the residual.
+CONTRACTION = 0.1
+#: What the linear solver may leave: of what Newton's iteration may, and of the present residual.
+AIM, LEAST = 0.3, 0.1
 #: Contacts that are looked at together where all at once would take much memory.
 MANY = 1 << 15
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
@@ -122,25 +124,33 @@ class System:
     @property
     def force_tolerance(self) -> float:
         """Residual of the force balance, relative to the largest force, at which Newton's iteration ends."""
-        return min(1e-3 * self.rtol, 1e-6)
+        return 1e-3 * self.rtol
 
 
 @dataclass
 class Newton:
-    """What one Newton iteration leaves for the next: the factorised matrix; and how much work there was."""
+    """What one Newton iteration leaves for the next: the linear solver with its matrix; and how much work there was.
 
-    solve: Callable[[Array], Array] | None = None
+    Attributes
+    ----------
+    solver : linear.Solver or None
+    s : float
+        gamma dt of its matrix; 0 where that does not hold any more.
+    pattern : Pattern or None
+        Of the present list of contacts.
+    gauge_pairs : list of pair of int
+    counts : dict
+    """
+
+    solver: linear.Solver | None = None
     s: float = 0.0
     pattern: linear.Pattern | None = None
     gauge_pairs: list[tuple[int, int]] = field(default_factory=list)
-    method: str = ""
-    counts: dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(("iterations", "factorisations", "contacts"), 0)
-    )
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("iterations", "matrices", "contacts"), 0))
 
     def forget(self) -> None:
         """Another list of contacts: nothing of the old matrix holds."""
-        self.solve = self.pattern = None
+        self.s, self.pattern = 0.0, None
 
 
 @dataclass(frozen=True)
@@ -415,18 +425,20 @@ def balance(
         now, curvature = evaluate(x, y_star.copy())
     if not math.isfinite(now.residual):
         raise StepFailed(_unsolved(contacts, now, count))
-    if newton.solve is not None and (newton.s == 0 or not 0.8 < s / newton.s < 1.25):
-        newton.solve = None
+    target = system.force_tolerance
+    if newton.s > 0 and not 0.8 < s / newton.s < 1.25:
+        newton.s = 0.0
     fresh = False
     for _ in range(MOST_ITERATIONS):
-        if now.residual <= system.force_tolerance:
+        if now.residual <= target:
             return _in_gauge(now, gauge, x_star)
         newton.counts["iterations"] += 1
-        if newton.solve is None:
-            _factorise(system, contacts, newton, now, curvature, s, moving, gauge, known)
+        if newton.s == 0 or newton.solver is None:
+            _linearise(system, contacts, newton, now, curvature, s, moving, gauge, known)
             newton.s, fresh = s, True
-        assert newton.solve is not None
-        change = newton.solve(np.where(free, -now.reaction, 0.0))
+        assert newton.solver is not None
+        wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
+        change = linear.solve(newton.solver, np.where(free, -now.reaction, 0.0), wanted)
         size = _largest(change)
         if not math.isfinite(size):
             raise StepFailed(f"the linear system has no finite solution at t={t:.6g}")
@@ -434,19 +446,17 @@ def balance(
         factor = min(1.0, 0.5 * float(system.radii.min()) / size) if size > 0 else 1.0
         for _ in range(10):
             trial, trial_curvature = evaluate(now.x + factor * change, now.y.copy())
-            if trial.residual < now.residual or trial.residual <= system.force_tolerance:
-                break
-            if not fresh:
+            better = trial.residual < now.residual or trial.residual <= target
+            if better or not fresh:
                 break
             factor *= 0.4
-        better = trial.residual < now.residual or trial.residual <= system.force_tolerance
         if better:
             slow = trial.residual > CONTRACTION * now.residual
             now, curvature = trial, trial_curvature
         elif fresh:
             raise StepFailed(_unbalanced(now, free))
         if not better or slow:
-            newton.solve, fresh = None, False
+            newton.s, fresh = 0.0, False
     raise StepFailed(_unbalanced(now, free))
 
 
@@ -495,7 +505,7 @@ def _in_gauge(found: Balance, gauge: list[int], x_star: Array) -> Balance:
     return found
 
 
-def _factorise(
+def _linearise(
     system: System,
     contacts: Contacts,
     newton: Newton,
@@ -516,7 +526,10 @@ def _factorise(
         if len(ends):
             i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
         newton.pattern = linear.pattern_of(count, i, j)
-    newton.solve = None  # and with it the matrix before
+    if newton.solver is None:
+        certain = not np.any(system.drag > 0)
+        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=certain)
+    newton.solver.matrix = None  # not two at a time
     across = now.F * curvature
     springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
     scale = _largest(now.F_r)
@@ -530,11 +543,11 @@ def _factorise(
     diagonal = system.resistance / s if moving else np.zeros((count, width))
     for axis in gauge:
         diagonal[0, axis] += scale
-    newton.counts["factorisations"] += 1
+    newton.counts["matrices"] += 1
     slid = now.slid
     if slid is None or known is None:
         matrix = linear.assemble(newton.pattern, component, diagonal, system.fixed)
-        newton.solve, newton.method = linear.solver(matrix, d)
+        linear.prepare(newton.solver, matrix)
         return
     # what spins without any resistance, as a particle about the line of its only contacts, does not
     diagonal[:, d:] += IDLE * max(scale, _largest(now.values["stiff"]))
@@ -550,7 +563,7 @@ def _factorise(
             yield whole
 
     matrix = linear.assemble_quarters(newton.pattern, quarters(), diagonal, system.fixed)
-    newton.solve, newton.method = linear.unsymmetric_solver(matrix, d, width)
+    linear.prepare(newton.solver, matrix)
 
 
 def pair_named(contacts: Contacts, c: int, count: int) -> str:
@@ -687,14 +700,14 @@ def take_step(
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
     """Error of a step relative to what is allowed.
 
-    The root of the mean square over contacts within their range, and a tenth of the largest. Likewise over particles,
-    where their positions are integrated; likewise over tangential forces, relative to the largest force, or to what
-    would shear the contact's surfaces by its gap.
+    The root of the mean square over contacts within their range, each as much as there is of it, and a tenth of the
+    largest. Likewise over particles, where their positions are integrated; likewise over tangential forces, relative to
+    the largest force, or to what would shear the contact's surfaces by its gap.
     """
     active = end.h < system.reach
     found = [0.0]
     if active.any():
-        relative = (y_error / np.sqrt(1 + end.y**2))[active] / system.rtol
+        relative = (y_error / np.sqrt(1 + end.y**2))[active] * weight(end.h[active], system.reach) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
     dragged = system.drag > 0
     if dragged.any():
@@ -706,6 +719,12 @@ def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error
         relative = np.linalg.norm(T_error[active], axis=1) / (system.rtol * allowed)
         found += [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
     return max(found) if all(map(math.isfinite, found)) else math.inf
+
+
+def weight(h: Array, reach: float) -> Array:
+    """What there is of a contact: 1 up to half of its range, 0 at its range, as in the kernel."""
+    ahead = np.clip(2 * (1 - h / reach), 0.0, 1.0)
+    return np.asarray(ahead**2 * (3 - 2 * ahead))
 
 
 def contact_state(system: System, contacts: Contacts, overlap: Array, h: Array) -> dict[str, Array]:

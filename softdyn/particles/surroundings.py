@@ -43,6 +43,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.particles import linear
 from softdyn.particles.geometry import Box, Contacts, Wall, lattice
 
 if TYPE_CHECKING:
@@ -199,8 +200,8 @@ def condensed(
             if at.x.shape[1] > d:  # rotations follow the flow's, -g/2
                 column[:, -1] += system.resistance[:, -1] * G[k, 0, 1] / 2 * system.radii
         column[system.fixed] = 0.0
-        if newton.solve is not None:
-            moved[k] = -newton.solve(column)
+        if newton.solver is not None and newton.solver.matrix is not None:
+            moved[k] = -linear.solve(newton.solver, column)
     curved = (at.F_r - slope) / at.r
     square = np.einsum("ca,jab,cb->jc", rho, E, rho)
     both = E + E.transpose(0, 2, 1)
