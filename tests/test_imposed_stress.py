@@ -309,3 +309,27 @@ until = {t = 10.0}
     path.write_text(path.read_text().replace('[0, "1e-3*t/10"]', "[1.0]"))
     with pytest.raises(SceneError, match="wall 0: velocity needs 2 components"):
         simulate_particles(read_particle_scene(path))
+
+
+def test_a_run_under_an_imposed_shear_stress_ends_at_a_strain() -> None:
+    """Exactly there, with a frame of it, which is that of a run that goes on to a later time."""
+    creeping = packing(stress={"xy": 2e-3}, drag=1.0, until=1e5, until_strain=0.02, times=[0.0])
+    result = simulate_particles(creeping)
+    lean = result.cell[-1, 0, 1] / result.cell[-1, 1, 1]
+    assert lean == pytest.approx(0.02, rel=1e-8)
+    assert result.t[-1] < 1e5
+    onward = simulate_particles(replace(creeping, until_strain=None, until=2 * result.t[-1], times=[result.t[-1]]))
+    passed = onward.cell[0, 0, 1] / onward.cell[0, 1, 1]
+    assert passed == pytest.approx(0.02, rel=1e-3)  # ten times the tolerance of a step
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"until_strain": 0.1, "shear_rate": 1e-3}, "ends a run under an imposed shear stress"),
+        ({"until_strain": 0.0, "stress": {"xy": 1e-3}}, "must be a number other than 0"),
+    ],
+)
+def test_a_strain_that_is_no_end_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        simulate_particles(packing(drag=1.0, **changes))

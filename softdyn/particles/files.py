@@ -111,7 +111,7 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             Wall(entry["point"], entry["normal"], entry.get("rigid", True), entry.get("velocity"))
             for entry in data.get("wall", [])
         ],
-        "until": _end(data["until"], flow),
+        **_end(data["until"], flow, data.get("stress", {})),
         **placed,
     }
     settings |= {"times": data["output"]["times"]} if "times" in data.get("output", {}) else {}
@@ -135,17 +135,21 @@ def _list(value: Any) -> list[Any]:
     return value
 
 
-def _end(until: Mapping[str, Any], flow: Mapping[str, Any]) -> float:
+def _end(until: Mapping[str, Any], flow: Mapping[str, Any], stress: Mapping[str, Any]) -> dict[str, Any]:
+    if "xy" in stress:
+        if "t" not in until:
+            raise SceneError("[until] t is missing: under an imposed shear stress a strain may never be reached")
+        return {"until": until["t"], "until_strain": until.get("strain")}
     if len(until) != 1:
         raise SceneError("[until] takes t or strain, one of them")
     if "t" in until:
-        return until["t"]
+        return {"until": until["t"]}
     rate, strain = flow.get("shear_rate", 0), until["strain"]
     if not isinstance(rate, (int, float)) or not rate:
-        raise SceneError("[until] strain needs [flow] shear_rate, a number; give t where the rate is not known before")
+        raise SceneError("[until] strain needs [flow] shear_rate, a number, or [stress] xy")
     if isinstance(strain, bool) or not isinstance(strain, (int, float)):
         raise SceneError(f"[until] strain must be a number, not {strain!r}")
-    return strain / abs(rate)
+    return {"until": strain / abs(rate)}
 
 
 def _placed(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles import linear, sliding
-from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.geometry import Box, directions, lattice
 from softdyn.particles.kernel import energies, get_contact_kernel
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
@@ -37,6 +37,7 @@ from softdyn.particles.step import (
     TANGENTIAL_WORKS,
     Newton,
     Output,
+    Step,
     StepFailed,
     System,
     balance,
@@ -55,6 +56,10 @@ MOST_STEPS = 1_000_000
 #: Seconds between two checkpoints.
 CHECKPOINT_EVERY = 30.0
 SMALLEST_STEP = 1e-12
+#: A step is longer than the one before by this factor at most.
+LARGEST_GROWTH = 3.0
+#: A strain is reached to this fraction of it.
+STRAINED = 1e-9
 #: Imbalance of the energy, in units of rtol, from which the result warns: errors of some steps may add up to a few.
 IMBALANCE = 3.0
 #: Gap, relative to the radius, below which a film is drained: the distance of two centres tells no smaller one.
@@ -346,90 +351,154 @@ def integrate(
         The state is then the last good one.
     """
     system = _present(system, state)
-    farthest = 2 * float(checked.radii.max()) + (0.0 if math.isinf(system.reach) else system.reach) + state.listed.skin
-    until = float(scene.until)
+    until, grow = float(scene.until), LARGEST_GROWTH
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(_frame(system, state))
-    grow = 3.0
-    power: dict[str, float] | None = None
-    while state.t < until:
+    while state.t < until and not _has_strained(scene, state):
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
         _require_balanced(system, state.t, state.x)
-        landing = until
-        if system.kernel.tangential:  # steps end at outputs
-            landing = min([until, *checked.times[checked.times > state.t][:1]])
-        # leave no sliver before the end
-        left = landing - state.t
-        dt = left if state.dt >= 0.99 * left else min(state.dt, 0.5 * left) if state.dt > 0.5 * left else state.dt
-        when = landing if dt == left else state.t + dt
-        within = checked.times[(checked.times > state.t) & (checked.times < when)]
-        failure: Exception | None = None
-        try:
-            step = take_step(system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, power)
-            error = step.error
-            ends = step.end.x[:, : system.dimension]
-            moved = travelled(state.listed, ends, step.system.box, when, farthest, step.system.walls)
-            if not math.isinf(system.reach) and moved > 1.0:
-                if travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0:
-                    _list_again(scene, checked, system, newton, state)
-                else:
-                    newton.forget()
-                    state.dt = 0.5 * dt
-                continue
-        except (StepFailed, linear.Indefinite) as refused:
-            error, failure = math.inf, refused
-            newton.s = 0.0
-        if not error <= 1.0:
-            state.counts["rejected"] += 1
-            grow = 1.0
-            # after a failure nothing is known but that the step was too long
-            state.dt = dt * (max(0.2, 0.9 * error ** (-1 / ORDER)) if failure is None and error < math.inf else 0.5)
-            if state.dt < SMALLEST_STEP * until or state.t + 0.1 * state.dt == state.t:
-                cause = (
-                    f"the tolerance rtol={system.rtol:g} cannot be met"
-                    if failure is None
-                    else _why(system, state, failure)
-                )
-                raise IntegrationError(f"the run cannot go on at t={state.t:.6g}, however short the step: {cause}")
-            if failure is not None:
-                state.v, state.y_rate, power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
+        dt, when = _length(state, until)
+        ahead = state.x + dt * state.v[:, : system.dimension]
+        if _drift(checked, system, state, ahead, system, when) > 1.0 and _drift(checked, system, state) > 0:
+            _list_again(scene, checked, system, newton, state)
+        step, failure = _attempt(checked, system, newton, state, dt, when)
+        if step is None or not step.error <= 1.0:
+            _shorten(system, state, until, dt, math.inf if step is None else step.error, failure)
+            newton.s, grow = newton.s if failure is None else 0.0, 1.0
+            continue
+        if _drift(checked, system, state, step.end.x[:, : system.dimension], step.system, when) > 1.0:
+            # further than the list of contacts reaches, and than was expected
+            if _drift(checked, system, state) > 0:
+                _list_again(scene, checked, system, newton, state)
+            else:
+                newton.forget()
+                state.dt = 0.5 * dt
+            continue
+        over = _beyond(scene, state, step, when)
+        if over is not None:
+            state.dt = over
             continue
         _require_films(system, state, step.end.h, when)
-        if state.frames and state.frames[0].t == state.t == 0.0:
-            state.frames[0] = _frame(system, replace(state, v=step.first_v))
-        for output in step.outputs:
-            state.frames.append(_frame_within(output, state))
-        state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
-        system, state.box, state.walls = step.system, step.system.box, step.system.walls
-        # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
-        power = step.power
-        state.y_rate = step.y_rate / np.sqrt(1 + step.end.y**2)
-        state.contacts.h = step.end.h
-        if step.end.slid is not None:
-            state.contacts.T = step.end.slid.force
-        for name, amount in step.work.items():
-            state.work[name] += amount
-        touching = step.end.h < system.reach
-        state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
-        state.contacts.touched |= touching
-        state.counts["steps"] += 1
-        state.history.append((state.t, dt, step.end.residual, error, int(touching.sum())))
-        longer = dt * min(grow, 0.9 * max(error, 1e-12) ** (-1 / ORDER))
-        # a step shortened to end says nothing against a longer one
-        state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
-        grow = 3.0
-        if (
-            not math.isinf(system.reach)
-            and travelled(state.listed, state.x, system.box, state.t, farthest, system.walls) > 0.5
-        ):
+        system = _accept(system, state, step, dt, when, grow)
+        grow = LARGEST_GROWTH
+        if _drift(checked, system, state) > 0.5:
             _list_again(scene, checked, system, newton, state)
-        if state.t in checked.times:
+        if state.t in checked.times or _has_strained(scene, state):
             state.frames.append(_frame(system, state))
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:
             after_step(state)
+
+
+def _length(state: State, until: float) -> tuple[float, float]:
+    """Length of the next step, and its end: no sliver is left before the end of the run."""
+    left = until - state.t
+    if state.dt >= 0.99 * left:
+        return left, until
+    dt = min(state.dt, 0.5 * left) if state.dt > 0.5 * left else state.dt
+    return dt, state.t + dt
+
+
+def _drift(
+    checked: Checked,
+    system: System,
+    state: State,
+    x: Array | None = None,
+    at: System | None = None,
+    t: float | None = None,
+) -> float:
+    """By how much surfaces have come closer, or will have at x, since contacts were listed, in units of the skin."""
+    if math.isinf(system.reach):
+        return 0.0
+    where = system if at is None else at
+    farthest = 2 * float(checked.radii.max()) + system.reach + state.listed.skin
+    place, when = (state.x, state.t) if x is None or t is None else (x, t)
+    return travelled(state.listed, place, where.box, when, farthest, where.walls)
+
+
+def _attempt(
+    checked: Checked, system: System, newton: Newton, state: State, dt: float, when: float
+) -> tuple[Step | None, Exception | None]:
+    """Try a step; or what it failed of."""
+    within = checked.times[(checked.times > state.t) & (checked.times < when)]
+    try:
+        step = take_step(
+            system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, state.power
+        )
+    except (StepFailed, linear.Indefinite) as refused:
+        return None, refused
+    return step, None
+
+
+def _shorten(system: System, state: State, until: float, dt: float, error: float, failure: Exception | None) -> None:
+    """Make the next attempt shorter, after one that was not good enough.
+
+    Raises
+    ------
+    IntegrationError
+        If no step is short enough.
+    """
+    state.counts["rejected"] += 1
+    # after a failure nothing is known but that the step was too long
+    state.dt = dt * (max(0.2, 0.9 * error ** (-1 / ORDER)) if math.isfinite(error) else 0.5)
+    if state.dt < SMALLEST_STEP * until or state.t + 0.1 * state.dt == state.t:
+        tolerance = f"the tolerance rtol={system.rtol:g} cannot be met"
+        cause = tolerance if failure is None else _why(system, state, failure)
+        raise IntegrationError(f"the run cannot go on at t={state.t:.6g}, however short the step: {cause}")
+    if failure is not None:
+        state.v, state.y_rate, state.power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
+
+
+def _accept(system: System, state: State, step: Step, dt: float, when: float, grow: float) -> System:
+    """Take the end of a step for the state; returns the system with box and walls as they are there."""
+    if state.frames and state.frames[0].t == state.t == 0.0:
+        state.frames[0] = _frame(system, replace(state, v=step.first_v))
+    for output in step.outputs:
+        state.frames.append(_frame_within(output, state))
+    state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
+    state.box, state.walls = step.system.box, step.system.walls
+    # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
+    state.y_rate = step.y_rate / np.sqrt(1 + step.end.y**2)
+    state.contacts.h = step.end.h
+    if step.end.slid is not None:
+        state.contacts.T = step.end.slid.force
+    for name, amount in step.work.items():
+        state.work[name] += amount
+    touching = step.end.h < system.reach
+    state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
+    state.contacts.touched |= touching
+    state.counts["steps"] += 1
+    state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
+    longer = dt * min(grow, 0.9 * max(step.error, 1e-12) ** (-1 / ORDER))
+    # a step shortened to end says nothing against a longer one
+    state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
+    state.power = step.power
+    return step.system
+
+
+def _strain(box: Box, t: float) -> float:
+    """Shear strain of the box."""
+    cell = lattice(box, t)
+    return float(cell[0, 1] / cell[1, 1])
+
+
+def _has_strained(scene: ParticleScene, state: State) -> bool:
+    """Whether the strain is reached at which the run ends."""
+    if scene.until_strain is None:
+        return False
+    return abs(_strain(state.box, state.t)) >= abs(scene.until_strain) * (1 - STRAINED)
+
+
+def _beyond(scene: ParticleScene, state: State, step: Step, when: float) -> float | None:
+    """A shorter step, if this one goes beyond the strain at which the run ends; None if not."""
+    if scene.until_strain is None:
+        return None
+    goal, end, start = abs(scene.until_strain), abs(_strain(step.system.box, when)), abs(_strain(state.box, state.t))
+    if end <= goal * (1 + STRAINED):
+        return None
+    return (when - state.t) * (goal - start) / (end - start)
 
 
 def _require_films(system: System, state: State, h: Array, when: float) -> None:

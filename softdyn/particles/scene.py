@@ -115,6 +115,8 @@ class ParticleScene:
         Named constants of the expressions.
     until : float
         The run ends at this time.
+    until_strain : float, optional
+        Or before, where a box under an imposed shear stress has this shear strain.
     times : int or sequence of float
         Output times: how many, evenly spaced from 0 to the end, or which.
     rtol : float
@@ -127,6 +129,7 @@ class ParticleScene:
     positions: Any
     radii: Any
     until: float
+    until_strain: float | None = None
     species: Sequence[str] | None = None
     mixing: Mapping[str, str] = field(default_factory=dict)
     gap: float | None = None
@@ -222,6 +225,14 @@ def check(scene: ParticleScene) -> Checked:
     for name, length in (("gap", scene.gap), ("reach", scene.reach)):
         if length is not None and not (_is_number(length) and length > 0):
             faults.append(f"{name} must be a positive number, not {length!r}")
+    if scene.until_strain is not None:
+        if not _is_number(scene.until_strain) or not scene.until_strain:
+            faults.append(f"until_strain must be a number other than 0, not {scene.until_strain!r}")
+        elif not isinstance(scene.stress, Mapping) or "xy" not in scene.stress:
+            faults.append(
+                "until_strain ends a run under an imposed shear stress, [stress] xy; elsewhere the strain is the time "
+                "times the shear rate"
+            )
     if not _is_number(scene.drag) or scene.drag < 0:
         faults.append(f"drag must be 0 or a positive number, not {scene.drag!r}")
     if not _is_number(scene.shear_rate):

@@ -33,6 +33,8 @@ class State:
     walls : tuple of Wall
     work : dict
         Energies exchanged since the start.
+    power : dict or None
+        Their rates, if v and y_rate are the rates at t, and not only guesses of them.
     stored0 : float
         Elastic energy at the start.
     counts : dict
@@ -51,6 +53,7 @@ class State:
     box: Box
     walls: tuple[Wall, ...]
     work: dict[str, float]
+    power: dict[str, float] | None = None
     stored0: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)

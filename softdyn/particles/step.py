@@ -606,7 +606,6 @@ def take_step(
     ----------
     outputs : sequence of float
         Times within the step at which the state is wanted too, if the error allows the step.
-        Without tangential forces: the rates of these at the start are not known.
     power : dict, optional
         Power of each kind at t, if v and y_rate are the rates there, and not only guesses of them.
 
@@ -635,14 +634,17 @@ def take_step(
                 total += weight * of_stage[which]
         return total
 
-    def stage(row: Array, when: float, guess_x: Array, guess_y: Array, box_rates: Array) -> _Stage:
+    def stage(
+        row: Array, when: float, guess_x: Array, guess_y: Array, box_rates: Array, sliding_row: Array | None = None
+    ) -> _Stage:
         x_star, y_star = x + dt * combined(row, 0), dt * combined(row, 1)
         first = x_star + s * guess_x
         if system.fixed.any():
             first = np.where(system.fixed, x_star + s * system.velocity(when), first)
         known = None
         if sliding_start is not None:
-            T_star, angle_star = contacts.T + dt * combined(row, 3), dt * combined(row, 4)
+            own = row if sliding_row is None else sliding_row
+            T_star, angle_star = contacts.T + dt * combined(own, 3), dt * combined(own, 4)
             known = replace(sliding_start, force=T_star, angle=angle_star)
         here, at_z, guess = system, z_rate, y_star + s * guess_y
 
@@ -689,7 +691,8 @@ def take_step(
         theta = (float(when) - t) / dt
         near = np.array([0.0, *rate_weights(theta)])
         row = dense_row(theta, power is not None)
-        other = stage(row, when, combined(near, 0), combined(near, 1), box_rates)
+        # the rates of tangential forces at the start are not known
+        other = stage(row, when, combined(near, 0), combined(near, 1), box_rates, dense_row(theta, False))
         own = powers(other.system, contacts, other.found, when, *other.rates[:2])
         between.append(Output(float(when), other.found, other.rates[0], work([*row, GAMMA], own), other.system))
     first_v = combined(np.array([0.0, *rate_weights(0.0)]), 0)
