@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from scipy.spatial import cKDTree
 from softdyn.errors import SceneError
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Integers = NDArray[np.signedinteger[Any]]
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     r : array
         Distances of the centres, or of the centre from the wall.
     curvature : array
-        1/r for pairs; 0 for walls, whose direction does not turn as the particle moves.
+        See :func:`curvatures`.
     """
     count = len(x)
     if not walls:
@@ -169,6 +170,11 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     for w, wall in enumerate(walls):
         n[contacts.j == count + w] = wall.normal
     return n, r, np.where(pair, 1 / np.where(pair, r, 1.0), 0.0)
+
+
+def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
+    """By how much directions turn with a motion across them: 1/r for pairs of ``count`` particles, 0 for walls."""
+    return np.where(contacts.j < count, 1 / r, 0.0)
 
 
 def _along(x: Array, i: Integers, j: Integers, shift: Integers, cell: Array) -> Array:
@@ -210,7 +216,7 @@ def find_pairs(
         found_shift.append(np.zeros((len(near), d), dtype=np.int64))
     i, j, shift = (np.concatenate(parts) for parts in (found_i, found_j, found_shift))
     order = np.lexsort((*shift.T, j, i))
-    return i[order].astype(np.int64), j[order].astype(np.int64), shift[order].astype(np.int32)
+    return i[order].astype(np.int32), j[order].astype(np.int32), shift[order].astype(np.int16)
 
 
 def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple[Integers, Integers, Integers]:

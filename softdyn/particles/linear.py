@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import LinearOperator, splu
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.signedinteger[Any]]
 
 #: What Krylov's methods leave of a residual, where nothing else is asked: Newton's iteration corrects it.
 TOLERANCE = 1e-2
@@ -53,32 +55,33 @@ class Pattern:
     """
 
     count: int
-    indptr: NDArray[np.int64]
-    indices: NDArray[np.int64]
-    diagonal: NDArray[np.int64]
-    upper: NDArray[np.int64]
-    lower: NDArray[np.int64]
-    i: NDArray[np.int64]
-    j: NDArray[np.int64]
+    indptr: Integers
+    indices: Integers
+    diagonal: Integers
+    upper: Integers
+    lower: Integers
+    i: Integers
+    j: Integers
     pair: NDArray[np.bool_]
 
 
-def pattern_of(count: int, i: NDArray[np.int64], j: NDArray[np.int64]) -> Pattern:
+def pattern_of(count: int, i: Integers, j: Integers) -> Pattern:
     """Pattern of a list of contacts between ``count`` particles; partners from ``count`` on are walls."""
     pair = j < count
-    a, b = i[pair], j[pair]
+    a, b = i[pair].astype(np.int64), j[pair].astype(np.int64)
     own = np.arange(count)
     keys = np.concatenate([own * count + own, a * count + b, b * count + a])
     places, where = np.unique(keys, return_inverse=True)
     rows, indices = np.divmod(places, count)
+    diagonal, upper, lower = np.split(where, [count, count + len(a)])
     indptr = np.searchsorted(rows, np.arange(count + 1))
     return Pattern(
         count,
         indptr.astype(np.int32),
         indices.astype(np.int32),
-        where[:count],
-        where[count : count + len(a)],
-        where[count + len(a) :],
+        diagonal.astype(np.int32),
+        upper.astype(np.int32),
+        lower.astype(np.int32),
         i,
         j,
         pair,

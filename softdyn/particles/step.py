@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear, sliding
-from softdyn.particles.geometry import Box, Contacts, Wall, directions, flow, lattice
+from softdyn.particles.geometry import Box, Contacts, Wall, curvatures, directions, flow, lattice
 from softdyn.particles.kernel import ContactKernel, energies
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
+from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.surroundings import Imposed, balance_under_stress, coordinates, moves, placed
 
 Array = NDArray[np.float64]
@@ -38,8 +39,6 @@ MOST_ITERATIONS = 40
 CONTRACTION = 0.1
 #: What the linear solver may leave: of what Newton's iteration may, and of the present residual.
 AIM, LEAST = 0.3, 0.1
-#: Contacts that are looked at together where all at once would take much memory.
-MANY = 1 << 15
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
@@ -335,12 +334,34 @@ def solve_contacts(
     return h, F, F_r, dict(zip(kernel.tangential, out, strict=True))
 
 
+def solve_at(
+    system: System, contacts: Contacts, x: Array, cell: Array, s: float, start: Array, target: Array, y: Array
+) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
+    """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
+    count, d = len(contacts), x.shape[1]
+    n, (r, h, F, F_r) = np.empty((count, d)), np.empty((4, count))
+    values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
+
+    def solve(part: slice) -> None:
+        some = portion(contacts, part)
+        n[part], r[part], _ = directions(some, x, cell, system.walls)
+        overlap = some.S - r[part]
+        h[part], F[part], F_r[part], more = solve_contacts(
+            system, overlap, s or INSTANT, start[part], target[part], y[part], some.q
+        )
+        for name, value in more.items():
+            values[name][part] = value
+
+    in_portions(solve, count)
+    return n, r, h, F, F_r, values
+
+
 def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
     """Sum of F n over the contacts of each particle: the force that it exerts through them, shape (N, d)."""
     total = np.empty((count, n.shape[1]))
     pair = contacts.j < count
     every = bool(pair.all())
-    i, j = contacts.i, contacts.j if every else contacts.j[pair]
+    i, j = contacts.i.astype(np.intp), (contacts.j if every else contacts.j[pair]).astype(np.intp)
     for axis in range(n.shape[1]):
         along = F * n[:, axis]
         total[:, axis] = np.bincount(i, along, minlength=count)
@@ -372,7 +393,7 @@ def balance(
     start : array, shape (contacts,)
         Gap at the start of the step, which defines y.
     y_star, y : array, shape (contacts,)
-        Known part, and a guess.
+        Known part, and a guess, which is overwritten.
     known : Known, optional
         What is known of the tangential forces.
 
@@ -392,9 +413,8 @@ def balance(
     free = ~system.fixed
     turning = turns_freely(system)
 
-    def evaluate(x: Array, y: Array) -> tuple[Balance, Array]:
-        n, r, curvature = directions(contacts, x[:, :d], cell, system.walls)
-        h, F, F_r, values = solve_contacts(system, contacts.S - r, s or INSTANT, start, y_star, y, contacts.q)
+    def evaluate(x: Array, y: Array) -> Balance:
+        n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, start, y_star, y)
         newton.counts["contacts"] += len(r)
         reaction = _forces_on(system, contact_forces(contacts, F, n, count)) - external
         resisting = drag * ((x - x_star) / s - background(system, x)) if moving else np.zeros_like(x)
@@ -402,7 +422,8 @@ def balance(
         slid = None
         if known is not None:
             assert images is not None
-            slid = sliding.slide(known, contacts, values, n, r, curvature, x - x_star, images, s)
+            turning_by = curvatures(contacts, r, count)
+            slid = sliding.slide(known, contacts, values, n, r, turning_by, x - x_star, images, s)
             reaction += sliding.reactions(contacts, known, slid, n, count)
         if turning:
             reaction -= _held_torque(x[:, :d], system.radii, reaction)
@@ -414,15 +435,15 @@ def balance(
             noise += _uncertainty(contacts, h, F, r)
             noise += ROUNDING * _largest(drag) / s * _largest(x) if moving else 0.0
         relative = max(wrong - noise, 0.0) / largest if largest > 0 else wrong
-        return Balance(x, y, h, F, F_r, n, r, reaction, relative, slid, values), curvature
+        return Balance(x, y, h, F, F_r, n, r, reaction, relative, slid, values)
 
-    now, curvature = evaluate(x, y.copy())
+    now = evaluate(x, y)
     for attempt in range(4):
         if math.isfinite(now.residual):
             break
         # the guess has gone too far: come closer to the known part
         x = x_star + 0.25 * (x - x_star) if attempt < 3 else x_star.copy()
-        now, curvature = evaluate(x, y_star.copy())
+        now = evaluate(x, y_star.copy())
     if not math.isfinite(now.residual):
         raise StepFailed(_unsolved(contacts, now, count))
     target = system.force_tolerance
@@ -434,7 +455,7 @@ def balance(
             return _in_gauge(now, gauge, x_star)
         newton.counts["iterations"] += 1
         if newton.s == 0 or newton.solver is None:
-            _linearise(system, contacts, newton, now, curvature, s, moving, gauge, known)
+            _linearise(system, contacts, newton, now, s, moving, gauge, known)
             newton.s, fresh = s, True
         assert newton.solver is not None
         wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
@@ -445,14 +466,14 @@ def balance(
         # half of the smallest radius is further than any contact's force is nearly linear
         factor = min(1.0, 0.5 * float(system.radii.min()) / size) if size > 0 else 1.0
         for _ in range(10):
-            trial, trial_curvature = evaluate(now.x + factor * change, now.y.copy())
+            trial = evaluate(now.x + factor * change, now.y.copy())
             better = trial.residual < now.residual or trial.residual <= target
             if better or not fresh:
                 break
             factor *= 0.4
         if better:
             slow = trial.residual > CONTRACTION * now.residual
-            now, curvature = trial, trial_curvature
+            now = trial
         elif fresh:
             raise StepFailed(_unbalanced(now, free))
         if not better or slow:
@@ -479,7 +500,9 @@ def background(system: System, x: Array) -> Array:
 
 def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
     """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d)."""
-    velocities = contacts.shift @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
+    velocities = np.zeros(contacts.shift.shape)
+    across = np.flatnonzero(contacts.shift.any(axis=1))
+    velocities[across] = contacts.shift[across] @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
     if system.wall_velocity is not None:
         count = len(system.radii)
         on = contacts.j >= count
@@ -510,7 +533,6 @@ def _linearise(
     contacts: Contacts,
     newton: Newton,
     now: Balance,
-    curvature: Array,
     s: float,
     moving: bool,
     gauge: list[int],
@@ -530,6 +552,7 @@ def _linearise(
         certain = not np.any(system.drag > 0)
         newton.solver = linear.Solver(d, width, symmetric=known is None, certain=certain)
     newton.solver.matrix = None  # not two at a time
+    curvature = curvatures(contacts, now.r, count)
     across = now.F * curvature
     springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
     scale = _largest(now.F_r)
@@ -624,7 +647,7 @@ def take_step(
     z = coordinates(system, t) if surround else np.empty(0)
     z_rate = placed(system, t, 0.0, z, system.box_rates)[1] if surround else z
     # at the start, and at each stage: of positions, of gaps, of box and walls, of tangential forces and their frames
-    still = np.zeros_like(contacts.T), np.zeros(len(start))
+    still = np.zeros_like(contacts.T), np.zeros(len(start) if system.kernel.tangential else 0)
     rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *still)]
 
     def combined(weights: Array, which: int) -> Array:
@@ -773,29 +796,27 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, 
 
 
 def forces_of(system: System, contacts: Contacts, overlap: Array, h: Array) -> Array:
-    """Force of each contact; so many contacts at a time."""
-    F = np.empty_like(h)
-    for part, some in _portions(contacts):
-        F[part] = contact_state(system, some, overlap[part], h[part])["F"]
-    return F
+    """Force of each contact."""
 
+    def of(part: slice) -> Array:
+        return contact_state(system, portion(contacts, part), overlap[part], h[part])["F"]
 
-def _portions(contacts: Contacts) -> Iterator[tuple[slice, Contacts]]:
-    """Slices of the contacts, and contacts with the parameters of these."""
-    for low in range(0, len(contacts), MANY):
-        part = slice(low, low + MANY)
-        yield part, replace(contacts, q=np.ascontiguousarray(contacts.q[:, part]))
+    return np.concatenate(in_portions(of, len(h)))
 
 
 def _gap_powers(system: System, contacts: Contacts, at: Balance, h_rate: Array) -> tuple[float, float, float]:
-    """Power lost in the gaps, and taken by remote forces and the U_h term; so many contacts at a time."""
-    sums = np.zeros(3)
-    for part, some in _portions(contacts):
-        overlap, h, rate = contacts.S[part] - at.r[part], at.h[part], h_rate[part]
+    """Power lost in the gaps, and taken by remote forces and the U_h term."""
+
+    def of(part: slice) -> tuple[float, float, float]:
+        some = portion(contacts, part)
+        overlap, h, rate = some.S - at.r[part], at.h[part], h_rate[part]
         values = contact_state(system, some, overlap, h)
         _, U_h = energies(system.kernel, system.reach, overlap, h, system.p, some.q.reshape(-1))
-        sums += [np.sum(values["friction"] * rate**2), -np.sum(values["remote"] * rate), -np.sum(U_h * rate)]
-    return float(sums[0]), float(sums[1]), float(sums[2])
+        lost, remote = np.sum(values["friction"] * rate**2), -np.sum(values["remote"] * rate)
+        return float(lost), float(remote), -float(np.sum(U_h * rate))
+
+    gaps, remote, taken = zip(*in_portions(of, len(h_rate)), strict=True)
+    return sum(gaps), sum(remote), sum(taken)
 
 
 def tangential_powers(
