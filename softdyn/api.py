@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.batch import Batch, simulate_batch
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
-from softdyn.pair import simulate_pair
+from softdyn.pair.batch import Batch, simulate_batch
+from softdyn.pair.run import simulate_pair
 from softdyn.results import PairResult, load_result
 from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
 

@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 
 import softdyn
 from softdyn import bench_batch
-from softdyn.batch import STATES
 from softdyn.bench_reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
+from softdyn.pair.batch import STATES
+from softdyn.pair.run import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
+from softdyn.pair.states import initial_deflection
 from softdyn.results import require_folder, written_whole
 from softdyn.scene import Drive, Scene, drive_of
-from softdyn.states import initial_deflection
 
 Array = NDArray[np.float64]
 Solve = Callable[[float], tuple[Array, Array]]

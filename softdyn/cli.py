@@ -361,7 +361,7 @@ def _generate(options: argparse.Namespace) -> int:
 
     needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
     if options.scene is not None:
-        from softdyn.pair import kernel_needs
+        from softdyn.pair.run import kernel_needs
         from softdyn.scene import check_scene, drive_of, read_scene
 
         scene = read_scene(options.scene)
@@ -420,7 +420,7 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from softdyn.pair import simulate_pair
+    from softdyn.pair.run import simulate_pair
     from softdyn.particles.export import WRITERS
     from softdyn.results import SUFFIXES
     from softdyn.scene import is_particle_scene, read_scene, read_toml
@@ -469,8 +469,8 @@ def _closure(stats: Any) -> str:
 
 
 def _sweep(options: argparse.Namespace) -> int:
+    from softdyn.pair.sweep import read_varied, sweep
     from softdyn.scene import read_scene
-    from softdyn.sweep import read_varied, sweep
 
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")

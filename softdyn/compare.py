@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.laws import law_of
-from softdyn.quadrature import times_at_gaps
-from softdyn.states import deflection, evaluate
+from softdyn.pair.quadrature import times_at_gaps
+from softdyn.pair.states import deflection, evaluate
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw

@@ -19,6 +19,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from sympy import Expr, S, diff, latex, powsimp, simplify
 
+from softdyn.colours import BLUE
 from softdyn.derive.dimensions import DIMENSIONLESS
 from softdyn.derive.films import branches
 from softdyn.derive.forms import force, force_unit
@@ -60,7 +61,7 @@ EVERY = 3
 #: Inches above the axes, and for each further line of the caption.
 HEAD, LINE = 0.75, 0.19
 OUTSIDE = "#D9D9D9"
-FILM = "#0072B2"
+FILM = BLUE
 TITLES = {"compression": "compression, $F > 0$", "tension": "tension, $F < 0$"}
 
 

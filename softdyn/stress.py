@@ -26,7 +26,7 @@ import softdyn
 from softdyn.api import simulate
 from softdyn.bench import processor
 from softdyn.bench_reference import UNIT
-from softdyn.pair import ALLOWED_ERROR
+from softdyn.pair.run import ALLOWED_ERROR
 from softdyn.results import PairResult, require_folder, written_whole
 from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
 from softdyn.stress_random import random_scenes

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.api import simulate
-from softdyn.pair import ALLOWED_ERROR
+from softdyn.pair.run import ALLOWED_ERROR
 from softdyn.results import PairResult
 from softdyn.scene import Scene
 from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge

@@ -16,7 +16,7 @@ from softdyn.bench_reference import Case, cases
 from softdyn.bench_rules import kernels_by_rule
 from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
-from softdyn.pair import kernel_needs
+from softdyn.pair.run import kernel_needs
 from softdyn.scene import drive_of
 
 STORED = Path(bench.__file__).parent / "generated" / "bench" / "bench.json"

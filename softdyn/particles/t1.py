@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from softdyn.api import simulate
+from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
-from softdyn.plots import BLUE, GREEN, ORANGE
 from softdyn.results import require_folder, written_whole
 
 if TYPE_CHECKING:

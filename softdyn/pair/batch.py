@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.expression import has_kinks
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair import (
+from softdyn.pair.run import (
     ALLOWED_ERROR,
     FEWEST_STEPS,
     LARGEST_RESIDUAL,
@@ -31,9 +31,9 @@ from softdyn.pair import (
     model_warnings,
     simulate_pair,
 )
+from softdyn.pair.states import initial_deflection
 from softdyn.results import written_whole
 from softdyn.scene import Drive, Scene, check_scene, drive_of, parameter_values, suggestion
-from softdyn.states import initial_deflection
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
