@@ -1,0 +1,3 @@
+"""Where pickles of a :class:`Batch` from before ``softdyn.pair`` was a package look for it."""
+
+from softdyn.pair.batch import Batch as Batch
