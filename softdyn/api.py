@@ -220,6 +220,6 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     LawError, SceneError
         If there is no such law, if it is faulty, or if the page cannot be written.
     """
-    from softdyn.report import write_report as write
+    from softdyn.study.report import write_report as write
 
     write(law_of(law), Path(path))

@@ -142,7 +142,7 @@ def reproduce_t1(folder: Path, target: str = "auto") -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    from softdyn import figures
+    from softdyn.study import figures
 
     require_folder(folder)
     swaps = measure(target=target, progress=True)

@@ -27,8 +27,8 @@ from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
-from softdyn.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
-from softdyn.plane import (
+from softdyn.study.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
+from softdyn.study.plane import (
     Plane,
     boundaries,
     holds,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
     from softdyn.derive.law import ContactLaw
-    from softdyn.exponents import Measurement
+    from softdyn.study.exponents import Measurement
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def draw(diagram: Diagram, measured: Measurement | None = None) -> Figure:
     ----------
     diagram : Diagram
     measured : Measurement, optional
-        Of :func:`softdyn.exponents.measure`: its points are laid over the exponents.
+        Of :func:`softdyn.study.exponents.measure`: its points are laid over the exponents.
 
     Returns
     -------

@@ -152,7 +152,7 @@ def _parameters(laws: Sequence[ContactLaw]) -> dict[str, float]:
     """Typical values of all parameters of the laws; those that several laws have are the same."""
     from softdyn.derive.law import is_dry, is_rigid
     from softdyn.derive.symbols import COMMON_PARAMETERS
-    from softdyn.plane import parameter_values
+    from softdyn.study.plane import parameter_values
 
     found: dict[str, float] = {symbol.name: 1.0 for symbol in COMMON_PARAMETERS}
     dimensions: dict[str, Any] = {}

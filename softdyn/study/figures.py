@@ -32,9 +32,9 @@ from softdyn.derive.law import expressions
 from softdyn.derive.regimes import Crossover, Diagram, Regime
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
-from softdyn.formulas import displayed
-from softdyn.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 from softdyn.results import written_whole
+from softdyn.study.formulas import displayed
+from softdyn.study.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -220,8 +220,8 @@ def figure3(diagram: Diagram, table: Mapping[str, NDArray]) -> Figure:
     diagram : Diagram
         The regimes discovered of a law whose only parameters are R, E and eta.
     table : mapping from str to array of shape (forces, gaps)
-        As of :class:`softdyn.reproduce.Study`: ``h/R``, ``kappa``, ``delta/R``, ``dh_dt``, ``lambda1``, ``lambda2``,
-        in units R = E = eta = 1.
+        As of :class:`softdyn.study.reproduce.Study`: ``h/R``, ``kappa``, ``delta/R``, ``dh_dt``, ``lambda1``,
+        ``lambda2``, in units R = E = eta = 1.
 
     Returns
     -------
