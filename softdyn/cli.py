@@ -570,13 +570,13 @@ def _bench(options: argparse.Namespace) -> int:
         from softdyn.particles.bench import bench_particles
 
         return bench_particles()
-    from softdyn.bench import main
+    from softdyn.bench.run import main
 
     return main(options.folder)
 
 
 def _stress(options: argparse.Namespace) -> int:
-    from softdyn.stress import main
+    from softdyn.stress.run import main
 
     return main(options.folder)
 

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn import bench, bench_batch
-from softdyn.bench_reference import Case, cases
-from softdyn.bench_rules import kernels_by_rule
+from softdyn.bench import batch as bench_batch
+from softdyn.bench import run as bench
+from softdyn.bench.reference import Case, cases
+from softdyn.bench.rules import kernels_by_rule
 from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
 from softdyn.pair.run import kernel_needs
 from softdyn.scene import drive_of
 
-STORED = Path(bench.__file__).parent / "generated" / "bench" / "bench.json"
+STORED = Path(softdyn.__file__).parent / "generated" / "bench" / "bench.json"
 
 
 @pytest.mark.parametrize("case", [case for case in cases() if case.drive == "constant"], ids=lambda case: case.name)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn import stress
 from softdyn.errors import IntegrationError
-from softdyn.stress_random import random_scenes
-from softdyn.stress_reference import cases, references
+from softdyn.stress import run as stress
+from softdyn.stress.reference import cases, references
+from softdyn.stress.scenes import random_scenes
 
-STORED = Path(stress.__file__).parent / "generated" / "stress" / "stress.json"
+STORED = Path(softdyn.__file__).parent / "generated" / "stress" / "stress.json"
 GROUPS = ("pull", "zero", "jump", "spring", "moved", "film", "snap-in")
 
 

@@ -2,7 +2,7 @@
 
 A reference is made by collocation, too, but in mpmath, with 16 stages at 34 digits and the law as the paper prints it,
 on the steps of an engine run at 1e-10: on these an error of order 9 is 1e-10, and one of order 17 about 1e-18. It is
-stored in ``generated/bench/reference.json``; ``python -m softdyn.bench_reference`` makes what
+stored in ``generated/bench/reference.json``; ``python -m softdyn.bench.reference`` makes what
 the file lacks.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-FILE = Path(__file__).parent / "generated" / "bench" / "reference.json"
+FILE = Path(__file__).parent.parent / "generated" / "bench" / "reference.json"
 DIGITS = 34
 STAGES = 16
 OUTPUTS = 50

@@ -4,7 +4,7 @@ Under a constant force times at gaps are an integral over ln h, by Gauss's rule 
 the equations, with the law as the paper prints it, are integrated in mpmath by collocation on 16 stages at 34 digits,
 as those of the benchmark are, on the steps of an engine run at 1e-10 (1e-12 where the centres are moved): on these an
 error of order 9 is 1e-10, and one of order 17 about 1e-18. R = E = eta = 1.
-``python -m softdyn.stress_reference`` makes ``generated/stress/reference.json`` anew; it takes some minutes.
+``python -m softdyn.stress.reference`` makes ``generated/stress/reference.json`` anew; it takes some minutes.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from softdyn.bench_reference import DIGITS, STAGES, UNIT
+from softdyn.bench.reference import DIGITS, STAGES, UNIT
 from softdyn.results import written_whole
 
-FILE = Path(__file__).parent / "generated" / "stress" / "reference.json"
+FILE = Path(__file__).parent.parent / "generated" / "stress" / "reference.json"
 KAPPAS = (1e-14, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0)
 STARTS = (1e4, 1e2, 1.0, 1e-6)
 NEAREST = 1e-15

@@ -1,7 +1,7 @@
 """``softdyn stress``: where it is hard, is the pair engine right, or does it say that it is not.
 
 Every cell of the matrix is a case at a tolerance, compared with a reference computed another way: right within ten
-times the tolerance (what the README promises), told, refused, or wrong (:mod:`softdyn.stress_judge`).
+times the tolerance (what the README promises), told, refused, or wrong (:mod:`softdyn.stress.judge`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 
 import softdyn
 from softdyn.api import simulate
-from softdyn.bench import processor
-from softdyn.bench_reference import UNIT
+from softdyn.bench.reference import UNIT
+from softdyn.bench.run import processor
 from softdyn.pair.run import ALLOWED_ERROR
 from softdyn.results import PairResult, require_folder, written_whole
-from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
-from softdyn.stress_random import random_scenes
-from softdyn.stress_reference import Case, Reference, cases, references
+from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
+from softdyn.stress.reference import Case, Reference, cases, references
+from softdyn.stress.scenes import random_scenes
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from softdyn.api import simulate
 from softdyn.pair.run import ALLOWED_ERROR
 from softdyn.results import PairResult
 from softdyn.scene import Scene
-from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
-from softdyn.stress_reference import Case, make_reference
+from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
+from softdyn.stress.reference import Case, make_reference
 
 Array = NDArray[np.float64]
 SEED = 20261123

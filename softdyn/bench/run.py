@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import softdyn
-from softdyn import bench_batch
-from softdyn.bench_reference import Case, cases
+from softdyn.bench import batch
+from softdyn.bench.reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.batch import STATES
 from softdyn.pair.run import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
@@ -113,7 +113,7 @@ def bench(
         "machine": f"{platform.machine()}, {processor()}",
         "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **_versions()},
         "missing": missing,
-        "cases": {**{case.name: case.about for case in cases()}, "batch": bench_batch.ABOUT},
+        "cases": {**{case.name: case.about for case in cases()}, "batch": batch.ABOUT},
         "specialisation": worth_of_specialisation(repeats, seconds),
         "runs": [vars(run) for run in runs],
     }
@@ -130,17 +130,17 @@ def bench(
 
 def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) -> list[Run]:
     """Many approaches at once, ours and the one peer that makes batches."""
-    forces, times, deltas, gaps = bench_batch.reference()
+    forces, times, deltas, gaps = batch.reference()
     runs = []
-    for integrator, make, tolerances in bench_batch.integrators(forces, times, deltas):
+    for integrator, make, tolerances in batch.integrators(forces, times, deltas):
         try:
             solve = make()
         except Exception as failed:
             missing[f"{integrator}, batch"] = f"{type(failed).__name__}: {failed}"
             continue
         for tolerance in tolerances:
-            error = bench_batch.error_of(solve(tolerance), deltas, gaps)
-            cpu = _cpu_time(partial(solve, tolerance), repeats, 0.0) / bench_batch.RUNS
+            error = batch.error_of(solve(tolerance), deltas, gaps)
+            cpu = _cpu_time(partial(solve, tolerance), repeats, 0.0) / batch.RUNS
             runs.append(Run("batch", integrator, tolerance, error, cpu))
             say(f"{'batch':16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
     return runs
@@ -148,7 +148,7 @@ def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) ->
 
 def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]]:
     """Operations of the law and CPU time per run at rtol = 1e-8, in seconds, for kernels with fewer rules, in C."""
-    from softdyn.bench_rules import kernels_by_rule
+    from softdyn.bench.rules import kernels_by_rule
 
     rows: dict[str, dict[str, Any]] = {}
     for column, name in (("constant", "constant, kappa = 0.01"), ("sine", "sine")):
