@@ -12,7 +12,9 @@ import pytest
 
 import softdyn
 from softdyn.bench import batch as bench_batch
+from softdyn.bench import reference
 from softdyn.bench import run as bench
+from softdyn.bench.precise import how_made
 from softdyn.bench.reference import Case, cases
 from softdyn.bench.rules import kernels_by_rule
 from softdyn.errors import SceneError
@@ -113,6 +115,10 @@ def test_the_table_names_what_is_missing_and_sets_ratios_against_goals() -> None
         "0.90",
         "1.00",
     ]
+
+
+def test_the_references_say_how_they_are_made() -> None:
+    assert json.loads(reference.FILE.read_text(encoding="utf-8"))["how"] == how_made(reference.__doc__)
 
 
 def test_the_report_draws(tmp_path: Path) -> None:

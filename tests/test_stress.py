@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import softdyn
+from softdyn.bench.precise import how_made
 from softdyn.errors import IntegrationError
+from softdyn.stress import reference
 from softdyn.stress import run as stress
 from softdyn.stress.reference import cases, references
 from softdyn.stress.scenes import random_scenes
@@ -76,6 +78,10 @@ def test_particles_in_metres_are_their_dimensionless_twins() -> None:
 def test_random_ordinary_scenes_keep_ten_times_the_default_tolerance() -> None:
     counts = random_scenes(40)
     assert counts["right"] == 40, counts
+
+
+def test_the_references_say_how_they_are_made() -> None:
+    assert json.loads(reference.FILE.read_text(encoding="utf-8"))["how"] == how_made(reference.__doc__)
 
 
 def test_judgements() -> None:

@@ -9,9 +9,7 @@ same.
 from __future__ import annotations
 
 import itertools
-import json
 import math
-import platform
 import sys
 import textwrap
 import time
@@ -25,14 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import softdyn
 from softdyn.bench import batch
+from softdyn.bench.record import heading, write_record
 from softdyn.bench.reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.batch import STATES
 from softdyn.pair.run import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
 from softdyn.pair.states import initial_deflection
-from softdyn.results import require_folder, written_whole
+from softdyn.results import require_folder
 from softdyn.scene import Drive, Scene, drive_of
 
 Array = NDArray[np.float64]
@@ -108,10 +106,7 @@ def bench(
                 say(f"{case.name:16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
     runs += _batch(missing, repeats, say)
     report = {
-        "made": time.strftime("%Y-%m-%d"),
-        "command": "softdyn bench",
-        "machine": f"{platform.machine()}, {processor()}",
-        "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **_versions()},
+        **heading("softdyn bench", _versions()),
         "missing": missing,
         "cases": {**{case.name: case.about for case in cases()}, "batch": batch.ABOUT},
         "specialisation": worth_of_specialisation(repeats, seconds),
@@ -119,12 +114,7 @@ def bench(
     }
     text = report_text(report)
     say("\n" + text)
-    for name, content in (("bench.json", json.dumps(report, indent=1) + "\n"), ("bench.txt", text)):
-        with written_whole(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8")
-    figure = draw(report)
-    with written_whole(folder / "bench.png") as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    write_record(folder, "bench", report, text, draw)
     return report
 
 
@@ -164,14 +154,6 @@ def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]
             row["operations"][column] = operations
             row[column] = _cpu_time(partial(solve, 1e-8), repeats, seconds)
     return list(rows.values())
-
-
-def processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or "unknown processor"
 
 
 def _versions() -> dict[str, str]:
