@@ -18,7 +18,7 @@ from softdyn.errors import CompileError, IntegrationError, LawError, SceneError,
 
 if TYPE_CHECKING:
     from softdyn.api import check, films, load_result, read_scene, regimes, simulate, write_report
-    from softdyn.batch import Batch
+    from softdyn.pair.batch import Batch
     from softdyn.results import PairResult
     from softdyn.scene import Scene, Table
 

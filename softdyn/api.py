@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.batch import Batch, simulate_batch
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
-from softdyn.pair import simulate_pair
+from softdyn.pair.batch import Batch, simulate_batch
+from softdyn.pair.run import simulate_pair
 from softdyn.results import PairResult, load_result
 from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
 
@@ -220,6 +220,6 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     LawError, SceneError
         If there is no such law, if it is faulty, or if the page cannot be written.
     """
-    from softdyn.report import write_report as write
+    from softdyn.study.report import write_report as write
 
     write(law_of(law), Path(path))

@@ -253,7 +253,7 @@ def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
         law = law_of(options.law)
         from softdyn.derive.limits import check_limits
-        from softdyn.tables import limits_data, limits_text
+        from softdyn.study.tables import limits_data, limits_text
 
         findings = check_limits(law)
     proved = sum(finding.verdict == "proved" for finding in findings)
@@ -275,13 +275,13 @@ def _regimes(options: argparse.Namespace) -> int:
         law = law_of(options.law)
         from softdyn.derive.films import find_films
         from softdyn.derive.regimes import discover
-        from softdyn.tables import regimes_data, regimes_text
+        from softdyn.study.tables import regimes_data, regimes_text
 
         diagram = discover(law)
         films = find_films(diagram)
     measured = None
     if options.numeric:
-        from softdyn.exponents import measure
+        from softdyn.study.exponents import measure
 
         measured = measure(diagram)
     if options.json:
@@ -292,7 +292,7 @@ def _regimes(options: argparse.Namespace) -> int:
         if measured is not None:
             print("\n" + measured.text(), end="")
     if options.plot is not None:
-        from softdyn import figures, phases
+        from softdyn.study import figures, phases
 
         with figures.paper_style():
             figures.save(phases.draw(diagram, measured), options.plot)
@@ -303,7 +303,7 @@ def _regimes(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     with _patience(f"the report on {options.law}", 10 * PATIENCE):
         law = law_of(options.law)
-        from softdyn.report import write_report
+        from softdyn.study.report import write_report
 
         path: Path = options.output or Path(f"{law.name}.html")
         write_report(law, path)
@@ -313,7 +313,7 @@ def _report(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     laws = [law_of(text) for text in (options.law, options.other)]
-    from softdyn.compare import comparison_text
+    from softdyn.study.compare import comparison_text
 
     print(comparison_text(*laws), end="")
     return 0
@@ -361,7 +361,7 @@ def _generate(options: argparse.Namespace) -> int:
 
     needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
     if options.scene is not None:
-        from softdyn.pair import kernel_needs
+        from softdyn.pair.run import kernel_needs
         from softdyn.scene import check_scene, drive_of, read_scene
 
         scene = read_scene(options.scene)
@@ -420,7 +420,7 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from softdyn.pair import simulate_pair
+    from softdyn.pair.run import simulate_pair
     from softdyn.particles.export import WRITERS
     from softdyn.results import SUFFIXES
     from softdyn.scene import is_particle_scene, read_scene, read_toml
@@ -469,8 +469,8 @@ def _closure(stats: Any) -> str:
 
 
 def _sweep(options: argparse.Namespace) -> int:
+    from softdyn.pair.sweep import read_varied, sweep
     from softdyn.scene import read_scene
-    from softdyn.sweep import read_varied, sweep
 
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
@@ -570,13 +570,13 @@ def _bench(options: argparse.Namespace) -> int:
         from softdyn.particles.bench import bench_particles
 
         return bench_particles()
-    from softdyn.bench import main
+    from softdyn.bench.run import main
 
     return main(options.folder)
 
 
 def _stress(options: argparse.Namespace) -> int:
-    from softdyn.stress import main
+    from softdyn.stress.run import main
 
     return main(options.folder)
 
@@ -586,6 +586,6 @@ def _reproduce(options: argparse.Namespace) -> int:
         from softdyn.particles.t1 import reproduce_t1
 
         return reproduce_t1(options.folder, options.target)
-    from softdyn.reproduce import reproduce
+    from softdyn.study.reproduce import reproduce
 
     return reproduce(options.folder, target=options.target)

@@ -122,7 +122,7 @@ class PairResult:
 
     def plot(self) -> Figure:
         """Draw the gap and the deflection against time, and the local exponents against the gap."""
-        from softdyn.plots import plot_pair
+        from softdyn.pair.plots import plot_pair
 
         return plot_pair(self)
 

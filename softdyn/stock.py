@@ -42,7 +42,7 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.limits import check_limits
     from softdyn.derive.regimes import discover
     from softdyn.derive.typeset import as_text
-    from softdyn.tables import limits_text, regimes_text
+    from softdyn.study.tables import limits_text, regimes_text
 
     files = {}
     for name in stock_laws():

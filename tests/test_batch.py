@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn.batch import Batch, simulate_batch
 from softdyn.errors import SceneError
-from softdyn.pair import simulate_pair
+from softdyn.pair.batch import Batch, simulate_batch
+from softdyn.pair.run import simulate_pair
 from softdyn.scene import QUANTITIES, Scene, Table
 
 PAPER: dict[str, Any] = {"law": "rognon_gay", "parameters": {"R": 2.0, "E": 3.0, "eta": 0.5}, "h": 10.0}
@@ -189,8 +189,10 @@ def test_a_run_whose_errors_grow_is_made_again(monkeypatch: pytest.MonkeyPatch) 
         **{**PAPER, "h": 1e-3}, force=WAVE, constants={"F0": -1e-2, "w": 1.0}, until_t=3e5, times=5, rtol=1e-3
     )
     made = []
-    original = softdyn.batch.simulate_pair  # type: ignore[attr-defined]
-    monkeypatch.setattr("softdyn.batch.simulate_pair", lambda *args, **more: made.append(1) or original(*args, **more))
+    original = softdyn.pair.batch.simulate_pair  # type: ignore[attr-defined]
+    monkeypatch.setattr(
+        "softdyn.pair.batch.simulate_pair", lambda *args, **more: made.append(1) or original(*args, **more)
+    )
     found = simulate_batch(scene, {"F0": np.array([1e-2, -1e-2])})
     alone = simulate_pair(replace(scene, constants={"F0": -1e-2, "w": 1.0}))
     assert (alone.stats["rtol"] < scene.rtol) == bool(made)

@@ -11,15 +11,18 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn import bench, bench_batch
-from softdyn.bench_reference import Case, cases
-from softdyn.bench_rules import kernels_by_rule
+from softdyn.bench import batch as bench_batch
+from softdyn.bench import reference
+from softdyn.bench import run as bench
+from softdyn.bench.precise import how_made
+from softdyn.bench.reference import Case, cases
+from softdyn.bench.rules import kernels_by_rule
 from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
-from softdyn.pair import kernel_needs
+from softdyn.pair.run import kernel_needs
 from softdyn.scene import drive_of
 
-STORED = Path(bench.__file__).parent / "generated" / "bench" / "bench.json"
+STORED = Path(softdyn.__file__).parent / "generated" / "bench" / "bench.json"
 
 
 @pytest.mark.parametrize("case", [case for case in cases() if case.drive == "constant"], ids=lambda case: case.name)
@@ -112,6 +115,10 @@ def test_the_table_names_what_is_missing_and_sets_ratios_against_goals() -> None
         "0.90",
         "1.00",
     ]
+
+
+def test_the_references_say_how_they_are_made() -> None:
+    assert json.loads(reference.FILE.read_text(encoding="utf-8"))["how"] == how_made(reference.__doc__)
 
 
 def test_the_report_draws(tmp_path: Path) -> None:

@@ -10,10 +10,10 @@ import pytest
 from sympy import Rational
 from test_phases import diagram_of
 
-from softdyn import exponents, plane
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.results import PairResult
 from softdyn.scene import Scene
+from softdyn.study import exponents, plane
 from softdyn.targets import c
 
 TARGET = "c" if c.available() else "numba"

@@ -20,7 +20,6 @@ from test_limits import findings, variant
 from test_targets import OUTPUTS, PARAMETERS, conditioned, random_states
 
 import softdyn
-from softdyn.compare import compare, comparison_text
 from softdyn.derive import ContactLaw, E, F, Limit, R, a, delta, eta, h
 from softdyn.derive.films import Films, find_films
 from softdyn.derive.law import parameters_of, sample_values
@@ -31,6 +30,7 @@ from softdyn.derive.regimes import discover
 from softdyn.derive.specialise import Needs
 from softdyn.errors import SceneError
 from softdyn.laws import stock_laws
+from softdyn.study.compare import compare, comparison_text
 
 LAWS: dict[str, ContactLaw] = {
     module.law.name: module.law for module in (equal_spheres, droplet, cone, dlvo, steric, soap_film)

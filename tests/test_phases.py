@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from sympy import Abs, Piecewise, Rational, Symbol, exp, lambdify, pi, sqrt
 
-from softdyn import figures, phases, plane
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.forms import force
 from softdyn.derive.regimes import SIGN, Diagram, Side, discover
 from softdyn.errors import SceneError
-from softdyn.exponents import Measurement, Run
 from softdyn.laws import find, load, stock_laws
+from softdyn.study import figures, phases, plane
+from softdyn.study.exponents import Measurement, Run
 
 hbar = R * h / (R + h)
 A, lam = Symbol("A", positive=True), Symbol("lam", positive=True)

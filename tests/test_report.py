@@ -18,9 +18,9 @@ from softdyn.derive.law import expressions, law_hash
 from softdyn.derive.limits import check_limits
 from softdyn.derive.regimes import discover
 from softdyn.errors import SceneError
-from softdyn.formulas import cut, displayed, formula, pieces, widest
 from softdyn.laws import find, load
-from softdyn.report import SCENES, decimal, page, write_report
+from softdyn.study.formulas import cut, displayed, formula, pieces, widest
+from softdyn.study.report import SCENES, decimal, page, write_report
 
 VOID = {"meta", "br", "img", "wbr", "link", "input", "hr"}
 HOSTILE = "<script>alert('x')</script> & \"quoted\" </style> {{ 7*7 }}"
@@ -237,7 +237,9 @@ def test_every_kind_of_stock_law_has_a_page(name: str) -> None:
 
 @pytest.mark.slow
 def test_another_process_writes_the_same_bytes(tmp_path: Path) -> None:
-    code = "import sys; from pathlib import Path; import softdyn.report as r; from softdyn.laws import find, load; "
+    code = (
+        "import sys; from pathlib import Path; import softdyn.study.report as r; from softdyn.laws import find, load; "
+    )
     code += "r.write_report(load(find('rognon_gay'))[0], Path(sys.argv[1]))"
     for seed in ("1", "2"):
         path = tmp_path / f"{seed}.html"

@@ -24,13 +24,13 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from sympy import Eq, Rational, exp, simplify, sqrt
 
-from softdyn import figures, reproduce
 from softdyn.derive import ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.forms import force
 from softdyn.derive.laws.rognon_gay import law
 from softdyn.derive.limits import check_limits
 from softdyn.errors import SceneError
-from softdyn.plane import boundaries, edge_points, region
+from softdyn.study import figures, reproduce
+from softdyn.study.plane import boundaries, edge_points, region
 from softdyn.targets import c
 
 TARGET = "c" if c.available() else "numba"

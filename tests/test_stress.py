@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn import stress
+from softdyn.bench.precise import how_made
 from softdyn.errors import IntegrationError
-from softdyn.stress_random import random_scenes
-from softdyn.stress_reference import cases, references
+from softdyn.stress import reference
+from softdyn.stress import run as stress
+from softdyn.stress.reference import cases, references
+from softdyn.stress.scenes import random_scenes
 
-STORED = Path(stress.__file__).parent / "generated" / "stress" / "stress.json"
+STORED = Path(softdyn.__file__).parent / "generated" / "stress" / "stress.json"
 GROUPS = ("pull", "zero", "jump", "spring", "moved", "film", "snap-in")
 
 
@@ -76,6 +78,10 @@ def test_particles_in_metres_are_their_dimensionless_twins() -> None:
 def test_random_ordinary_scenes_keep_ten_times_the_default_tolerance() -> None:
     counts = random_scenes(40)
     assert counts["right"] == 40, counts
+
+
+def test_the_references_say_how_they_are_made() -> None:
+    assert json.loads(reference.FILE.read_text(encoding="utf-8"))["how"] == how_made(reference.__doc__)
 
 
 def test_judgements() -> None:

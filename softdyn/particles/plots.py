@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.errors import SceneError
 from softdyn.particles.observables import (
     coordination,
@@ -24,7 +25,6 @@ from softdyn.particles.observables import (
     relative_viscosity,
     strain,
 )
-from softdyn.plots import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from softdyn.api import simulate
+from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
-from softdyn.plots import BLUE, GREEN, ORANGE
 from softdyn.results import require_folder, written_whole
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def reproduce_t1(folder: Path, target: str = "auto") -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    from softdyn import figures
+    from softdyn.study import figures
 
     require_folder(folder)
     swaps = measure(target=target, progress=True)

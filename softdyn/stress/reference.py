@@ -4,27 +4,26 @@ Under a constant force times at gaps are an integral over ln h, by Gauss's rule 
 the equations, with the law as the paper prints it, are integrated in mpmath by collocation on 16 stages at 34 digits,
 as those of the benchmark are, on the steps of an engine run at 1e-10 (1e-12 where the centres are moved): on these an
 error of order 9 is 1e-10, and one of order 17 about 1e-18. R = E = eta = 1.
-``python -m softdyn.stress_reference`` makes ``generated/stress/reference.json`` anew; it takes some minutes.
+``python -m softdyn.stress.reference`` makes ``generated/stress/reference.json`` anew; it takes some minutes.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 
-from softdyn.bench_reference import DIGITS, STAGES, UNIT
-from softdyn.results import written_whole
+from softdyn.bench.precise import DIGITS, UNIT, collocate, deflection, digits, elastic_force, gap_rate, remake, stored
 
-FILE = Path(__file__).parent / "generated" / "stress" / "reference.json"
+FILE = Path(__file__).parent.parent / "generated" / "stress" / "reference.json"
 KAPPAS = (1e-14, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0)
 STARTS = (1e4, 1e2, 1.0, 1e-6)
 NEAREST = 1e-15
@@ -227,24 +226,21 @@ class Reference:
 
 def references() -> dict[str, Reference]:
     """All stored references, by the keys of their cases."""
-    stored = json.loads(FILE.read_text(encoding="utf-8"))["cases"]
     return {
         key: Reference(
             **{name: np.array([float(x) for x in values]) for name, values in case.items()},
             t_low=np.array([float(Decimal(x) - Decimal(float(x))) for x in case["t"]]),
         )
-        for key, case in stored.items()
+        for key, case in stored(FILE).items()
     }
 
 
-def _mp_contact(case: Case) -> tuple[Callable[[Any], Any], Callable[..., Any], Callable[[Any, Any], Any]]:
-    """What is given at a time; the rates of the state at (t, y); delta at (h, F): as the paper prints them."""
-    import mpmath as mp
-
+def _motion(case: Case) -> tuple[Callable[[Any, Any], Any], Callable[..., list[Any]]]:
+    """What is given at t, and the rates of the state y at t; the middle of the step is on one side of a jump."""
     remote = [(mp.mpf(A), mp.mpf(lam)) for A, lam in case.remote]
     compliance = mp.mpf(1) / mp.mpf(case.stiffness) if case.drive == "spring" else mp.mpf(0)
 
-    def given(t: Any) -> Any:
+    def given(t: Any, middle: Any) -> Any:
         if not isinstance(case.given, tuple):
             return mp.mpf(case.given)
         kind, *numbers = case.given
@@ -252,182 +248,76 @@ def _mp_contact(case: Case) -> tuple[Callable[[Any], Any], Callable[..., Any], C
             m, k, w, f = (mp.mpf(x) for x in numbers)
             return m + k * mp.sin(w * t + f)
         times, values = numbers
-        # steps end at rows: the middle of the step, told by ``middle``, says on which side of a jump t lies
-        i = next(i for i in range(len(times) - 1) if times[i] <= middle[0] < times[i + 1])
+        # steps end at rows
+        i = next(i for i in range(len(times) - 1) if times[i] <= middle < times[i + 1])
         start, slope = mp.mpf(times[i]), (mp.mpf(values[i + 1]) - mp.mpf(values[i])) / (mp.mpf(times[i + 1]) - times[i])
         return slope if case.drive == "spring" else mp.mpf(values[i]) + slope * (t - start)
 
-    middle = [mp.mpf(0)]
-
-    def deflection(h: Any, F: Any) -> Any:
-        bar = h / (1 + h)
-        size = abs(F)
-        if size == 0:
-            return mp.mpf(0)
-        delta = mp.mpf(9) / 4 * size / mp.sqrt(2 * (bar + mp.cbrt(mp.mpf(81) / 32 * size**2)))
-        for _ in range(80):
-            a = mp.sqrt(2 * (bar + delta))
-            step = (4 * a * delta / 9 - size) / (4 * (a + delta / a) / 9)
-            delta -= step
-            if abs(step) < delta * mp.mpf(10) ** (-DIGITS // 2 - 1):
-                return delta if F > 0 else -delta
-        raise ArithmeticError("no deflection")
-
-    def gap_rate(h: Any, delta: Any, F: Any) -> Any:
-        bar = h / (1 + h)
-        net = F - mp.fsum(A * mp.exp(-h / lam) for A, lam in remote)
-        return -net / (3 * mp.pi / 2 * (2 * (bar + abs(delta))) ** 2 / bar**3)
-
-    def rates(t: Any, y: Sequence[Any]) -> list[Any]:
+    def rates(t: Any, y: Sequence[Any], middle: Any) -> list[Any]:
         h = mp.exp(y[0])
         if case.drive == "force":
-            F = given(t)
-            return [gap_rate(h, deflection(h, F), F) / h]
+            F = given(t, middle)
+            return [gap_rate(h, deflection(h, F), F, remote) / h]
         delta = y[1]
         a = mp.sqrt(2 * (h / (1 + h) + abs(delta)))
-        h_dot = gap_rate(h, delta, 4 * a * delta / 9)
+        h_dot = gap_rate(h, delta, elastic_force(h, delta), remote)
         F_delta, F_h = 4 * (a + abs(delta) / a) / 9, 4 * delta / a / (1 + h) ** 2 / 9
-        return [h_dot / h, (h_dot - given(t) - compliance * F_h * h_dot) / (2 + compliance * F_delta)]
+        return [h_dot / h, (h_dot - given(t, middle) - compliance * F_h * h_dot) / (2 + compliance * F_delta)]
 
-    rates.middle = middle  # type: ignore[attr-defined]
-    return given, rates, deflection
+    return given, rates
 
 
 def _by_quadrature(case: Case) -> dict[str, list[str]]:
     """Times at the gaps of a case of constant force."""
-    import mpmath as mp
-
-    _, rates, deflection = _mp_contact(case)
+    _, rates = _motion(case)
     force = mp.mpf(case.given)
 
-    def slowness(u: Any) -> Any:
-        return 1 / rates(mp.mpf(0), [u])[0]
+    def rate(u: Any) -> Any:
+        return rates(mp.mpf(0), [u], mp.mpf(0))[0]
 
     t, edge = mp.mpf(0), mp.log(mp.mpf(case.h0))
     rows: dict[str, list[str]] = {"t": [], "h": [], "delta": [], "rate": []}
     for gap in case.at:
-        u = mp.log(mp.mpf(float(gap)))
-        t += mp.quad(slowness, [edge, u], method="gauss-legendre")
-        edge = u
         h = mp.mpf(float(gap))
-        for name, value in zip(rows, (t, h, deflection(h, force), rates(t, [u])[0]), strict=True):
-            rows[name].append(mp.nstr(value, 30))
+        u = mp.log(h)
+        t += mp.quad(lambda u: 1 / rate(u), [edge, u], method="gauss-legendre")
+        edge = u
+        for name, value in zip(rows, (t, h, deflection(h, force), rate(u)), strict=True):
+            rows[name].append(digits(value))
     return rows
 
 
 def _by_collocation(case: Case) -> dict[str, list[str]]:
     """Gaps and deflections at the times of a case."""
-    import mpmath as mp
-
     from softdyn.api import simulate
-    from softdyn.derive.radau import _nodes, _weights
 
-    given, rates, deflection = _mp_contact(case)
+    given, rates = _motion(case)
     # where delta is integrated, too, the law may vary with it faster than the gap feels
     coarse = simulate(
         **case.scene, until_t=case.end, rtol=1e-10 if case.drive == "force" else 1e-12, method="integrate"
     )
-    nodes = _nodes(STAGES)
-    points = [mp.mpf(0), *nodes]
-    powers = mp.matrix([[c**j for j in range(STAGES)] for c in nodes])
-    integrals = mp.matrix([[c ** (j + 1) / (j + 1) for j in range(STAGES)] for c in nodes])
-    inverse = powers * integrals**-1
-    t, y = mp.mpf(0), [mp.log(mp.mpf(case.h0))]
+    y = [mp.log(mp.mpf(case.h0))]
     if case.drive != "force":
         y.append(mp.mpf(float(coarse.delta[0])))
-    outputs = case.at.tolist()
     rows: dict[str, list[str]] = {"t": [], "h": [], "delta": []}
-    for end in coarse.t[1:].tolist():
-        step = mp.mpf(end) - t
-        rates.middle[0] = t + step / 2  # type: ignore[attr-defined]
-        z = _stages(rates, [t + c * step for c in nodes], y, step, inverse)
-        while outputs and outputs[0] <= end:
-            at = mp.mpf(outputs.pop(0))
-            weights = _weights(points, (at - t) / step, derivative=False)[1:]
-            found = [
-                start + mp.fsum(weight * stage for weight, stage in zip(weights, one, strict=True))
-                for start, one in zip(y, z, strict=True)
-            ]
-            h = mp.exp(found[0])
-            delta = deflection(h, given(at)) if case.drive == "force" else found[1]
-            for name, value in zip(rows, (at, h, delta), strict=True):
-                rows[name].append(mp.nstr(value, 30))
-        t, y = mp.mpf(end), [start + one[-1] for start, one in zip(y, z, strict=True)]
-    assert not outputs, "outputs are left over"
+    for t, found, middle in collocate(rates, y, coarse.t[1:].tolist(), case.at.tolist()):
+        h = mp.exp(found[0])
+        delta = deflection(h, given(t, middle)) if case.drive == "force" else found[1]
+        for name, value in zip(rows, (t, h, delta), strict=True):
+            rows[name].append(digits(value))
     return rows
-
-
-def _stages(
-    rates: Callable[[Any, Sequence[Any]], list[Any]], times: list[Any], y: list[Any], step: Any, inverse: Any
-) -> list[list[Any]]:
-    """Stages by component: the collocation equations by Newton's iteration, slopes by differences; to 24 digits."""
-    import mpmath as mp
-
-    count, stages = len(y), len(times)
-    sizes = [mp.mpf(1)] + [max(abs(value), mp.mpf(10) ** -9) for value in y[1:]]
-    small = mp.mpf(10) ** -12
-    start = times[0] - (times[-1] - times[0]) / 1000
-
-    def slopes_at(t: Any, state: list[Any], here: list[Any]) -> list[list[Any]]:
-        columns = []
-        for k in range(count):
-            moved = [value + (small * sizes[k] if i == k else 0) for i, value in enumerate(state)]
-            columns.append([(a - b) / (small * sizes[k]) for a, b in zip(rates(t, moved), here, strict=True)])
-        return columns
-
-    here = rates(times[0], y)
-    decay = min([mp.mpf(0), *(slopes_at(times[0], y, here)[k][k] for k in range(count))])
-    z = [[(t - start) * rate / (1 - (t - start) * decay) for t in times] for rate in here]
-    before = mp.inf
-    for _ in range(80):
-        states = [[value + one[i] for value, one in zip(y, z, strict=True)] for i in range(stages)]
-        found = [rates(t, state) for t, state in zip(times, states, strict=True)]
-        if before > mp.mpf(10) ** -8:
-            matrix = mp.matrix(count * stages)
-            slopes = [slopes_at(t, state, one) for t, state, one in zip(times, states, found, strict=True)]
-            for k in range(count):
-                for i in range(stages):
-                    for j in range(stages):
-                        matrix[k * stages + i, k * stages + j] = inverse[i, j]
-                    for m in range(count):
-                        matrix[k * stages + i, m * stages + i] -= step * slopes[i][m][k]
-            solver = matrix**-1
-        residual = mp.matrix(
-            [step * found[i][k] - mp.fsum(inverse[i, j] * z[k][j] for j in range(stages))
-             for k in range(count) for i in range(stages)]
-        )  # fmt: skip
-        change = solver * residual
-        z = [[z[k][i] + change[k * stages + i] for i in range(stages)] for k in range(count)]
-        size = max(abs(change[k * stages + i]) / sizes[k] for k in range(count) for i in range(stages))
-        if size < mp.mpf(10) ** -24:
-            return z
-        before = size
-    raise ArithmeticError(f"the collocation equations were solved to {mp.nstr(before, 3)} only")
 
 
 def make_reference(case: Case) -> dict[str, list[str]]:
     """Thirty digits of a case, as text."""
-    import mpmath as mp
-
     with mp.workdps(DIGITS):
         return _by_quadrature(case) if case.by_gap else _by_collocation(case)
 
 
 def main(chosen: Sequence[str] = ()) -> None:
     """Make all references anew, or those whose key contains one of the words."""
-    stored: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))["cases"] if FILE.is_file() else {}
-    FILE.parent.mkdir(parents=True, exist_ok=True)
-    how = (__doc__ or "").split("\n\n", 1)[1].replace("\n", " ").strip()
-    keys = [case.key for case in cases()]
-    for case in cases():
-        if chosen and not any(word in case.key for word in chosen):
-            continue
-        began = time.process_time()
-        stored[case.key] = make_reference(case)
-        content = {"how": how, "cases": {key: stored[key] for key in keys if key in stored}}
-        with written_whole(FILE) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        print(f"{case.key}: {time.process_time() - began:.1f} s", file=sys.stderr, flush=True)
+    makers = {case.key: partial(make_reference, case) for case in cases()}
+    remake(FILE, __doc__, makers, [key for key in makers if not chosen or any(word in key for word in chosen)])
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from sympy import Expr, S, diff, latex, powsimp, simplify
 
+from softdyn.colours import BLUE
 from softdyn.derive.dimensions import DIMENSIONLESS
 from softdyn.derive.films import branches
 from softdyn.derive.forms import force, force_unit
@@ -26,8 +27,8 @@ from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
-from softdyn.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
-from softdyn.plane import (
+from softdyn.study.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
+from softdyn.study.plane import (
     Plane,
     boundaries,
     holds,
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
     from softdyn.derive.law import ContactLaw
-    from softdyn.exponents import Measurement
+    from softdyn.study.exponents import Measurement
 
 Array = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ EVERY = 3
 #: Inches above the axes, and for each further line of the caption.
 HEAD, LINE = 0.75, 0.19
 OUTSIDE = "#D9D9D9"
-FILM = "#0072B2"
+FILM = BLUE
 TITLES = {"compression": "compression, $F > 0$", "tension": "tension, $F < 0$"}
 
 
@@ -71,7 +72,7 @@ def draw(diagram: Diagram, measured: Measurement | None = None) -> Figure:
     ----------
     diagram : Diagram
     measured : Measurement, optional
-        Of :func:`softdyn.exponents.measure`: its points are laid over the exponents.
+        Of :func:`softdyn.study.exponents.measure`: its points are laid over the exponents.
 
     Returns
     -------

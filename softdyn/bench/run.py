@@ -9,9 +9,7 @@ same.
 from __future__ import annotations
 
 import itertools
-import json
 import math
-import platform
 import sys
 import textwrap
 import time
@@ -25,15 +23,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import softdyn
-from softdyn import bench_batch
-from softdyn.batch import STATES
-from softdyn.bench_reference import Case, cases
+from softdyn.bench import batch
+from softdyn.bench.record import heading, write_record
+from softdyn.bench.reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
-from softdyn.results import require_folder, written_whole
+from softdyn.pair.batch import STATES
+from softdyn.pair.run import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
+from softdyn.pair.states import initial_deflection
+from softdyn.results import require_folder
 from softdyn.scene import Drive, Scene, drive_of
-from softdyn.states import initial_deflection
 
 Array = NDArray[np.float64]
 Solve = Callable[[float], tuple[Array, Array]]
@@ -108,39 +106,31 @@ def bench(
                 say(f"{case.name:16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
     runs += _batch(missing, repeats, say)
     report = {
-        "made": time.strftime("%Y-%m-%d"),
-        "command": "softdyn bench",
-        "machine": f"{platform.machine()}, {processor()}",
-        "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **_versions()},
+        **heading("softdyn bench", _versions()),
         "missing": missing,
-        "cases": {**{case.name: case.about for case in cases()}, "batch": bench_batch.ABOUT},
+        "cases": {**{case.name: case.about for case in cases()}, "batch": batch.ABOUT},
         "specialisation": worth_of_specialisation(repeats, seconds),
         "runs": [vars(run) for run in runs],
     }
     text = report_text(report)
     say("\n" + text)
-    for name, content in (("bench.json", json.dumps(report, indent=1) + "\n"), ("bench.txt", text)):
-        with written_whole(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8")
-    figure = draw(report)
-    with written_whole(folder / "bench.png") as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    write_record(folder, "bench", report, text, draw)
     return report
 
 
 def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) -> list[Run]:
     """Many approaches at once, ours and the one peer that makes batches."""
-    forces, times, deltas, gaps = bench_batch.reference()
+    forces, times, deltas, gaps = batch.reference()
     runs = []
-    for integrator, make, tolerances in bench_batch.integrators(forces, times, deltas):
+    for integrator, make, tolerances in batch.integrators(forces, times, deltas):
         try:
             solve = make()
         except Exception as failed:
             missing[f"{integrator}, batch"] = f"{type(failed).__name__}: {failed}"
             continue
         for tolerance in tolerances:
-            error = bench_batch.error_of(solve(tolerance), deltas, gaps)
-            cpu = _cpu_time(partial(solve, tolerance), repeats, 0.0) / bench_batch.RUNS
+            error = batch.error_of(solve(tolerance), deltas, gaps)
+            cpu = _cpu_time(partial(solve, tolerance), repeats, 0.0) / batch.RUNS
             runs.append(Run("batch", integrator, tolerance, error, cpu))
             say(f"{'batch':16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
     return runs
@@ -148,7 +138,7 @@ def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) ->
 
 def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]]:
     """Operations of the law and CPU time per run at rtol = 1e-8, in seconds, for kernels with fewer rules, in C."""
-    from softdyn.bench_rules import kernels_by_rule
+    from softdyn.bench.rules import kernels_by_rule
 
     rows: dict[str, dict[str, Any]] = {}
     for column, name in (("constant", "constant, kappa = 0.01"), ("sine", "sine")):
@@ -164,14 +154,6 @@ def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]
             row["operations"][column] = operations
             row[column] = _cpu_time(partial(solve, 1e-8), repeats, seconds)
     return list(rows.values())
-
-
-def processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or "unknown processor"
 
 
 def _versions() -> dict[str, str]:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.laws import law_of
-from softdyn.quadrature import times_at_gaps
-from softdyn.states import deflection, evaluate
+from softdyn.pair.quadrature import times_at_gaps
+from softdyn.pair.states import deflection, evaluate
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
@@ -152,7 +152,7 @@ def _parameters(laws: Sequence[ContactLaw]) -> dict[str, float]:
     """Typical values of all parameters of the laws; those that several laws have are the same."""
     from softdyn.derive.law import is_dry, is_rigid
     from softdyn.derive.symbols import COMMON_PARAMETERS
-    from softdyn.plane import parameter_values
+    from softdyn.study.plane import parameter_values
 
     found: dict[str, float] = {symbol.name: 1.0 for symbol in COMMON_PARAMETERS}
     dimensions: dict[str, Any] = {}

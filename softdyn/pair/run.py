@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import kinks
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.quadrature import integrate_constant_force
+from softdyn.pair.quadrature import integrate_constant_force
+from softdyn.pair.states import deflection, drive_at, evaluate, initial_deflection
 from softdyn.results import Event, PairResult
 from softdyn.scene import Drive, Scene, check_scene, drive_of, parameter_values
-from softdyn.states import deflection, drive_at, evaluate, initial_deflection
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.batch import STATES
 from softdyn.kernels import get_kernel
-from softdyn.pair import MOST_STEPS
-from softdyn.quadrature import times_at_gaps
-from softdyn.states import deflection
+from softdyn.pair.batch import STATES
+from softdyn.pair.quadrature import times_at_gaps
+from softdyn.pair.run import MOST_STEPS
+from softdyn.pair.states import deflection
 
 Array = NDArray[np.float64]
 #: Of a tolerance: gaps and deflections, a row for each run.

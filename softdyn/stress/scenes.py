@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.api import simulate
-from softdyn.pair import ALLOWED_ERROR
+from softdyn.pair.run import ALLOWED_ERROR
 from softdyn.results import PairResult
 from softdyn.scene import Scene
-from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
-from softdyn.stress_reference import Case, make_reference
+from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
+from softdyn.stress.reference import Case, make_reference
 
 Array = NDArray[np.float64]
 SEED = 20261123

@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.batch import Batch, as_arrays, is_plain, simulate_batch, varied_scene
 from softdyn.errors import SceneError
 from softdyn.kernels import tool_digest
 from softdyn.laws import law_of
+from softdyn.pair.batch import Batch, as_arrays, is_plain, simulate_batch, varied_scene
 from softdyn.results import written_whole
 from softdyn.scene import LARGEST_COUNT, Scene, Table, named_numbers
 

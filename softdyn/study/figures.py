@@ -25,15 +25,16 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 from sympy import Expr, Mul, Pow, S, Symbol, latex
 
+from softdyn.colours import AMBER, BLUE, GREEN, ORANGE, PURPLE, SKY
 from softdyn.derive.dynamics import F_a, F_delta, a_delta, a_h, generic_dynamics, partials
 from softdyn.derive.forms import force, force_unit
 from softdyn.derive.law import expressions
 from softdyn.derive.regimes import Crossover, Diagram, Regime
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
-from softdyn.formulas import displayed
-from softdyn.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 from softdyn.results import written_whole
+from softdyn.study.formulas import displayed
+from softdyn.study.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,8 +58,8 @@ STYLE = {
     "svg.hashsalt": "softdyn",
     "svg.fonttype": "path",
 }
-#: Colours of the regimes, in the order of the law's limits: Okabe & Ito's, told apart by all.
-COLOURS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#0072B2", "#D55E00")
+#: Colours of the regimes, in the order of the law's limits.
+COLOURS = (SKY, AMBER, GREEN, PURPLE, BLUE, ORANGE)
 #: Colours of the forces; the ends of the map, too light and too dark for lines, are left out.
 FORCES = colormaps["magma"]
 FORCE_SPAN = (0.05, 0.75)
@@ -219,8 +220,8 @@ def figure3(diagram: Diagram, table: Mapping[str, NDArray]) -> Figure:
     diagram : Diagram
         The regimes discovered of a law whose only parameters are R, E and eta.
     table : mapping from str to array of shape (forces, gaps)
-        As of :class:`softdyn.reproduce.Study`: ``h/R``, ``kappa``, ``delta/R``, ``dh_dt``, ``lambda1``, ``lambda2``,
-        in units R = E = eta = 1.
+        As of :class:`softdyn.study.reproduce.Study`: ``h/R``, ``kappa``, ``delta/R``, ``dh_dt``, ``lambda1``,
+        ``lambda2``, in units R = E = eta = 1.
 
     Returns
     -------

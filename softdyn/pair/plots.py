@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from softdyn.results import PairResult
 
-#: Okabe & Ito's colours, told apart by all.
-BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 #: An axis is logarithmic where half of its values are smaller than the largest by more than this factor.
 CROWDED = 20.0
 #: An axis that is logarithmic on both sides of zero is linear below this fraction of its largest value at least.

@@ -1,15 +1,13 @@
 """``softdyn stress``: where it is hard, is the pair engine right, or does it say that it is not.
 
 Every cell of the matrix is a case at a tolerance, compared with a reference computed another way: right within ten
-times the tolerance (what the README promises), told, refused, or wrong (:mod:`softdyn.stress_judge`).
+times the tolerance (what the README promises), told, refused, or wrong (:mod:`softdyn.stress.judge`).
 """
 
 from __future__ import annotations
 
 import itertools
-import json
 import math
-import platform
 import sys
 import time
 from collections import Counter
@@ -22,15 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import softdyn
 from softdyn.api import simulate
-from softdyn.bench import processor
-from softdyn.bench_reference import UNIT
-from softdyn.pair import ALLOWED_ERROR
-from softdyn.results import PairResult, require_folder, written_whole
-from softdyn.stress_judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
-from softdyn.stress_random import random_scenes
-from softdyn.stress_reference import Case, Reference, cases, references
+from softdyn.bench.precise import UNIT
+from softdyn.bench.record import heading, write_record
+from softdyn.pair.run import ALLOWED_ERROR
+from softdyn.results import PairResult, require_folder
+from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
+from softdyn.stress.reference import Case, Reference, cases, references
+from softdyn.stress.scenes import random_scenes
 
 Array = NDArray[np.float64]
 
@@ -277,20 +274,12 @@ def stress(folder: Path, *, scenes: int = RANDOM_SCENES, say: Callable[[str], No
     cells = all_cells(say)
     batches = [random_scenes(scenes, say), random_scenes(scenes // 4, say, LOOSE)]
     report = {
-        "made": time.strftime("%Y-%m-%d"),
-        "command": "softdyn stress",
-        "machine": f"{platform.machine()}, {processor()}",
-        "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), "numpy": np.__version__},
+        **heading("softdyn stress", {"numpy": np.__version__}),
         "cpu_s": round(time.process_time() - began),
         "random": batches,
         "cells": [{k: _plain(v) for k, v in asdict(cell).items()} for cell in cells],
     }
-    for name, content in (("stress.json", json.dumps(report, indent=1) + "\n"), ("stress.txt", report_text(report))):
-        with written_whole(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8")
-    figure = draw(report)
-    with written_whole(folder / "stress.png") as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    write_record(folder, "stress", report, report_text(report), draw)
     return report
 
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel
+from softdyn.pair.states import deflection, evaluate
 from softdyn.scene import Scene
-from softdyn.states import deflection, evaluate
 
 Array = NDArray[np.float64]
 

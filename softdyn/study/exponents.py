@@ -25,9 +25,9 @@ from softdyn.derive.law import is_dry, is_rigid, parameters_of
 from softdyn.derive.regimes import SIGN, Diagram, Regime, Side
 from softdyn.derive.symbols import h
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.pair import simulate_pair
-from softdyn.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
+from softdyn.pair.run import simulate_pair
 from softdyn.scene import Scene
+from softdyn.study.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
 
 Array = NDArray[np.float64]
 Exponent = Literal["lambda1", "lambda2"]

@@ -54,10 +54,10 @@ from softdyn.derive.typeset import (
     to_latex,
 )
 from softdyn.errors import SoftdynError
-from softdyn.formulas import definitions, formula, widest
 from softdyn.results import written_whole
 from softdyn.stock import kinds
-from softdyn.tables import same_size, twin
+from softdyn.study.formulas import definitions, formula, widest
+from softdyn.study.tables import same_size, twin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -552,7 +552,7 @@ def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
 
 def figures(diagram: Diagram) -> list[dict[str, Any]]:
     """The map of the regimes and the curves along lines of constant force, or why there is none."""
-    from softdyn import phases
+    from softdyn.study import phases
 
     names = ", ".join(dict.fromkeys(regime.name for regime in diagram.regimes if regime.side == "compression"))
     drawn = []
@@ -575,7 +575,7 @@ def figures(diagram: Diagram) -> list[dict[str, Any]]:
 
 def _data_address(figure: Figure) -> str:
     """A figure as SVG within the page: in an image, its names and scripts, if any, cannot touch the page."""
-    from softdyn.figures import paper_style
+    from softdyn.study.figures import paper_style
 
     buffer = io.BytesIO()
     with paper_style():

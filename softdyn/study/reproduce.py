@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from sympy import lambdify
 from tqdm import tqdm
 
-from softdyn import figures
 from softdyn.derive.dynamics import generic_dynamics
 from softdyn.derive.forms import force as F
 from softdyn.derive.forms import force_unit
@@ -27,10 +26,11 @@ from softdyn.derive.laws.rognon_gay import law as LAW
 from softdyn.derive.limits import Finding, check_limits
 from softdyn.derive.regimes import Diagram, Regime, discover
 from softdyn.derive.symbols import E, R, eta, h
-from softdyn.pair import simulate_pair
-from softdyn.plane import length_ratios, monomial
+from softdyn.pair.run import simulate_pair
 from softdyn.results import PairResult, require_folder, written_whole
 from softdyn.scene import Scene
+from softdyn.study import figures
+from softdyn.study.plane import length_ratios, monomial
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

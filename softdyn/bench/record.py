@@ -1,0 +1,43 @@
+"""A report of what was measured: where and when, and its three files; of ``softdyn bench`` and ``softdyn stress``."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import softdyn
+from softdyn.results import written_whole
+
+
+def heading(command: str, versions: dict[str, str]) -> dict[str, Any]:
+    """When, with what and on which machine a report was made; versions are those of other packages."""
+    return {
+        "made": time.strftime("%Y-%m-%d"),
+        "command": command,
+        "machine": f"{platform.machine()}, {_processor()}",
+        "versions": {"softdyn": softdyn.__version__, "python": platform.python_version(), **versions},
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or "unknown processor"
+
+
+def write_record(
+    folder: Path, name: str, report: dict[str, Any], text: str, draw: Callable[[dict[str, Any]], Any]
+) -> None:
+    """Write a report as name.json and name.txt, and then its picture as name.png, into a folder."""
+    for file, content in ((f"{name}.json", json.dumps(report, indent=1) + "\n"), (f"{name}.txt", text)):
+        with written_whole(folder / file) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+    figure = draw(report)
+    with written_whole(folder / f"{name}.png") as temporary:
+        figure.savefig(temporary, format="png", dpi=110)
