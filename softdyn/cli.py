@@ -40,6 +40,28 @@ exit status: 0 done; 1 a limit is not proved, a generated file would change, or 
 input, or a run that cannot be carried to its end, with the reason on stderr
 """
 
+FORMATS = """
+
+of two particles:
+  .json, .npz  all of it
+  .csv         the arrays, one column each
+
+of many particles:
+  .npz         all of it
+  .gsd         for OVITO: particles, and their contacts as bonds; time, stress and strain of each frame
+  .pvd         for ParaView: particles, contacts and the periodic box, in files of their own in a folder beside it
+
+.gsd and .pvd need: pip install 'softdyn[formats]'
+"""
+
+DRAWN = """
+
+  .png, .svg, .pdf  a picture: of two particles gap, deflection, distance and force over time; of many the particles
+                    with the forces of their contacts at the end, stress, relative viscosity, normal stress
+                    differences, coordination, gaps and forces, the balance of energy
+  .gif, .mp4        an animation of many particles in one or two dimensions; .mp4 needs the program ffmpeg
+"""
+
 #: Endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
 #: Those of animations.
@@ -75,15 +97,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    raw = argparse.RawDescriptionHelpFormatter
+    raw, normal = argparse.RawDescriptionHelpFormatter, argparse.HelpFormatter
     parser = argparse.ArgumentParser(
         prog="softdyn", description=(softdyn.__doc__ or "").splitlines()[0], epilog=EXAMPLES, formatter_class=raw
     )
     parser.add_argument("--version", action="version", version=f"softdyn {softdyn.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    def add(name: str, command: Command, text: str) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    def add(name: str, command: Command, text: str, more: str = "") -> argparse.ArgumentParser:
+        description = f"{text[0].upper()}{text[1:]}.{more}"
+        added = commands.add_parser(name, help=text, description=description, formatter_class=raw if more else normal)
         added.set_defaults(command=command)
         return added
 
@@ -172,25 +195,25 @@ def _parser() -> argparse.ArgumentParser:
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
     )
 
-    convert = add("convert", _convert, "write a saved result in another format")
-    convert.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
+    convert = add("convert", _convert, "write a saved result in another format", FORMATS)
+    convert.add_argument("result", metavar="RESULT", type=Path, help="a result saved by run -o: .npz, or .json")
     convert.add_argument(
         "-o",
         dest="output",
         metavar="FILE",
         type=Path,
         required=True,
-        help=".json, .npz or .csv; of many particles .gsd (OVITO) or .pvd (ParaView)",
+        help="its ending says the format",
     )
 
-    plot = add("plot", _plot, "draw a saved result")
-    plot.add_argument("result", metavar="FILE", type=Path, help="a result saved by run -o, .json or .npz")
+    plot = add("plot", _plot, "draw a saved result", DRAWN)
+    plot.add_argument("result", metavar="RESULT", type=Path, help="a result saved by run -o: .npz, or .json")
     plot.add_argument(
         "-o",
         dest="picture",
         metavar="PICTURE",
         type=Path,
-        help=".png, .svg or .pdf (default: FILE with .png); .gif or .mp4: an animation of many particles",
+        help="its ending says the format (default: RESULT with .png)",
     )
 
     bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
@@ -422,12 +445,12 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.run import simulate_pair
     from softdyn.particles.export import WRITERS
-    from softdyn.results import SUFFIXES
+    from softdyn.results import ENDINGS, SUFFIXES
     from softdyn.scene import is_particle_scene, read_scene, read_toml
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file: Path = options.scene
-    if not file.suffix and not file.exists():
+    if not file.suffix and not file.is_file():  # a folder may be the one of a .pvd of that scene
         from softdyn.particles.files import stock_scenes
 
         file = stock_scenes().get(file.name, file)
@@ -437,7 +460,8 @@ def _run(options: argparse.Namespace) -> int:
         return run_particles(file, options.output, options.resume, options.json)
     if options.resume:
         raise SceneError("--resume is for scenes of many particles")
-    _require_ending(options.output, SUFFIXES)
+    if options.output is not None and options.output.suffix not in SUFFIXES:
+        raise SceneError(f"cannot save to {options.output}: {ENDINGS}")
     scene = read_scene(options.scene)
     with _progress_bar(scene) as progress:
         result = simulate_pair(scene, progress)

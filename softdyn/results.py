@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from softdyn.particles.results import ParticleResult
 
 SUFFIXES = (".json", ".npz", ".csv")
+ENDINGS = f"of a run of two particles the ending must be one of {', '.join(SUFFIXES)}; .gsd and .pvd are for many"
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ class PairResult:
         """
         path = Path(path)
         if path.suffix not in SUFFIXES:
-            raise SceneError(f"cannot save to {path}: the ending must be one of {', '.join(SUFFIXES)}")
+            raise SceneError(f"cannot save to {path}: {ENDINGS}")
         with written_whole(path) as temporary:
             if path.suffix == ".json":
                 temporary.write_text(json.dumps(self.to_dict()) + "\n", encoding="utf-8")
@@ -191,7 +192,8 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
     path = Path(path)
     if path.suffix not in (".json", ".npz"):
         raise SceneError(
-            f"cannot read {path}: results are read back from .json and .npz (a .csv holds the arrays alone)"
+            f"cannot read {path}: results are read back from .json and .npz, which hold all of a run; a .csv holds the "
+            "arrays alone, .gsd and .pvd what other programs show"
         )
     try:
         if path.suffix == ".npz":

@@ -66,6 +66,28 @@ def walled() -> ParticleResult:
     )
 
 
+@pytest.fixture(scope="module", params=[2, 3])
+def sliding(request: pytest.FixtureRequest) -> ParticleResult:
+    """Two particles that a shear flow turns and slides on each other, on a wall that moves."""
+    d: int = request.param
+    pad = [0.0] * (d - 2)
+    return simulate_particles(
+        ParticleScene(
+            law="equal_spheres",
+            parameters={**UNIT, "nu": 0.5},
+            positions=[[0.0, 0.0, *pad], [1.0, 1.8, *pad]],
+            radii=1.0,
+            walls=[Wall(np.array([0.0, -1.1, *pad]), np.array([0.0, -1.0, *pad]))],
+            shear_rate=1e-3,
+            reach=0.5,
+            tangential=True,
+            drag=1.0,
+            until=300.0,
+            times=3,
+        )
+    )
+
+
 def test_a_gsd_trajectory_is_the_result_in_single_precision(sheared: ParticleResult, tmp_path: Path) -> None:
     """Positions, unwrapped by the images, and velocities to the rounding of 24 bits; contacts as they are."""
     count = len(sheared.radii)
@@ -114,6 +136,26 @@ def test_contacts_come_and_go_in_a_gsd_trajectory(walled: ParticleResult, tmp_pa
     assert counts[0] == 0 < counts[-1]
 
 
+def test_what_slides_and_turns_is_in_both(sliding: ParticleResult, tmp_path: Path) -> None:
+    """As vectors in space: in the plane particles turn about z."""
+    d = sliding.x.shape[2]
+    spin = np.zeros((len(sliding), 2, 3))
+    spin[..., -1 if d == 2 else slice(None)] = sliding.spin[..., 0] if d == 2 else sliding.spin
+    assert np.abs(spin[-1, :, 2]).min() > 0
+    entries = files_of(sliding.save(tmp_path / "a.pvd"))
+    assert {part for _, part, _ in entries} == {"0", "1"}
+    with gsd.hoomd.open(str(sliding.save(tmp_path / "a.gsd"))) as trajectory:
+        for number, frame in enumerate(trajectory):
+            contacts = sliding.contacts(number)
+            T = np.pad(contacts["T"], ((0, 0), (0, 3 - d)))
+            assert np.array_equal(frame.log["particles/spin"], spin[number])
+            assert np.array_equal(frame.log["bonds/tangential"], T[contacts["j"] < 2])
+            particles, lines = (meshio.read(file) for t, _, file in entries if t == sliding.t[number])
+            assert np.array_equal(particles.point_data["spin"], spin[number])
+            assert np.array_equal(lines.cell_data["tangential"][0], T)
+    assert np.abs(sliding.contacts(-1)["T"]).max(axis=1).min() > 0
+
+
 def files_of(path: Path) -> list[tuple[float, str, Path]]:
     """Time, part and file of each entry of a .pvd."""
     entries = ElementTree.parse(path).getroot().iter("DataSet")
@@ -129,8 +171,11 @@ def test_vtk_files_are_the_result(which: str, tmp_path: Path, request: pytest.Fi
     with_contacts = [k for k in range(len(result)) if len(result.contacts(k)["h"])]
     assert [t for t, part, _ in entries if part == "0"] == result.t.tolist()
     assert [t for t, part, _ in entries if part == "1"] == result.t[with_contacts].tolist()
+    assert [t for t, part, _ in entries if part == "2"] == (result.t.tolist() if which == "sheared" else [])
     for t, part, file in entries:
         number = result.t.tolist().index(t)
+        if part == "2":
+            continue
         mesh = meshio.read(file)
         if part == "0":
             assert np.array_equal(mesh.point_data["radius"].reshape(-1), result.radii)
@@ -156,6 +201,31 @@ def test_vtk_files_are_the_result(which: str, tmp_path: Path, request: pytest.Fi
             np.testing.assert_allclose(end[contacts["j"] == 2, 2], 0.0, atol=1e-9)
 
 
+def test_the_box_is_that_of_the_particles_as_it_leans(sheared: ParticleResult, tmp_path: Path) -> None:
+    """Twelve edges, of the lengths of the lattice's vectors; all particles are within."""
+    leans = []
+    for t, part, file in files_of(sheared.save(tmp_path / "a.pvd")):
+        if part == "0":
+            x = meshio.read(file).points
+        if part != "2":
+            continue
+        mesh = meshio.read(file)
+        edges = np.diff(mesh.points[mesh.cells[0].data], axis=1)[:, 0]
+        number = sheared.t.tolist().index(t)
+        cell = np.eye(3)
+        cell[:2, :2] = sheared.cell[number]
+        cell[0, 1] -= cell[0, 0] * np.round(cell[0, 1] / cell[0, 0])
+        assert len(edges) == 12
+        for vector in cell.T:
+            assert np.sum(np.linalg.norm(edges - vector, axis=1) < 1e-9) == 4
+        fractions = np.linalg.solve(cell, (x - mesh.points[0]).T)
+        assert fractions.min() > -1e-9
+        assert fractions.max() < 1 + 1e-9
+        leans.append(cell[0, 1] / cell[0, 0])
+    assert max(leans) > 0.1
+    assert min(leans) < -0.1
+
+
 def test_the_command_line_writes_them_beside_the_result(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,8 +238,31 @@ def test_the_command_line_writes_them_beside_the_result(
         assert np.array_equal(one[7].particles.position, other[7].particles.position)
     assert main(["convert", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.pvd")]) == 0
     assert len(files_of(tmp_path / "b.pvd")) == 2 * len(result)
+    # a folder that is called as a stock scene does not hide it
+    (tmp_path / "line").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "line"]) == 0
     assert main(["convert", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.xyz")]) == 2
     assert "the ending must be one of .npz, .gsd, .pvd" in capsys.readouterr().err
+
+
+def test_a_run_of_two_particles_is_for_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither as it is run nor later; and the files of others are not read back."""
+    scene = tmp_path / "pair.toml"
+    scene.write_text(
+        "law = 'rognon_gay'\n[parameters]\nR = 1.0\nE = 1.0\neta = 1.0\n[pair]\nh = 1.0\n[drive]\nforce = 1e-2\n"
+        "[until]\nh = 0.1\n"
+    )
+    assert main(["run", str(scene), "-o", str(tmp_path / "a.npz")]) == 0
+    for command in (["run", str(scene)], ["convert", str(tmp_path / "a.npz")]):
+        capsys.readouterr()
+        assert main([*command, "-o", str(tmp_path / "a.gsd")]) == 2
+        words = capsys.readouterr().err
+        assert (
+            "of a run of two particles the ending must be one of .json, .npz, .csv; .gsd and .pvd are for many" in words
+        )
+    assert main(["plot", str(tmp_path / "a.gsd")]) == 2
+    assert ".gsd and .pvd what other programs show" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("suffix", "package"), [(".gsd", "gsd"), (".pvd", "pyevtk")])

@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.animation import FFMpegWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from PIL import Image
 
 from softdyn.cli import main
 from softdyn.errors import SceneError
+from softdyn.particles import plots
 from softdyn.particles.geometry import Wall
 from softdyn.particles.plots import draw_network
 from softdyn.particles.results import ParticleResult
@@ -141,6 +144,136 @@ def test_both_halves_of_a_contact_meet_across_the_faces_of_the_box() -> None:
     # each contact is drawn from both of its ends at least
     nearest = np.bincount(apart.argmin(axis=1), minlength=len(expected))
     assert np.all(nearest >= 2)
+
+
+def spheres(strain: float = 0.7, count: int = 4) -> ParticleResult:
+    """A periodic cubic packing, sheared in three dimensions."""
+    place = 1.98 * np.array([np.array(at) + 0.5 for at in np.ndindex(count, count, count)])
+    scene = ParticleScene(
+        law="rognon_gay",
+        parameters={"E": 1.0, "eta": 1.0},
+        positions=place + 0.05 * np.random.default_rng(1).uniform(-1, 1, place.shape),
+        radii=1.0,
+        box=[1.98 * count] * 3,
+        gap=0.05,
+        reach=0.4,
+        shear_rate=1e-3,
+        drag=1.0,
+        until=1e3 * strain,
+        times=4,
+        rtol=1e-2,
+    )
+    return simulate_particles(scene)
+
+
+def test_a_box_in_space_shows_its_strongest_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines are as long as contacts seen obliquely, the stronger the wider, pushed ones orange and pulled ones blue."""
+    result = spheres()
+    contacts = result.contacts(-1)
+    r = 2 + contacts["h"] - 2 * contacts["delta"]
+    largest = np.abs(contacts["F"]).max()
+    for most in (10_000, 50):
+        monkeypatch.setattr(plots, "MOST", most)
+        axes = Figure().add_subplot()
+        artists, _ = draw_network(axes, result, -1, largest)
+        box, _, network = (artist for artist in artists[:3])
+        assert len(box.get_segments()) == 12  # type: ignore[attr-defined]
+        lines = np.array(network.get_segments())  # type: ignore[attr-defined]
+        shown = np.argsort(np.abs(contacts["F"]))[-most:]
+        assert len(lines) == len(shown) == min(most, len(r))
+        # orthographic: what is seen of a line is the part of it across the direction of sight
+        sight = np.cross(*plots.OBLIQUE[:2])
+        np.testing.assert_allclose(sight, plots.OBLIQUE[2], atol=1e-15)
+        across = r * np.sqrt(1 - (contacts["n"] @ sight) ** 2)
+        lengths = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
+        np.testing.assert_allclose(np.sort(lengths), np.sort(across[shown]), rtol=1e-6)
+    # of the last picture: by their widths lines are in the order of their forces, and pushed ones are redder than blue
+    widths, colours = np.array(network.get_linewidths()), np.array(network.get_colors())  # type: ignore[attr-defined]
+    F = contacts["F"][shown][np.argsort(np.abs(contacts["F"][shown]))]
+    by_width = colours[np.argsort(widths)]
+    strong = np.abs(F) > 0.1 * largest
+    assert np.array_equal(by_width[strong, 0] > by_width[strong, 2], F[strong] > 0)
+
+
+def test_particles_in_space_are_seen_along_the_axis_where_they_are_nearest() -> None:
+    """A pair along x and one along z: seen along y, flattened; walls from the side."""
+    scene = two(
+        3,
+        positions=[[0.0, 0.0, 0.0], [2.55, 0.0, 0.5]],
+        walls=[Wall(np.array([0.0, 0.0, -1.05]), np.array([0.0, 0.0, -1.0]))],
+    )
+    result = simulate_particles(scene)
+    axes = Figure().add_subplot()
+    artists, _ = draw_network(axes, result, -1, 1.0)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", "$z$")
+    assert len(artists) == 3
+    lines = np.array(artists[1].get_segments())  # type: ignore[attr-defined]
+    contacts = result.contacts(-1)
+    pair = int(np.flatnonzero(contacts["j"] == 1)[0])
+    ends = lines[[0 if pair == 0 else 1]]
+    np.testing.assert_allclose(ends[0, 0], result.x[-1, 0, [0, 2]], atol=1e-9)
+    # both outlines end where the gap starts
+    n = contacts["n"][pair, [0, 2]]
+    outlines = [np.asarray(path.vertices)[:-1] for path in artists[0].get_paths()]  # type: ignore[attr-defined]
+    reach = sorted((outline @ n for outline in outlines), key=lambda along: float(np.mean(along)))
+    assert reach[1].min() - reach[0].max() == pytest.approx(contacts["h"][pair], rel=1e-3)
+
+
+def test_a_wall_in_one_dimension_is_drawn() -> None:
+    result = simulate_particles(two(1, walls=[Wall(np.array([-1.1]), np.array([-1.0]))]))
+    axes = Figure().add_subplot()
+    artists, _ = draw_network(axes, result, -1, 1.0)
+    assert len(artists) == 3
+    assert artists[2].get_xy1() == pytest.approx([-1.1, 0.0])  # type: ignore[attr-defined]
+
+
+def panel(figure: Figure, title: str) -> Any:
+    """Axes whose title starts with these words."""
+    return next(axes for axes in figure.axes if axes.get_title(loc="left").startswith(title))
+
+
+@pytest.mark.parametrize("start", [-300.0, 5.0])
+def test_a_start_that_would_flatten_what_follows_is_off_the_scale(start: float) -> None:
+    """And the title says so; any other is on it."""
+    result = spheres(0.01)
+    stress = np.zeros((4, 3, 3)) + np.array([start, 4.0, 5.0, 7.0])[:, None, None]
+    axes = panel(ParticleResult("", "", {"eta": 1.0}, {**result.arrays, "stress": stress}, {}, {}).plot(), "stress")
+    low, high = axes.get_ylim()
+    off = start == -300
+    assert axes.get_title(loc="left").endswith("(start is off the scale)") == off
+    assert (low > start) == off
+    assert low < 4 < 7 < high
+
+
+def test_curves_are_over_the_strain_where_it_grows_and_else_over_time() -> None:
+    result = spheres(0.01)
+    (line, *_) = panel(result.plot(), "stress").get_lines()
+    np.testing.assert_allclose(line.get_xdata(), 1e-3 * result.t)
+    back = result.cell.copy()
+    back[3] = back[1]
+    there_and_back = ParticleResult("", "", {"eta": 1.0}, {**result.arrays, "cell": back}, {}, {})
+    (line, *_) = panel(there_and_back.plot(), "stress").get_lines()
+    np.testing.assert_array_equal(line.get_xdata(), result.t)
+
+
+@pytest.mark.parametrize("which", ["line", "few", "emulsion", "spheres"])
+def test_no_words_run_into_another_picture(which: str) -> None:
+    """Neither labels, nor titles, nor legends: what belongs to one set of axes overlaps with that of no other."""
+    results = {"line": lambda: simulate_particles(two(1)), "few": lambda: simulate_particles(two()), "spheres": spheres}
+    result = results[which]() if which in results else packing(0.7)
+    if which == "spheres":  # with the longest titles
+        result.arrays["stress"][0] = 1e4  # type: ignore[index]
+    figure = result.plot()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    boxes = [box for axes in figure.axes if (box := axes.get_tightbbox(canvas.get_renderer())) is not None]
+    assert len(boxes) == len(figure.axes)
+    for k, one in enumerate(boxes):
+        for other in boxes[:k]:
+            overlap = Bbox.intersection(one, other)
+            assert overlap is None or min(overlap.width, overlap.height) < 2
+        assert one.x0 > -2
+        assert one.x1 < figure.bbox.x1 + 2
 
 
 def test_an_animation_has_each_frame(tmp_path: Path) -> None:

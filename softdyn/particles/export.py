@@ -11,19 +11,21 @@ import importlib
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.observables import is_sheared, strain
+from softdyn.particles.observables import is_periodic, is_sheared, strain
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
     from softdyn.particles.results import ParticleResult
 
 Array = NDArray[np.float64]
+#: Values of points or lines by their names; of vectors, the three components.
+Values = dict[str, NDArray[Any] | tuple[Array, ...]]
 
 #: Package that writes files of each ending, in ``softdyn[formats]``. gsd is the format's own; of the packages that
 #: write VTK's XML, pyevtk is kept up and needs numpy alone.
@@ -76,7 +78,7 @@ def boxed(result: ParticleResult, frame: int) -> Boxed:
     """Positions of a frame, wrapped into the box."""
     d = result.x.shape[2]
     periodic = np.append(np.isfinite(result.box), np.zeros(3 - d, bool))
-    every = _padded(result.x.reshape(-1, d))
+    every = padded(result.x.reshape(-1, d))
     low, high = every.min(axis=0), every.max(axis=0)
     lengths = 2 * (high - low) + 4 * float(result.radii.max())
     if d == 2:
@@ -86,7 +88,7 @@ def boxed(result: ParticleResult, frame: int) -> Boxed:
     if periodic[:2].all():
         cell[0, 1] -= cell[0, 0] * np.round(cell[0, 1] / cell[0, 0])
     corner = np.where(periodic, 0.0, (low + high - lengths) / 2)
-    x = _padded(result.x[frame])
+    x = padded(result.x[frame])
     turns = np.floor(np.linalg.solve(cell, (x - corner).T).T)
     image = np.where(periodic, turns, 0.0)
     return Boxed(cell, corner, x - image @ cell.T, image.astype(np.int64))
@@ -104,7 +106,14 @@ def write(result: ParticleResult, path: Path) -> None:
     (write_gsd if path.suffix == ".gsd" else write_vtk)(result, path)
 
 
-def _padded(vectors: Array) -> Array:
+def turning(result: ParticleResult, frame: int) -> Array:
+    """Angular velocities in three dimensions, shape (N, 3): in the plane there is the one about z."""
+    spin: Array = result.spin[frame]
+    return np.pad(spin, ((0, 0), (3 - spin.shape[1], 0)))
+
+
+def padded(vectors: Array) -> Array:
+    """Give vectors three dimensions."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
@@ -113,7 +122,9 @@ def write_gsd(result: ParticleResult, path: Path) -> None:
 
     Lengths and velocities of particles are single precision there, and positions are counted from the middle of the
     box. ``log`` holds the time ``t``, the ``stress`` and, of a sheared box, the ``strain``; of each bond, in double
-    precision, ``bonds/gap``, ``bonds/deflection`` and ``bonds/force``. Contacts with walls are in the .npz alone.
+    precision, ``bonds/gap``, ``bonds/deflection`` and ``bonds/force``; with tangential motion ``bonds/tangential``,
+    the force from the bond's first particle to its second, and ``particles/spin``. Contacts with walls are in the .npz
+    alone.
 
     Raises
     ------
@@ -141,7 +152,7 @@ def write_gsd(result: ParticleResult, path: Path) -> None:
             frame.particles.typeid = result.species
             frame.particles.diameter = 2 * result.radii
             frame.particles.position = placed.x - placed.corner - placed.cell.sum(axis=1) / 2
-            frame.particles.velocity = _padded(result.v[number])
+            frame.particles.velocity = padded(result.v[number])
             frame.particles.image = placed.image
             frame.bonds.N = int(pair.sum())
             frame.bonds.types = ["contact"]
@@ -154,6 +165,9 @@ def write_gsd(result: ParticleResult, path: Path) -> None:
                 "bonds/deflection": contacts["delta"][pair],
                 "bonds/force": contacts["F"][pair],
             }
+            if "T" in contacts:
+                frame.log["bonds/tangential"] = padded(contacts["T"][pair])
+                frame.log["particles/spin"] = turning(result, number)
             if strains is not None:
                 frame.log["strain"] = strains[number : number + 1]
             trajectory.append(frame)
@@ -163,7 +177,9 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
     """Write a .pvd, which names for each frame the files of its particles and contacts, in a folder of the same name.
 
     Particles are points with ``radius``, ``species`` and ``velocity``; contacts lines between centres, or from a centre
-    to the wall, with ``gap``, ``deflection`` and ``force``. A frame without contacts has no file of them.
+    to the wall, with ``gap``, ``deflection`` and ``force``; the edges of a periodic box are lines, too. With tangential
+    motion there are ``spin`` and the ``tangential`` force. In the .pvd these are the parts 0, 1 and 2. A frame without
+    contacts has no file of them.
 
     Raises
     ------
@@ -184,32 +200,59 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
             t = float(result.t[number])
             placed = boxed(result, number)
             name = str(folder / f"particles_{number:0{digits}}")
-            data = {"radius": result.radii, "species": result.species, "velocity": _columns(_padded(result.v[number]))}
-            collection.addFile(hl.pointsToVTK(name, *_columns(placed.x), data=data), t, part="0")
+            data: Values = {"radius": result.radii, "species": result.species}
+            data["velocity"] = _columns(padded(result.v[number]))
             contacts = result.contacts(number)
-            if not len(contacts["h"]):
-                continue
-            points, ends = _lines(result, placed, contacts)
-            written = hl.unstructuredGridToVTK(
-                str(folder / f"contacts_{number:0{digits}}"),
-                *_columns(points),
-                connectivity=ends.reshape(-1),
-                offsets=np.arange(2, 2 * len(ends) + 1, 2),
-                cell_types=np.full(len(ends), LINE, dtype=np.uint8),
-                cellData={"gap": contacts["h"], "deflection": contacts["delta"], "force": contacts["F"]},
-            )
-            collection.addFile(written, t, part="1")
+            values: Values = {"gap": contacts["h"], "deflection": contacts["delta"], "force": contacts["F"]}
+            if "T" in contacts:
+                data["spin"] = _columns(turning(result, number))
+                values["tangential"] = _columns(padded(contacts["T"]))
+            collection.addFile(hl.pointsToVTK(name, *_columns(placed.x), data=data), t, part="0")
+            if len(contacts["h"]):
+                name = str(folder / f"contacts_{number:0{digits}}")
+                collection.addFile(_write_lines(hl, name, *lines(result, placed, contacts), values), t, part="1")
+            if is_periodic(result):
+                name = str(folder / f"box_{number:0{digits}}")
+                collection.addFile(_write_lines(hl, name, *outline(placed), {}), t, part="2")
         collection.save()
+
+
+def _write_lines(hl: ModuleType, name: str, points: Array, ends: NDArray[np.int64], values: Values) -> str:
+    """Write lines between points, and values of each; returns the file."""
+    written: str = hl.unstructuredGridToVTK(
+        name,
+        *_columns(points),
+        connectivity=ends.reshape(-1),
+        offsets=np.arange(2, 2 * len(ends) + 1, 2),
+        cell_types=np.full(len(ends), LINE, dtype=np.uint8),
+        cellData=values,
+    )
+    return written
 
 
 def _columns(vectors: Array) -> tuple[Array, ...]:
     return tuple(np.ascontiguousarray(column) for column in vectors.T)
 
 
-def _lines(result: ParticleResult, placed: Boxed, contacts: dict[str, NDArray]) -> tuple[Array, NDArray[np.int64]]:
-    """Points, and the two ends of each contact: particles, then the ends that are an image of one, or on a wall."""
+def outline(placed: Boxed) -> tuple[Array, NDArray[np.int64]]:
+    """Corners of a box, shape (8, 3), and its edges as pairs of them, shape (12, 2)."""
+    corners = np.array(list(np.ndindex(2, 2, 2)))
+    edges = [(a, b) for a in range(8) for b in range(a + 1, 8) if np.abs(corners[a] - corners[b]).sum() == 1]
+    return placed.corner + corners @ placed.cell.T, np.array(edges)
+
+
+def lines(result: ParticleResult, placed: Boxed, contacts: dict[str, NDArray]) -> tuple[Array, NDArray[np.int64]]:
+    """Contacts of a frame as lines, each from a particle within the box to the partner it is in contact with.
+
+    Returns
+    -------
+    points : array, shape (N + extra, 3)
+        The particles, then those ends that are an image of one, or on a wall.
+    ends : array of int, shape (contacts, 2)
+        Numbers of points.
+    """
     count = len(placed.x)
-    i, j, n = contacts["i"], contacts["j"], _padded(contacts["n"])
+    i, j, n = contacts["i"], contacts["j"], padded(contacts["n"])
     pair = j < count
     partner = np.append(result.radii, np.zeros(max(0, int(j.max()) + 1 - count)))[j]
     distance = result.radii[i] + partner + contacts["h"] - 2 * contacts["delta"]

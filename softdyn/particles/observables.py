@@ -1,8 +1,13 @@
-"""What is measured on a run of many particles."""
+"""What is measured on a run of many particles.
+
+Stresses are > 0 in tension, forces in compression, as in the result. Frames are counted as those of a list.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +23,28 @@ def is_sheared(result: ParticleResult) -> bool:
     return bool(result.x.shape[2] > 1 and result.gradient[:, 0, 1].any())
 
 
+def is_periodic(result: ParticleResult) -> bool:
+    """Whether the box is periodic along all axes, so that there is a stress; otherwise ``stress`` is a virial."""
+    return bool(np.isfinite(result.box).all())
+
+
 def strain(result: ParticleResult) -> Array:
-    """Shear strain of the background flow at each frame: the integral of its rate."""
+    """Shear strain of the background flow at each frame: the integral of its rate, or how far a periodic box leans.
+
+    The two are one but where a normal stress is imposed and makes the box longer one way than the other: then it is
+    by how much the box leans, relative to its height.
+    """
     if np.isfinite(result.box[1]):
         lean: Array = result.cell[:, 0, 1] / result.cell[:, 1, 1]
         return lean
     rate: Array = result.gradient[:, 0, 1] * result.t
     return rate
+
+
+def has_viscosity(result: ParticleResult) -> bool:
+    """Whether :func:`relative_viscosity` is defined: there is a shear flow in a periodic box, and the fluid's eta."""
+    eta = result.parameters.get("eta")
+    return is_sheared(result) and is_periodic(result) and eta is not None and not isinstance(eta, Mapping)
 
 
 def relative_viscosity(result: ParticleResult) -> Array:
@@ -38,31 +58,191 @@ def relative_viscosity(result: ParticleResult) -> Array:
     Raises
     ------
     ValueError
-        If the run has no shear flow, or no periodic box to take a stress of.
+        If the run has no shear flow, no periodic box to take a stress of, or its law no viscosity eta.
     """
-    if not is_sheared(result) or not np.isfinite(result.box).all():
-        raise ValueError("a relative viscosity needs a shear flow in a periodic box")
+    if not has_viscosity(result):
+        raise ValueError("a relative viscosity needs a shear flow in a periodic box, and the parameter eta")
     viscous = float(result.parameters["eta"]) * result.gradient[:, 0, 1]
     shear = (result.stress[:, 0, 1] + result.stress[:, 1, 0]) / 2
     return 1 + np.divide(shear, viscous, out=np.full(len(result), np.nan), where=viscous != 0)
 
 
 def normal_stress_differences(result: ParticleResult) -> tuple[Array, Array]:
-    """N1 = sigma_xx - sigma_yy and N2 = sigma_yy - sigma_zz at each frame, stresses > 0 in tension; N2 = 0 in two."""
+    """N1 = sigma_xx - sigma_yy and N2 = sigma_yy - sigma_zz at each frame; N2 = 0 in two dimensions.
+
+    x is the direction of the flow, y that of its gradient, z that of the vorticity.
+
+    Raises
+    ------
+    ValueError
+        If there is but one dimension.
+    """
     stress = result.stress
+    if stress.shape[1] < 2:
+        raise ValueError("normal stress differences need two dimensions at least")
     second = stress[:, 1, 1] - stress[:, 2, 2] if stress.shape[1] == 3 else np.zeros(len(result))
     return stress[:, 0, 0] - stress[:, 1, 1], second
 
 
-def coordination(result: ParticleResult) -> Array:
-    """Mean number of pressed contacts of a particle at each frame: those with F > 0; walls count once."""
+def pressure(result: ParticleResult) -> Array:
+    """Pressure of the particles at each frame, -tr(sigma)/d; of a virial where the box is not periodic."""
+    mean: Array = -np.trace(result.stress, axis1=1, axis2=2) / result.stress.shape[1]
+    return mean
+
+
+def rattlers(result: ParticleResult, frame: int = -1) -> NDArray[np.bool_]:
+    """Which particles no pressed contacts can hold.
+
+    Those with fewer than d + 1 of them, or than 2 where tangential forces hold, too; and, their contacts taken away,
+    those that are left with fewer, until none is.
+
+    Returns
+    -------
+    array of bool, shape (N,)
+    """
+    count, d = result.x.shape[1:]
+    needed = 2 if "contact_T" in result.arrays else d + 1
+    i, j = _pressed(result, frame)
+    loose = np.zeros(max(count, int(np.max(j, initial=-1)) + 1), dtype=bool)  # walls never are
+    while True:
+        holding = ~(loose[i] | loose[j])
+        few = _numbers(count, i[holding], j[holding]) < needed
+        if np.array_equal(few, loose[:count]):
+            return few
+        loose[:count] = few
+
+
+def coordination(result: ParticleResult, without_rattlers: bool = False) -> Array:
+    """Mean number of pressed contacts of a particle at each frame: those with F > 0; walls count once.
+
+    Parameters
+    ----------
+    result : ParticleResult
+    without_rattlers : bool
+        Leave out the particles of :func:`rattlers`, and their contacts; nan where no others are.
+    """
     count = result.x.shape[1]
-    numbers = np.empty(len(result))
+    numbers = np.full(len(result), np.nan)
+    for frame in range(len(result)):
+        i, j = _pressed(result, frame)
+        kept = np.ones(count, dtype=bool)
+        if without_rattlers:
+            kept = ~rattlers(result, frame)
+            holding = kept[i] & np.append(kept, True)[np.minimum(j, count)]
+            i, j = i[holding], j[holding]
+        if kept.any():
+            numbers[frame] = _numbers(count, i, j).sum() / kept.sum()
+    return numbers
+
+
+def fabric(result: ParticleResult) -> Array:
+    """Fabric tensor at each frame, shape (frames, d, d): the mean of n n over pressed contacts; of trace 1, or nan.
+
+    Isotropic, it is 1/d times the unit tensor; its xy component is negative where contacts are along the direction of
+    compression of a shear flow.
+    """
+    tensors = np.full((len(result), *result.stress.shape[1:]), np.nan)
     for frame in range(len(result)):
         contacts = result.contacts(frame)
-        pressed = contacts["F"] > 0
-        numbers[frame] = (np.sum(pressed) + np.sum(pressed & (contacts["j"] < count))) / count
-    return numbers
+        n = contacts["n"][contacts["F"] > 0]
+        if len(n):
+            tensors[frame] = np.einsum("ca,cb->ab", n, n) / len(n)
+    return tensors
+
+
+def gap_distribution(result: ParticleResult, frame: int = -1, bins: int | None = None) -> tuple[Array, Array]:
+    """Distribution of the gaps of contacts within their range: its density per unit of ln h.
+
+    Parameters
+    ----------
+    result : ParticleResult
+    frame : int
+    bins : int, optional
+        How many, equal in ln h; half the root of the number of contacts by default, 5 at least.
+
+    Returns
+    -------
+    edges : array, shape (bins + 1,)
+        In h.
+    density : array, shape (bins,)
+        Its integral over ln h is 1. Both are empty without contacts.
+    """
+    h = result.contacts(frame)["h"]
+    if not len(h):
+        return np.empty(0), np.empty(0)
+    low, high = np.log(h.min()), np.log(h.max())
+    widen = max(1e-9, 0.05 * (high == low))
+    edges: Array = np.exp(np.linspace(low - widen, high + widen, (bins or _bins(h)) + 1))
+    density: Array = np.histogram(h, edges)[0] / (len(h) * np.diff(np.log(edges)))
+    return edges, density
+
+
+def force_distribution(result: ParticleResult, frame: int = -1, bins: int | None = None) -> tuple[Array, Array]:
+    """Distribution of the forces, relative to their mean size: density of f = F/<|F|>; what pulls is < 0.
+
+    Contacts within their range that bear no force are left out.
+
+    Parameters
+    ----------
+    result : ParticleResult
+    frame : int
+    bins : int, optional
+        Over how many the values spread, about: 0 is an edge. By default as of :func:`gap_distribution`, 10 at least.
+
+    Returns
+    -------
+    edges : array, shape (bins + 1,)
+        Of f, of equal widths.
+    density : array, shape (bins,)
+        Its integral is 1. Both are empty without forces.
+    """
+    F = result.contacts(frame)["F"]
+    F = F[F != 0]
+    if not len(F):
+        return np.empty(0), np.empty(0)
+    f = F / np.abs(F).mean()
+    low, high = min(0.0, float(f.min())), max(0.0, float(f.max()))
+    # the outermost values are within, whatever the rounding
+    width = (1 + 1e-9) * (high - low) / (bins or max(10, _bins(f)))
+    edges = width * np.arange(math.floor(low / width), math.ceil(high / width) + 1, dtype=np.float64)
+    density: Array = np.histogram(f, edges)[0] / (len(f) * np.diff(edges))
+    return edges, density
+
+
+def mean_square_displacement(result: ParticleResult) -> Array:
+    """Mean squares of displacements from the start that are not the flow's, along each axis, shape (frames, d).
+
+    What is left of x - A x(0), with A the deformation of the periodic box, less its mean over the particles. Across the
+    flow (y and z) it is diffusion by shear; along x it includes that the flow carries what has moved along y.
+
+    Raises
+    ------
+    ValueError
+        If the box is not periodic along all axes: then nothing says how its background has deformed.
+    """
+    if not is_periodic(result):
+        raise ValueError("displacements are measured against a box that is periodic along all axes")
+    deformation = result.cell @ np.linalg.inv(result.cell[0])
+    moved = result.x - np.einsum("fab,ib->fia", deformation, result.x[0])
+    moved = moved - moved.mean(axis=1, keepdims=True)
+    squares: Array = (moved**2).mean(axis=1)
+    return squares
+
+
+def _pressed(result: ParticleResult, frame: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Both ends of the contacts with F > 0."""
+    contacts = result.contacts(frame)
+    pressed = contacts["F"] > 0
+    return contacts["i"][pressed], contacts["j"][pressed]
+
+
+def _numbers(count: int, i: NDArray[Any], j: NDArray[Any]) -> NDArray[np.int64]:
+    """Number of contacts of each particle."""
+    return np.bincount(np.concatenate([i, j[j < count]]), minlength=count)
+
+
+def _bins(values: Array) -> int:
+    return max(5, math.isqrt(len(values)) // 2)
 
 
 def swap_time(result: ParticleResult, parting: tuple[int, int], meeting: tuple[int, int]) -> float:
