@@ -15,7 +15,7 @@ from softdyn.derive.dimensions import (
     VISCOSITY,
     Dimension,
 )
-from softdyn.derive.law import ContactLaw, Limit, Tangential
+from softdyn.derive.law import ContactLaw, Drag, Limit, Tangential
 from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa, size_ratio
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "VISCOSITY",
     "ContactLaw",
     "Dimension",
+    "Drag",
     "E",
     "F",
     "Limit",

@@ -86,6 +86,11 @@ TANGENTIAL = {
     "k_t": ((a, h), FORCE / LENGTH),
 }
 
+DRAG = {
+    "translation": ((), FRICTION),
+    "rotation": ((), FRICTION * LENGTH**2),
+}
+
 #: Functions that every target prints.
 PRINTABLE = (
     *(Abs, sign, exp, log, sin, cos, tan, asin, acos, atan),
@@ -129,7 +134,9 @@ def faults_of(law: ContactLaw) -> list[str]:
             found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
         faults += found
         sound = sound and not found
-    faults += _tangential_faults(law, known) + _typical_faults(law) + _limit_faults(law, known)
+    faults += (
+        _tangential_faults(law, known) + _drag_faults(law, known) + _typical_faults(law) + _limit_faults(law, known)
+    )
     if sound and not faults:
         faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
     if sound and not faults and law.tangential is not None:
@@ -140,13 +147,36 @@ def faults_of(law: ContactLaw) -> list[str]:
 def _tangential_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     if law.tangential is None:
         return []
-    if not all(hasattr(law.tangential, name) for name in TANGENTIAL):
-        kind = type(law.tangential).__name__
-        return [f"tangential = {law.tangential!r} is a {kind}, not a Tangential(sliding=..., k_t=...)"]
+    return _part_faults("tangential", "Tangential(sliding=..., k_t=...)", TANGENTIAL, law, known)
+
+
+def _drag_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
+    faults = _part_faults("drag", "Drag(translation=..., rotation=...)", DRAG, law, known)
+    for name in () if faults else DRAG:
+        expr = tidy(getattr(law.drag, name))
+        witness = None if proved_positive(expr) else _nonpositive_witness(expr, Dummy("d", positive=True), law)
+        if witness is not None:
+            _, _, own, found = witness
+            point = ", ".join([*(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in own.items()), "R=E=eta=1"])
+            faults.append(f"drag {name} must be positive, but at {point} it is {mpmath.nstr(found, 6)}")
+    return faults
+
+
+def _part_faults(
+    part: str,
+    form: str,
+    signatures: Mapping[str, tuple[tuple[Symbol, ...], Dimension]],
+    law: ContactLaw,
+    known: Mapping[str, Symbol],
+) -> list[str]:
+    """Faults of the expressions that a part of a law declares."""
+    declared = getattr(law, part)
+    if not all(hasattr(declared, name) for name in signatures):
+        return [f"{part} = {declared!r} is a {type(declared).__name__}, not a {form}"]
     faults = []
-    for name, (arguments, dimension) in TANGENTIAL.items():
-        expr = getattr(law.tangential, name)
-        where = f"tangential {name}"
+    for name, (arguments, dimension) in signatures.items():
+        expr = getattr(declared, name)
+        where = f"{part} {name}"
         if not isinstance(expr, Expr):
             faults.append(f"{where} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
             continue
@@ -478,7 +508,7 @@ def _nonpositive_witness(
     """Gap, size of the deflection, own parameters and value where expr <= 0 in the physical domain, if found."""
     from softdyn.derive.law import parameters_of
 
-    own = [symbol for symbol in parameters_of(law, tangential=True) if symbol in law.parameters]
+    own = [symbol for symbol in parameters_of(law, tangential=True, drag=True) if symbol in law.parameters]
     function = lambdify([h, size, *own], expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath")
     gaps = [mpmath.mpf(10) ** k for k in (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)]
     sizes = [mpmath.mpf(10) ** k for k in (-14, -9, -6, -4, -2, -1)] + [mpmath.mpf(1) / 2, mpmath.mpf(99) / 100]

@@ -48,7 +48,15 @@ from softdyn.derive import dynamics as d
 from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
 from softdyn.derive.kernel import Saving
-from softdyn.derive.law import is_dry, is_rigid, law_hash, parameters_of, tangential_expressions, tangential_hash
+from softdyn.derive.law import (
+    drag_expressions,
+    is_dry,
+    is_rigid,
+    law_hash,
+    parameters_of,
+    particles_hash,
+    tangential_expressions,
+)
 from softdyn.derive.printing import Assignment, operations, straight_line
 from softdyn.derive.soundness import sound
 from softdyn.derive.specialise import C, dF_ddelta, dF_dh
@@ -101,11 +109,14 @@ class ContactNeeds:
         Whether contacts have a range.
     tangential : bool
         Whether particles slide and roll on one another; then "size_ratio" may be among the varying ones, too.
+    drag : bool
+        Whether the fluid resists the particles by themselves.
     """
 
     varying: tuple[str, ...] = ()
     fading: bool = False
     tangential: bool = False
+    drag: bool = False
 
 
 @dataclass(frozen=True)
@@ -133,9 +144,11 @@ class ContactIR:
         Rows of what ``state`` gives.
     tangential : tuple of str
         Rows of what ``contacts`` gives besides of tangential motion; empty without it.
-    iteration, tangent, state, elastic, weight : ContactCode
+    drag_outputs : tuple of str
+        Rows of what ``drag`` gives of a particle; empty without drag.
+    iteration, tangent, state, elastic, weight, drag : ContactCode
         H and dH/dy; the force and its consistent tangent; the outputs; the elastic force and its slope in h; the
-        weight of what is stored, and its slope in h.
+        weight of what is stored, and its slope in h; the resistance of a particle alone.
     """
 
     name: str
@@ -148,11 +161,13 @@ class ContactIR:
     fading: bool
     outputs: tuple[str, ...]
     tangential: tuple[str, ...]
+    drag_outputs: tuple[str, ...]
     iteration: ContactCode
     tangent: ContactCode
     state: ContactCode
     elastic: ContactCode
     weight: ContactCode
+    drag: ContactCode
     savings: tuple[Saving, ...]
     operations: dict[str, dict[str, int]]
     sympy_version: str
@@ -212,10 +227,14 @@ def stage_equation() -> dict[Symbol, Expr]:
     return {**equation, F: weighted, F_r: force}
 
 
+def _own_names(symbols: tuple[Symbol, ...]) -> dict[Symbol, Symbol]:
+    return {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in symbols}
+
+
 def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbol, Expr]:
     """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
     # the names of a law's own parameters may be those of the kernel's variables
-    own = {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in parameters_of(law, tangential)}
+    own = _own_names(parameters_of(law, tangential))
     values = {symbol: expr.xreplace(own) for symbol, expr in partials(law).items()}
 
     def relative(variable: Symbol) -> Expr:
@@ -273,7 +292,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         If the law is rigid or dry: then a contact has no gap state, or no deflection; if a varying parameter is not the
         law's; or if tangential motion is asked for, and the law does not declare any.
     """
-    names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential))
+    names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential, needs.drag))
     names += (size_ratio.name,) if needs.tangential else ()
     faults = [f"{name!r} is no parameter; there are {', '.join(names)}" for name in needs.varying if name not in names]
     if is_rigid(law) or is_dry(law):
@@ -311,6 +330,11 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         specialise("equal radii", {size_ratio: Rational(1, 4)})
         names = tuple(name for name in names if name != size_ratio.name)
 
+    resisting: dict[Symbol, Expr] = {}
+    if needs.drag:
+        own = _own_names(parameters_of(law, drag=True))
+        resisting = {Symbol(name, real=True): expr.xreplace(own) for name, expr in drag_expressions(law.drag).items()}
+        resisting = resisting if needs.tangential else {k: e for k, e in resisting.items() if k.name != "rotation"}
     outputs = (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
     without_delta = {symbol: expr for symbol, expr in definitions.items() if symbol != delta}
     lines = {
@@ -319,6 +343,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         "state": straight_line(outputs, definitions),
         "elastic": straight_line([F_ela, dF_dh], without_delta),
         "weight": straight_line([grip, grip_h], without_delta) if needs.fading else [],
+        "drag": straight_line(list(resisting), resisting),
     }
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
@@ -331,11 +356,12 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
 
     declared = tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh"))
     by_name = tangential_expressions(law.tangential) if needs.tangential and law.tangential is not None else {}
+    by_name |= {f"drag {name}": expr for name, expr in drag_expressions(law.drag).items()} if needs.drag else {}
     slides = tuple((name, str(expr)) for name, expr in by_name.items())
     return ContactIR(
         name=law.name,
         source=law.source or "no source given",
-        law_hash=law_hash(law) + (f", {tangential_hash(law)}" if needs.tangential else ""),
+        law_hash=law_hash(law) + (f", {particles_hash(law)}" if needs.tangential or needs.drag else ""),
         declaration=(*declared, *slides),
         fixed=(),
         uniform=uniform,
@@ -343,11 +369,13 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         fading=needs.fading,
         outputs=tuple(symbol.name for symbol in outputs),
         tangential=tuple(symbol.name for symbol in sliding),
+        drag_outputs=tuple(symbol.name for symbol in resisting),
         iteration=code("iteration"),
         tangent=code("tangent"),
         state=code("state"),
         elastic=code("elastic"),
         weight=code("weight"),
+        drag=code("drag"),
         savings=tuple(savings),
         operations={part: operations(text) for part, text in lines.items()},
         sympy_version=sympy.__version__,

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Any
 
-from sympy import Expr, Integer, Interval, Rational, S, Symbol, oo, srepr
+from sympy import Expr, Integer, Interval, Rational, S, Symbol, oo, pi, srepr
 
 from softdyn.derive.checks import faults_of
 from softdyn.derive.dimensions import Dimension
-from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, R
+from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, R, eta
 from softdyn.errors import LawError
 
 
@@ -80,6 +80,29 @@ def tangential_expressions(tangential: Tangential) -> dict[str, Expr]:
     return {name: getattr(tangential, name) for name in ("sliding", "coupling", "rolling", "k_t")}
 
 
+@dataclass(frozen=True)
+class Drag:
+    """What the fluid does to a particle alone, in scenes of many particles that ask for it: by Stokes, if not declared.
+
+    Both are functions of R, the radius of the particle, eta, and the law's parameters.
+
+    Parameters
+    ----------
+    translation : Expr
+        Resistance to a motion relative to the background flow, force/velocity.
+    rotation : Expr
+        Resistance to a rotation relative to that of the flow, torque/angular velocity.
+    """
+
+    translation: Expr = 6 * pi * eta * R
+    rotation: Expr = 8 * pi * eta * R**3
+
+
+def drag_expressions(drag: Drag) -> dict[str, Expr]:
+    """Return the declared expressions, by name."""
+    return {name: getattr(drag, name) for name in ("translation", "rotation")}
+
+
 @dataclass(frozen=True, eq=False)
 class ContactLaw:
     """A contact law: four sympy expressions in the symbols of :mod:`softdyn.derive.symbols`.
@@ -98,6 +121,8 @@ class ContactLaw:
         Remote force, a function of a and h; > 0 is repulsive.
     tangential : Tangential, optional
         What tangential motion meets, in scenes of many particles that ask for it.
+    drag : Drag
+        What the fluid does to a particle alone, likewise.
     parameters : mapping from Symbol to Dimension
         The law's own parameters, besides R, E and eta, which any law may use.
     ranges : mapping from Symbol to (low, high), or to Interval
@@ -126,6 +151,7 @@ class ContactLaw:
     zeta: Expr
     F_adh: Expr = S.Zero
     tangential: Tangential | None = None
+    drag: Drag = Drag()
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
     ranges: Mapping[Symbol, Interval | tuple[Expr | int, Expr | int]] = field(default_factory=dict)
     typical: Mapping[Symbol, Expr | int] = field(default_factory=dict)
@@ -181,11 +207,13 @@ def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
     }
 
 
-def parameters_of(law: ContactLaw, tangential: bool = False) -> tuple[Symbol, ...]:
+def parameters_of(law: ContactLaw, tangential: bool = False, drag: bool = False) -> tuple[Symbol, ...]:
     """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
     used = {R}.union(*(expr.free_symbols for expr in expressions(law).values()))
     if tangential and law.tangential is not None:
         used = used.union(*(expr.free_symbols for expr in tangential_expressions(law.tangential).values()))
+    if drag:
+        used = used.union(*(expr.free_symbols for expr in drag_expressions(law.drag).values()))
     common = [symbol for symbol in COMMON_PARAMETERS if symbol in used]
     own = sorted((symbol for symbol in used if symbol in law.parameters), key=lambda symbol: symbol.name)
     return (*common, *own)
@@ -230,9 +258,10 @@ def law_hash(law: ContactLaw) -> str:
     return sha256(text.encode()).hexdigest()[:16]
 
 
-def tangential_hash(law: ContactLaw) -> str:
-    """Fingerprint of what kernels with tangential motion depend on besides; empty if the law has none."""
-    if law.tangential is None:
-        return ""
-    text = "\n".join(srepr(expr) for expr in tangential_expressions(law.tangential).values())
+def particles_hash(law: ContactLaw) -> str:
+    """Fingerprint of what kernels of many particles may depend on besides: tangential motion and drag."""
+    declared = drag_expressions(law.drag)
+    if law.tangential is not None:
+        declared |= tangential_expressions(law.tangential)
+    text = "\n".join(f"{name} {srepr(expr)}" for name, expr in declared.items())
     return sha256(text.encode()).hexdigest()[:16]

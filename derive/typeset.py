@@ -21,7 +21,7 @@ from sympy.printing.latex import LatexPrinter, greek_letters_set
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, law_jacobians, law_quantities, partials
 from softdyn.derive.forms import V, as_product, force, force_unit, kappa
 from softdyn.derive.forms import x as gap_ratio
-from softdyn.derive.law import expressions, tangential_expressions
+from softdyn.derive.law import Drag, drag_expressions, expressions, tangential_expressions
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.tangential import motion
 
@@ -446,13 +446,15 @@ def derivation(law: ContactLaw) -> Derivation:
 
 
 def tangential_sections(law: ContactLaw) -> dict[str, list[Line]]:
-    """What a law declares of tangential motion, and what follows; nothing, if it declares none."""
-    if law.tangential is None:
-        return {}
-    return {
-        "tangential motion, declared": list(tangential_expressions(law.tangential).items()),
-        "tangential motion of any law": list(motion()),
-    }
+    """What a law declares of tangential motion, and what follows; of drag, if it is not that of Stokes."""
+    sections: dict[str, list[Line]] = {}
+    if law.tangential is not None:
+        sections["tangential motion, declared"] = list(tangential_expressions(law.tangential).items())
+        sections["tangential motion of any law"] = list(motion())
+    if law.drag != Drag():
+        declared = drag_expressions(law.drag)
+        sections["drag of a particle alone, declared"] = [(f"drag_{name}", expr) for name, expr in declared.items()]
+    return sections
 
 
 def _generic_results(generic: GenericDynamics) -> list[Line]:

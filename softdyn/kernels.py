@@ -171,9 +171,9 @@ def manifest_of(
 ) -> dict[str, Any]:
     """Return the source of a kernel of a kind, and what must be known to call it: from the cache, or from ``make``."""
     if reference.law is not None:
-        from softdyn.derive.law import law_hash, tangential_hash
+        from softdyn.derive.law import law_hash, particles_hash
 
-        identity = ["object", law_hash(reference.law), tangential_hash(reference.law)]
+        identity = ["object", law_hash(reference.law), particles_hash(reference.law)]
     elif reference.path is not None:
         identity = ["file", str(reference.path), reference.name]
     else:

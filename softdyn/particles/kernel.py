@@ -44,8 +44,8 @@ class ContactKernel:
         What :func:`contacts` gives of tangential motion; empty without it.
     compile_s : float
         Time spent on deriving, building and loading it.
-    contacts, state, energy : functions
-        See the template ``contacts``.
+    contacts, state, energy, drag : functions
+        See the template ``contacts``; drag is None in a kernel without.
     positive : tuple of str
         Parameters that must be positive.
     ranges : mapping from str to (low, high, whether low is left out, whether high is)
@@ -64,6 +64,7 @@ class ContactKernel:
     contacts: Callable[..., int]
     state: Callable[..., None]
     energy: Callable[..., None]
+    drag: Callable[..., None] | None
     positive: tuple[str, ...]
     ranges: Mapping[str, Range]
 
@@ -84,7 +85,8 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "varying": ir.varying,
         "outputs": ir.outputs,
         "tangential": ir.tangential,
-        "positive": [symbol.name for symbol in parameters_of(law, ir.tangential != ()) if symbol.is_positive],
+        "drag": ir.drag_outputs,
+        "positive": [symbol.name for symbol in parameters_of(law, ir.tangential != (), True) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "source": emit_contacts(ir, target),
         "suffix": suffix(target),
@@ -99,6 +101,7 @@ def get_contact_kernel(
     varying: tuple[str, ...] = (),
     fading: bool = False,
     tangential: bool = False,
+    drag: bool = False,
 ) -> ContactKernel:
     """Contact kernel of a law, from the cache or made now.
 
@@ -112,6 +115,8 @@ def get_contact_kernel(
         Whether contacts have a range.
     tangential : bool
         Whether particles slide and roll on one another.
+    drag : bool
+        Whether the fluid resists the particles by themselves.
 
     Raises
     ------
@@ -119,7 +124,7 @@ def get_contact_kernel(
     """
     began = time.perf_counter()
     target = choose_target(target)
-    needs = {"varying": tuple(sorted(varying)), "fading": fading, "tangential": tangential}
+    needs = {"varying": tuple(sorted(varying)), "fading": fading, "tangential": tangential, "drag": drag}
     manifest = manifest_of(find(law), target, needs, "contacts", contact_manifest)
     back_end = importlib.import_module(f"softdyn.targets.{target}")
     made_by = back_end.identity()
@@ -129,7 +134,7 @@ def get_contact_kernel(
         files = back_end.build(manifest["name"], manifest["source"], made_by)
         entry = cache.publish(target, key, files, {"made_by": made_by})
     load = _load_c if target == "c" else _load_numba
-    contacts, state, energy = load(entry, manifest, fading)
+    contacts, state, energy, resisting = load(entry, manifest, fading)
     return ContactKernel(
         law=manifest["name"],
         target=target,
@@ -143,12 +148,13 @@ def get_contact_kernel(
         contacts=contacts,
         state=state,
         energy=energy,
+        drag=resisting,
         positive=tuple(manifest["positive"]),
         ranges=manifest["ranges"],
     )
 
 
-def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Callable[..., Any], ...]:
+def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
     from softdyn.targets.c import library_of
 
     name = manifest["name"]
@@ -165,21 +171,23 @@ def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Ca
         function("contacts", integer, integer, number, *reach, *[array] * (10 if manifest["tangential"] else 9)),
         function("state", None, integer, *reach, *[array] * 5),
         function("energy", None, integer, *reach, *[array] * 4, integer, array, array, array),
+        function("drag", None, integer, array, array, array) if manifest["drag"] else None,
     )
 
 
-def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Callable[..., Any], ...]:
+def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
     from softdyn.targets.numba import module_of
 
     name = manifest["name"]
     module = module_of(folder, name)
     contacts, state, energy = (getattr(module, f"{name}_{suffix}") for suffix in ("contacts", "state", "energy"))
+    drag = getattr(module, f"{name}_drag") if manifest["drag"] else None
     # compile now, on no data, so that compiling is not taken for running
     none, p, reach = np.empty(0), np.ones(max(1, len(manifest["uniform"]))), (1.0,) if fading else ()
     contacts(0, 0.0, *reach, none, none, none, p, *[none] * (6 if manifest["tangential"] else 5))
     state(0, *reach, none, none, p, none, none)
     energy(0, *reach, none, none, p, none, 0, none, none, none)
-    return contacts, state, energy
+    return contacts, state, energy, drag
 
 
 @memoize

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from softdyn.particles.geometry import Box, Contacts, Integers, Wall, directions, find_pairs, lattice
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.scene import MIXING, Checked, ParticleScene
+from softdyn.particles.sliding import rotations
 from softdyn.particles.surroundings import moved_walls
 
 Array = NDArray[np.float64]
@@ -62,6 +63,19 @@ def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKern
         if name == "E":
             row[hard] *= 2  # a rigid wall gives in by nothing
     return rows
+
+
+def resistances(scene: ParticleScene, checked: Checked, kernel: ContactKernel, p: Array) -> Array:
+    """What resists each coordinate of the particles by themselves, (x, R theta), shape (N, d + rotations)."""
+    count, d = checked.x.shape
+    resistance = np.zeros((count, d + (rotations(d) if kernel.tangential else 0)))
+    if kernel.drag is not None:
+        own = np.arange(count)
+        out = np.empty((2 if kernel.tangential else 1, count))
+        kernel.drag(count, p, mixed_parameters(scene, checked, kernel, own, own).reshape(-1), out.reshape(-1))
+        resistance[:, :d] = float(scene.drag) * out[0][:, None]
+        resistance[:, d:] = float(scene.drag) * (out[-1] / checked.radii**2)[:, None]
+    return resistance
 
 
 @dataclass(frozen=True)

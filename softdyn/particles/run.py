@@ -20,7 +20,7 @@ from softdyn.particles import linear, sliding
 from softdyn.particles.geometry import Box, directions, lattice
 from softdyn.particles.kernel import energies, get_contact_kernel
 from softdyn.particles.method import ORDER
-from softdyn.particles.neighbours import common, find_contacts, travelled
+from softdyn.particles.neighbours import common, find_contacts, resistances, travelled
 from softdyn.particles.results import Frame, ParticleResult, frame_of, gather
 from softdyn.particles.scene import (
     AXES,
@@ -143,14 +143,14 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     checked = check(scene)
     varying = varying_parameters(scene, checked)
     kernel = get_contact_kernel(
-        scene.law, scene.target, varying=varying, fading=scene.reach is not None, tangential=bool(scene.tangential)
+        scene.law,
+        scene.target,
+        varying=varying,
+        fading=scene.reach is not None,
+        tangential=bool(scene.tangential),
+        drag=bool(scene.drag),
     )
     p = uniform_values(scene, checked, kernel)
-    drag = np.zeros(len(checked.x))
-    if scene.drag:
-        eta = scene.parameters["eta"]
-        assert not isinstance(eta, dict)
-        drag = 6 * math.pi * float(eta) * checked.radii * float(scene.drag)  # type: ignore[arg-type]
     fixed, force, velocity = checked.fixed, checked.force, checked.velocity
     if kernel.tangential:
         fixed, force, velocity = with_rotations(checked)
@@ -161,7 +161,7 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
         box=checked.box,
         walls=checked.walls,
         radii=checked.radii,
-        drag=drag,
+        resistance=resistances(scene, checked, kernel, p),
         fixed=fixed,
         force=force,
         velocity=velocity,

@@ -65,8 +65,9 @@ class System:
         Range of the contacts; inf without one.
     box : Box
     walls : tuple of Wall
-    radii, drag : array, shape (N,)
-        Radius of each particle, and what resists its motion through the fluid: force/velocity.
+    radii : array, shape (N,)
+    resistance : array, shape (N, d + rotations)
+        What resists the motion of each coordinate through the fluid: force/velocity.
     fixed : array of bool, shape (N, d + rotations)
         Coordinates whose velocity is given.
     force, velocity : function of t
@@ -85,7 +86,7 @@ class System:
     box: Box
     walls: tuple[Wall, ...]
     radii: Array
-    drag: Array
+    resistance: Array
     fixed: Flags
     force: Callable[[float], Array]
     velocity: Callable[[float], Array]
@@ -112,13 +113,9 @@ class System:
         return len(self.box.lengths)
 
     @property
-    def resistance(self) -> Array:
-        """What resists the motion of each coordinate through the fluid, shape (N, d + rotations).
-
-        By Stokes, 6 pi eta R against 8 pi eta R^3 of a rotation, whose coordinate is R theta.
-        """
-        width = self.fixed.shape[1]
-        return self.drag[:, None] * np.where(np.arange(width) < self.dimension, 1.0, 4 / 3)
+    def drag(self) -> Array:
+        """What resists the motion of each particle through the fluid, shape (N,)."""
+        return self.resistance[:, 0]
 
     @property
     def force_tolerance(self) -> float:
