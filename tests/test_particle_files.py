@@ -23,6 +23,7 @@ from softdyn.particles.observables import coordination, normal_stress_difference
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
+from softdyn.particles.scene import check
 
 EMULSION = """
 law = "rognon_gay"
@@ -111,7 +112,7 @@ until = {t = 10.0}
 """,
         )
     )
-    assert list(scene.pushes[0].particles) == [0, 2]
+    assert np.array_equal(check(scene).force(0.0)[:, 0], [1e-3, 0, 1e-3])
     result = simulate_particles(scene)
     assert np.array_equal(result.x[-1, 1], [2.05, 0.0])
     assert result.x[-1, 0, 0] > 0
@@ -137,7 +138,7 @@ until = {t = 10.0}
         ("count = 40", "count = 3", "too small"),
         ('kind = "random"', 'kind = "quasi"', "takes cells, spacing, radii"),
         ("law =", "box = {lengths = [1.0]}\nlaw =", "follows from"),
-        ("law =", "push = [{particles = [0]}]\nlaw =", r"\[\[push\]\] 0: force is missing"),
+        ("law =", "push = [{force = [0, 0]}]\nlaw =", r"\[\[push\]\] 0: particles is missing"),
         ("law =", "push = 3\nlaw =", "must be a list of sections"),
         ("parameters = {E = 1.0, eta = 1.0}", "parameters = 3", r"parameters must be a section"),
         ("law =", "law = = ", "not valid TOML"),
@@ -177,8 +178,8 @@ def walled(**entry: Any) -> dict[str, Any]:
         ({"particles": PAIR["particles"] | {"radii": []}}, "0 radii for 2 particles"),
         (held(velocity=3), "velocity needs one component for each of the axes 'x'"),
         (held(axes="xy", velocity="t1"), "velocity needs one component for each of the axes 'xy'"),
-        (held(particles=[0.5]), r"must be a list of whole numbers, not \[0\.5\]"),
-        (held(particles=[True]), r"must be a list of whole numbers, not \[True\]"),
+        (held(particles=[0.5]), r"must be a list of whole numbers, a species or 'all', not \[0\.5\]"),
+        (held(particles=[True]), r"must be a list of whole numbers, a species or 'all', not \[True\]"),
         (held(particles=[10**30]), "there is no particle 1000000"),
         (walled(point=["a", 0]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
         (walled(normal="up"), "wall 0 needs a point and a normal of 2 finite coordinates each"),

@@ -26,10 +26,11 @@ KEYS: dict[str, tuple[str, ...]] = {
     "output": ("times",),
     "accuracy": ("rtol",),
 }
-LISTS: dict[str, tuple[str, ...]] = {
-    "push": ("particles", "force"),
-    "hold": ("particles", "axes", "velocity", "spin"),
-    "wall": ("point", "normal", "rigid", "velocity"),
+#: What each entry of these lists must have, and what it may.
+LISTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "push": (("particles",), ("force", "torque")),
+    "hold": (("particles", "axes"), ("velocity", "spin")),
+    "wall": (("point", "normal"), ("rigid", "velocity")),
 }
 OPEN = ("parameters", "mixing", "constants")
 TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
@@ -70,14 +71,13 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             faults.append(f"{name} must be a section, [{name}]")
         elif name in KEYS:
             faults += _unknown(content, KEYS[name], f"[{name}]")
-    for name, keys in LISTS.items():
+    for name, (required, optional) in LISTS.items():
         entries = data.get(name, [])
         if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
             faults.append(f"{name} must be a list of sections, [[{name}]]")
             continue
-        required = keys[:2]
         for number, entry in enumerate(entries):
-            faults += _unknown(entry, keys, f"[[{name}]] {number}")
+            faults += _unknown(entry, (*required, *optional), f"[[{name}]] {number}")
             faults += [f"[[{name}]] {number}: {key} is missing" for key in required if key not in entry]
     faults += [f"{key} is missing" for key in ("law", "parameters", "until") if key not in data]
     if ("particles" in data) == ("packing" in data):
@@ -102,15 +102,9 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         "drag": flow.get("drag", 0.0),
         "stress": {name: value for name, value in data.get("stress", {}).items() if name != "viscosity"},
         "stress_viscosity": data.get("stress", {}).get("viscosity"),
-        "pushes": [Push(_those(entry["particles"], placed), _list(entry["force"])) for entry in data.get("push", [])],
-        "holds": [
-            Hold(_those(entry["particles"], placed), str(entry["axes"]), entry.get("velocity"), entry.get("spin"))
-            for entry in data.get("hold", [])
-        ],
-        "walls": [
-            Wall(entry["point"], entry["normal"], entry.get("rigid", True), entry.get("velocity"))
-            for entry in data.get("wall", [])
-        ],
+        "pushes": [Push(**entry) for entry in data.get("push", [])],
+        "holds": [Hold(**entry) for entry in data.get("hold", [])],
+        "walls": [Wall(**entry) for entry in data.get("wall", [])],
         **_end(data["until"], flow, data.get("stress", {})),
         **placed,
     }
@@ -201,16 +195,6 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
         packing["count"], packing["dimension"], float(packing["fraction"]), radii, packing["seed"]
     )
     return {"positions": x, "radii": size, "box": list(lengths)}
-
-
-def _those(particles: Any, placed: Mapping[str, Any]) -> Any:
-    """Numbers of particles; "all", or the name of a species."""
-    if not isinstance(particles, str):
-        return particles
-    if particles == "all":
-        return list(range(len(placed["positions"])))
-    species = placed.get("species") or []
-    return [number for number, name in enumerate(species) if name == particles] or particles
 
 
 def read_particles(path: Path) -> dict[str, Any]:
