@@ -12,8 +12,9 @@ import numpy as np
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.results import load_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
-from softdyn.scene import read_toml, suggestion
+from softdyn.scene import is_particle_scene, read_toml, suggestion
 
 KEYS: dict[str, tuple[str, ...]] = {
     "particles": ("positions", "file", "radii", "species"),
@@ -41,14 +42,15 @@ def stock_scenes() -> dict[str, Path]:
     return {path.stem: path for path in sorted((Path(__file__).parent / "scenes").glob("*.toml"))}
 
 
-def read_particle_scene(path: Path) -> ParticleScene:
-    """Read a scene file.
+def read_particle_scene(path: str | Path) -> ParticleScene:
+    """Read a scene file of many particles.
 
     Raises
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
+    path = Path(path)
     data = read_toml(path)
     try:
         return particle_scene_from(data, path.parent)
@@ -64,6 +66,8 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     SceneError
         Listing unknown and missing keys.
     """
+    if "pair" in data and not is_particle_scene(data):
+        raise SceneError("it is a scene of two particles, with [pair]; here [particles] or [packing] is needed")
     faults = [f"unknown key {key!r}{suggestion(key, TOP_LEVEL)}" for key in data if key not in TOP_LEVEL]
     for name in (*KEYS, *OPEN):
         content = data.get(name, {})
@@ -111,8 +115,9 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     settings |= {"times": data["output"]["times"]} if "times" in data.get("output", {}) else {}
     settings |= {"rtol": data["accuracy"]["rtol"]} if "rtol" in data.get("accuracy", {}) else {}
     if "box" in data:
-        if "packing" in data:
-            raise SceneError("[box] follows from [packing]: leave it out")
+        if "box" in placed:
+            source = "[packing]" if "packing" in data else "[particles] file"
+            raise SceneError(f"[box] follows from {source}: leave it out")
         # TOML has no null: 0 stands for an axis that is not periodic
         lengths = _list(data["box"].get("lengths", []))
         settings["box"] = [None if length == 0 else length for length in lengths]
@@ -197,14 +202,58 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
     return {"positions": x, "radii": size, "box": list(lengths)}
 
 
-def read_particles(path: Path) -> dict[str, Any]:
-    """Positions, radii and species from a CSV file with the headings x, y, z, radius, species (z and species optional).
+def read_particles(path: str | Path) -> dict[str, Any]:
+    """Positions, radii, species and box from a file, as arguments of a :class:`ParticleScene`.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of a result (.npz), whose last frame is taken, or of CSV with the headings x, y, z, radius, species (y, z and
+        species optional).
+
+    Returns
+    -------
+    dict
+        ``positions`` (N, d), ``radii`` (N,); ``species`` and ``box`` if there are any.
 
     Raises
     ------
     SceneError
-        Naming the line at fault.
+        Naming the line at fault; or if the periodic box of the result is tilted at its end.
     """
+    path = Path(path)
+    return _from_result(path) if path.suffix == ".npz" else _from_table(path)
+
+
+#: A box that has sheared by whole lengths stands upright, to this part of a length.
+UPRIGHT = 1e-9
+
+
+def _from_result(path: Path) -> dict[str, Any]:
+    result = load_particles(path)
+    if not len(result):
+        raise SceneError(f"the result {path} holds no frame to start from")
+    x, cell = result.x[-1], result.cell[-1]
+    edges = np.diag(cell)
+    periodic = edges > 0
+    placed: dict[str, Any] = {"positions": x, "radii": result.radii}
+    names = result.species_names.tolist()
+    if names != [""]:
+        placed["species"] = [names[k] for k in result.species]
+    if periodic.any():
+        lean = float(cell[0, 1] / edges[0]) if len(cell) > 1 and periodic[0] else 0.0
+        if abs(lean - round(lean)) > UPRIGHT:
+            raise SceneError(
+                f"the box of {path} leans along x at its end, t={result.t[-1]:.6g}, by {lean:.6g} of its length, and a "
+                f"scene starts with an upright one: end that run at a strain that is a multiple of "
+                f"{edges[0] / edges[1]:.6g}, where the box stands upright again"
+            )
+        placed["positions"] = np.where(periodic, np.mod(x, np.where(periodic, edges, 1.0)), x)
+        placed["box"] = [float(edge) if repeats else None for edge, repeats in zip(edges, periodic, strict=True)]
+    return placed
+
+
+def _from_table(path: Path) -> dict[str, Any]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))

@@ -71,7 +71,7 @@ UNTURNED = 1e-4
 
 
 def simulate_particles(
-    scene: ParticleScene, progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False
+    scene: ParticleScene, progress: Progress | None = None, checkpoint: str | Path | None = None, resume: bool = False
 ) -> ParticleResult:
     """Integrate a scene.
 
@@ -80,7 +80,7 @@ def simulate_particles(
     scene : ParticleScene
     progress : function of (t, steps, Newton iterations), optional
         Called after every step.
-    checkpoint : Path, optional
+    checkpoint : str or Path, optional
         File to which the state is written now and then, and when the run is interrupted or cannot go on; it is removed
         at the end.
     resume : bool
@@ -99,6 +99,7 @@ def simulate_particles(
         the result up to the last good state.
     """
     began = time.perf_counter()
+    checkpoint = None if checkpoint is None else Path(checkpoint)
     checked, system = prepare(scene)
     newton = Newton()
     key = checkpoints.fingerprint(scene, checked, system)
