@@ -7,13 +7,15 @@
 >>> result.h[-1]
 np.float64(0.001)
 
-Laws are declared with :mod:`softdyn.derive`. Importing softdyn imports nothing else.
+Laws are declared with :mod:`softdyn.derive`; :mod:`softdyn.particles` is for many particles. Importing softdyn imports
+nothing heavy: each name is loaded on first use.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from softdyn import particles
 from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ __all__ = [
     "check",
     "films",
     "load_result",
+    "particles",
     "read_scene",
     "regimes",
     "simulate",
@@ -49,3 +52,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(api, name)
     raise AttributeError(f"module 'softdyn' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

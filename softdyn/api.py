@@ -15,13 +15,15 @@ from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.run import simulate_pair
 from softdyn.results import PairResult, load_result
-from softdyn.scene import DRIVES, Scene, Table, read_scene, suggestion
+from softdyn.scene import DRIVES, Scene, Table, is_particle_scene, read_toml, suggestion
+from softdyn.scene import read_scene as read_pair_scene
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
     from softdyn.derive.films import Films
     from softdyn.derive.limits import Finding
     from softdyn.derive.regimes import Diagram
+    from softdyn.particles import ParticleScene
 
 __all__ = [
     "Batch",
@@ -38,16 +40,35 @@ __all__ = [
 ]
 
 
+def read_scene(path: str | Path) -> Scene | ParticleScene:
+    """Read a scene file, of two particles or of many.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+    """
+    if not is_particle_scene(read_toml(Path(path))):
+        return read_pair_scene(path)
+    from softdyn import particles
+
+    return particles.read_scene(path)
+
+
 def simulate(
-    scene: Scene | str | Path | None = None, *, progress: Callable[[Any, Any], None] | None = None, **keywords: Any
+    scene: Scene | ParticleScene | str | Path | None = None,
+    *,
+    progress: Callable[..., None] | None = None,
+    **keywords: Any,
 ) -> Any:
     """Simulate a scene, or many at once.
 
     Parameters
     ----------
-    scene : Scene, or path of a scene file, optional
+    scene : Scene or ParticleScene, or path of a scene file, optional
     progress : function, optional
-        Called now and then: with (t, h) during a run, with (runs done, runs) where there are many.
+        Called now and then: with (t, h) during a run, with (runs done, runs) where there are many; of many particles
+        with (t, steps, iterations).
     **keywords
         The fields of :class:`softdyn.Scene`, in the place of ``scene``. A numpy array, of shape (runs,), as h, delta, a
         force or velocity, a parameter or a constant makes so many runs, in one call; several arrays are taken value by
@@ -55,7 +76,7 @@ def simulate(
 
     Returns
     -------
-    PairResult, or Batch of many runs
+    PairResult, or Batch of many runs; ParticleResult of many particles
 
     Raises
     ------
@@ -83,7 +104,14 @@ def simulate(
     if scene is not None:
         if keywords:
             raise SceneError(f"simulate takes a scene or its fields, not both (here {', '.join(keywords)})")
-        return simulate_pair(read_scene(scene) if isinstance(scene, (str, Path)) else scene, progress)
+        given = read_scene(scene) if isinstance(scene, (str, Path)) else scene
+        if isinstance(given, Scene):
+            return simulate_pair(given, progress)
+        from softdyn import particles
+
+        if isinstance(given, particles.ParticleScene):
+            return particles.simulate(given, progress)
+        raise SceneError(f"simulate takes a scene, or the path of a scene file, not {given!r}")
     known = [field.name for field in fields(Scene)]
     for name in keywords:
         if name not in known:

@@ -32,7 +32,9 @@ examples:
   softdyn run scene.toml -o result.npz       simulate a scene
   softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv     the scene for a hundred forces
   softdyn plot result.npz                    draw the result
-  softdyn convert result.npz -o result.gsd   many particles, to be opened in OVITO
+  softdyn run emulsion -o emulsion.npz       many particles: a scene that comes with softdyn
+  softdyn plot emulsion.npz -o emulsion.gif  an animation of it
+  softdyn convert emulsion.npz -o a.gsd      the same for OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
   softdyn stress                             the pair engine where it is hard: right, refused, or wrong
 
@@ -157,27 +159,33 @@ def _parser() -> argparse.ArgumentParser:
         "--check", action="store_true", help="with --stock: write nothing, fail with a diff if a byte would change"
     )
 
-    run = add("run", _run, "simulate a scene")
+    run = add("run", _run, "simulate a scene, of two particles or of many")
     run.add_argument(
         "scene",
         metavar="SCENE",
         type=Path,
-        help="a .toml file, or two, line, t1, emulsion, suspension, spheres: many particles",
+        help="a .toml file, with [pair] for two particles, [particles] or [packing] for many; or a scene of many that "
+        "comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres",
     )
     run.add_argument(
         "-o",
         dest="output",
         metavar="FILE",
         type=Path,
-        help="save the result: .json, .npz (both can be plotted) or .csv; of many particles .npz, and beside it .gsd "
-        "(OVITO) or .pvd (ParaView) if that is the ending",
+        help="save the result, in the format of FILE's ending. Two particles: .json or .npz, which plot and convert "
+        "read, or .csv. Many: .npz, which they read, or .gsd (OVITO) or .pvd (ParaView), with an .npz beside it",
     )
-    run.add_argument("--json", action="store_true", help="print the result as one JSON object")
     run.add_argument(
-        "--resume", action="store_true", help="many particles: go on from where an earlier run with the same -o ended"
+        "--json", action="store_true", help="print one JSON object: the whole result; of many particles, a summary"
+    )
+    run.add_argument(
+        "--resume",
+        action="store_true",
+        help="many particles: go on from the checkpoint that an interrupted, killed or failed run with the same -o has "
+        "left beside FILE",
     )
 
-    many = add("sweep", _sweep, "simulate a scene for many values of some of its numbers")
+    many = add("sweep", _sweep, "simulate a scene of two particles for many values of some of its numbers")
     many.add_argument("scene", metavar="SCENE.toml", type=Path)
     many.add_argument(
         "--vary",
@@ -446,14 +454,20 @@ def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.run import simulate_pair
     from softdyn.particles.export import WRITERS
     from softdyn.results import ENDINGS, SUFFIXES
-    from softdyn.scene import is_particle_scene, read_scene, read_toml
+    from softdyn.scene import is_particle_scene, read_scene, read_toml, suggestion
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file: Path = options.scene
     if not file.suffix and not file.is_file():  # a folder may be the one of a .pvd of that scene
         from softdyn.particles.files import stock_scenes
 
-        file = stock_scenes().get(file.name, file)
+        stock = stock_scenes()
+        if str(file) not in stock:
+            raise SceneError(
+                f"there is no scene {file}, neither a file nor one that comes with softdyn"
+                f"{suggestion(str(file), list(stock))}"
+            )
+        file = stock[str(file)]
     if is_particle_scene(read_toml(file)):
         from softdyn.particles.command import run_particles
 

@@ -38,8 +38,12 @@ def integrate(
     shear_rate: float,
     times: list[float],
     rtol: float = 1e-9,
+    torques: Array | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Positions (times, N, 3), gaps (times, pairs) and tangential forces (times, pairs, 3) with Stokes' drag."""
+    """Positions (times, N, 3), gaps (times, pairs) and tangential forces (times, pairs, 3) with Stokes' drag.
+
+    External torques, shape (N, 3), are constant.
+    """
     count = len(x)
     pairs = [(i, j) for i in range(count) for j in range(i + 1, count)]
     law_of = functions_of(law, parameters)
@@ -52,7 +56,7 @@ def integrate(
         gap = state[3 * count : 3 * count + len(pairs)]
         sliding = state[3 * count + len(pairs) :].reshape(-1, 3)
         force, spin_matrix = np.zeros((count, 3)), np.zeros((count, 3, count, 3))
-        torque = spin_drag[:, None] * vorticity
+        torque = spin_drag[:, None] * vorticity + (0.0 if torques is None else torques)
         for k in range(count):
             spin_matrix[k, :, k, :] += spin_drag[k] * np.eye(3)
         found = []

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from softdyn import particles
 from softdyn.cli import main
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import run
@@ -23,6 +25,7 @@ from softdyn.particles.observables import coordination, normal_stress_difference
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
+from softdyn.particles.scene import check
 
 EMULSION = """
 law = "rognon_gay"
@@ -111,7 +114,7 @@ until = {t = 10.0}
 """,
         )
     )
-    assert list(scene.pushes[0].particles) == [0, 2]
+    assert np.array_equal(check(scene).force(0.0)[:, 0], [1e-3, 0, 1e-3])
     result = simulate_particles(scene)
     assert np.array_equal(result.x[-1, 1], [2.05, 0.0])
     assert result.x[-1, 0, 0] > 0
@@ -137,7 +140,7 @@ until = {t = 10.0}
         ("count = 40", "count = 3", "too small"),
         ('kind = "random"', 'kind = "quasi"', "takes cells, spacing, radii"),
         ("law =", "box = {lengths = [1.0]}\nlaw =", "follows from"),
-        ("law =", "push = [{particles = [0]}]\nlaw =", r"\[\[push\]\] 0: force is missing"),
+        ("law =", "push = [{force = [0, 0]}]\nlaw =", r"\[\[push\]\] 0: particles is missing"),
         ("law =", "push = 3\nlaw =", "must be a list of sections"),
         ("parameters = {E = 1.0, eta = 1.0}", "parameters = 3", r"parameters must be a section"),
         ("law =", "law = = ", "not valid TOML"),
@@ -177,8 +180,8 @@ def walled(**entry: Any) -> dict[str, Any]:
         ({"particles": PAIR["particles"] | {"radii": []}}, "0 radii for 2 particles"),
         (held(velocity=3), "velocity needs one component for each of the axes 'x'"),
         (held(axes="xy", velocity="t1"), "velocity needs one component for each of the axes 'xy'"),
-        (held(particles=[0.5]), r"must be a list of whole numbers, not \[0\.5\]"),
-        (held(particles=[True]), r"must be a list of whole numbers, not \[True\]"),
+        (held(particles=[0.5]), r"must be a list of whole numbers, a species or 'all', not \[0\.5\]"),
+        (held(particles=[True]), r"must be a list of whole numbers, a species or 'all', not \[True\]"),
         (held(particles=[10**30]), "there is no particle 1000000"),
         (walled(point=["a", 0]), "wall 0 needs a point and a normal of 2 finite coordinates each"),
         (walled(normal="up"), "wall 0 needs a point and a normal of 2 finite coordinates each"),
@@ -271,6 +274,92 @@ def test_the_command_line_runs_and_draws(tmp_path: Path, capsys: pytest.CaptureF
     assert "npz" in capsys.readouterr().err
     assert main(["run", str(path), "--resume"]) == 2
     assert "--resume" in capsys.readouterr().err
+    assert main(["run", "emulsoin"]) == 2
+    assert "there is no scene emulsoin" in (said := capsys.readouterr().err)
+    assert "did you mean 'emulsion'?" in said
+
+
+def test_the_help_names_the_stock_scenes(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    words = capsys.readouterr().out.replace(",", " ").split()
+    assert set(stock_scenes()) <= set(words)
+
+
+def test_a_scene_starts_from_an_earlier_result(tmp_path: Path) -> None:
+    """Sheared by one length of its square box, which stands upright again: each contact has the distance it had."""
+    earlier = simulate_particles(read_particle_scene(written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1"))))
+    assert np.any((earlier.x[-1] < 0) | (earlier.x[-1] > earlier.box))
+    earlier.save(tmp_path / "earlier.npz")
+    data = {name: value for name, value in tomllib.loads(EMULSION).items() if name != "packing"}
+    scene = particle_scene_from(data | {"particles": {"file": "earlier.npz"}}, tmp_path)
+    np.testing.assert_array_equal(scene.radii, earlier.radii)
+    np.testing.assert_allclose(scene.box, earlier.box, rtol=1e-12)
+    checked = check(scene)
+    contacts = earlier.contacts(-1)
+    i, j = contacts["i"], contacts["j"]
+    apart = checked.x[j] - checked.x[i]
+    apart -= earlier.box * np.round(apart / earlier.box)
+    before = earlier.radii[i] + earlier.radii[j] + contacts["h"] - 2 * contacts["delta"]
+    np.testing.assert_allclose(np.linalg.norm(apart, axis=1), before, rtol=1e-8)
+    result = simulate_particles(replace(scene, until=10.0))
+    assert result.t[-1] == 10.0
+    # the same arguments in Python
+    again = particles.ParticleScene(**particles.read_particles(tmp_path / "earlier.npz"), **RUN)
+    np.testing.assert_array_equal(again.positions, scene.positions)
+
+
+#: What a scene has besides its particles.
+RUN: dict[str, Any] = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}, "until": 1.0}
+
+
+def test_a_result_without_a_box_is_taken_as_it_is(tmp_path: Path) -> None:
+    """Species and all; places far outside of what would be a box too."""
+    names = ["soft", "hard", "soft"]
+    first = particles.ParticleScene(
+        law="rognon_gay", parameters={"E": {"soft": 1.0, "hard": 2.0}, "eta": 1.0}, species=names,
+        radii=[1.0, 1.2, 1.0], positions=[[-50.0, 3.0], [-47.75, 3.0], [9.0, 3.0]], drag=1.0, until=5.0,
+        pushes=[particles.Push("hard", [-1e-2, 0.0])],
+    )  # fmt: skip
+    result = particles.simulate(first)
+    placed = particles.read_particles(result.save(tmp_path / "a.npz"))
+    assert placed["species"] == names
+    assert "box" not in placed
+    np.testing.assert_array_equal(placed["positions"], result.x[-1])
+    # a box may then be given: particles must be in it
+    data = {**PAIR, "particles": {"file": "a.npz"}, "contacts": {"range": 0.5}, "box": {"lengths": [100.0, 0]}}
+    with pytest.raises(SceneError, match="particles 0, 1 outside of the periodic box"):
+        simulate_particles(particle_scene_from(data, tmp_path))
+
+
+def test_a_box_that_stretches_is_taken_as_it_is_at_the_end(tmp_path: Path) -> None:
+    x, lengths = lattice_packing("hexagonal", [6, 3], 1.9)
+    changes = {"gap": 0.05, "reach": 0.4, "stress": {"pressure": 0.02}, "until": 50.0}
+    result = particles.simulate(particles.ParticleScene(positions=x, radii=1.0, box=lengths, **{**RUN, **changes}))
+    placed = particles.read_particles(result.save(tmp_path / "a.npz"))
+    np.testing.assert_array_equal(placed["box"], np.diag(result.cell[-1]))
+    assert np.all(np.abs(placed["box"] / lengths - 1) > 1e-3)
+    check(particles.ParticleScene(**placed, **{**RUN, "gap": 0.05, "reach": 0.4}))
+
+
+def test_results_to_start_from_are_checked(tmp_path: Path) -> None:
+    sheared = simulate_particles(read_particle_scene(written(tmp_path, EMULSION)))
+    sheared.save(tmp_path / "sheared.npz")
+    with pytest.raises(SceneError, match=r"sheared\.npz leans along x at its end, t=1000, by 0\.1 .* multiple of 1,"):
+        read_particles(tmp_path / "sheared.npz")
+    empty = {name: value[:0] if "f" in SHAPES.get(name, "") else value for name, value in sheared.arrays.items()}
+    empty |= {name: value[:0] for name, value in sheared.arrays.items() if name.startswith("contact_")}
+    replace(sheared, arrays=empty | {"contact_start": np.array([0])}).save(tmp_path / "empty.npz")
+    with pytest.raises(SceneError, match=r"empty\.npz holds no frame to start from"):
+        read_particles(tmp_path / "empty.npz")
+    (tmp_path / "bad.npz").write_text("x,y,radius\n0,0,1\n")
+    with pytest.raises(SceneError, match=r"bad\.npz is not a result saved by softdyn"):
+        read_particles(tmp_path / "bad.npz")
+    still = tomllib.loads(EMULSION) | {"flow": {"drag": 1.0}, "until": {"t": 1.0}}
+    simulate_particles(particle_scene_from(still, tmp_path)).save(tmp_path / "upright.npz")
+    data = {**PAIR, "particles": {"file": "upright.npz"}, "box": {"lengths": [30.0, 30.0]}}
+    with pytest.raises(SceneError, match=r"\[box\] follows from \[particles\] file: leave it out"):
+        particle_scene_from(data, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles, start
-from softdyn.particles.scene import Hold, ParticleScene, Push
+from softdyn.particles.scene import Hold, ParticleScene, Push, check
 from softdyn.particles.step import Newton, contact_forces
 from softdyn.particles.velocity import simulate_by_velocities
 
@@ -441,6 +441,19 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"pushes": [Push([7], [1, 0])]}, r"no particle \[7\]"),
         ({"pushes": [Push([0], [1])]}, "needs 2 components"),
         ({"pushes": [Push([0], ["1/t", 0])]}, "no finite value at t = 0"),
+        (
+            {"pushes": [Push("big", [1, 0])]},
+            r"\[\[push\]\] 0: there is no species 'big'; particles are named by 'all', or",
+        ),
+        (
+            {"species": ["big", "small"], "holds": [Hold("bog", "x")]},
+            r"\[\[hold\]\] 0: there is no species 'bog'; particles are named by 'all', 'big', 'small', or a list",
+        ),
+        ({"species": ["all", "small"]}, "no species can have the name 'all'"),
+        ({"pushes": Push("all", [1, 0])}, r"pushes must be a list of Push\(\.\.\.\), not Push"),
+        ({"walls": [{"point": [0, -2], "normal": [0, -1]}]}, r"walls must be a list of Wall\(\.\.\.\)"),
+        ({"walls": [Wall([0, -2], [0, -1], velocity=1.0)]}, "wall 0: velocity needs 2 components"),
+        ({"holds": [Hold([0], None)]}, "axes must be some of 'xy', not None"),
         ({"holds": [Hold([0], "x"), Hold([0], "xy")]}, "particle 0 held twice along x"),
         ({"holds": [Hold([0], "z")]}, "axes must be some of 'xy'"),
         ({"gap": 1.0, "reach": 0.5}, "must not exceed half the range"),
@@ -456,6 +469,18 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
 def test_bad_scenes_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         simulate_particles(scene(**changes))
+
+
+def test_particles_are_named_by_number_species_or_all() -> None:
+    """In pushes and holds alike; numbers, lists and arrays make the same scene."""
+    three = {"positions": [[0, 0], [2.1, 0], [4.2, 0]], "species": ["big", "small", "big"], "drag": 1.0}
+    named = check(scene(**three, pushes=[Push("big", [1.0, "2*t"]), Push("all", [0, 3.0])], holds=[Hold("small", "x")]))
+    np.testing.assert_array_equal(named.force(1.0), [[1, 5], [0, 3], [1, 5]])
+    np.testing.assert_array_equal(named.fixed, [[False, False], [True, False], [False, False]])
+    forces = [Push(np.array([0, 2]), np.array([1.0, 2.0])), Push((0, 1, 2), (0, 3.0))]
+    numbered = check(scene(**three, pushes=forces, holds=[Hold([1], "x")]))
+    np.testing.assert_array_equal(numbered.force(1.0), named.force(1.0))
+    np.testing.assert_array_equal(numbered.fixed, named.fixed)
 
 
 def test_a_run_that_cannot_go_on_hands_over_its_last_good_state(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.integrate import simpson
 from sliding_by_velocities import functions_of, integrate
 from sympy import Abs, Rational, Symbol, pi, sqrt
 
@@ -22,14 +23,16 @@ from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
 from softdyn.derive.emit_contacts import emit_contacts
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
-from softdyn.errors import LawError, SceneError
+from softdyn.errors import IntegrationError, LawError, SceneError
 from softdyn.particles import linear, sliding
+from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles, start
 from softdyn.particles.scene import Hold, ParticleScene, Push
+from softdyn.particles.sliding import rotations
 from softdyn.particles.step import Newton, System, image_velocities, solve_contacts, take_step
 
 Array = NDArray[np.float64]
@@ -157,6 +160,14 @@ def test_a_law_of_its_own_parameters_slides() -> None:
         ({"tangential": "yes"}, "tangential must be true or false"),
         ({"tangential": False, "holds": [Hold([0], "xyz", None, [0, 0, 1])]}, "spin has no meaning without"),
         ({"holds": [Hold([0], "xyz", None, [1.0])]}, "spin needs 3 components in 3 dimensions"),
+        ({"tangential": False, "pushes": [Push([0], torque=[0, 0, 1])]}, "torque has no meaning without tangential"),
+        ({"pushes": [Push([0], torque=[1.0])]}, r"\[\[push\]\] 0: torque needs 3 components in 3 dimensions"),
+        (
+            {"positions": [[0.0, 0.0], [2.05, 0.0]], "pushes": [Push([0], [0, 0], 1e-3)]},
+            "torque needs 1 component in 2 dimensions",
+        ),
+        ({"pushes": [Push([0])]}, r"\[\[push\]\] 0: force or torque is missing"),
+        ({"pushes": [Push([0], torque=[0, 0, "1/t"])]}, "torque about z = '1/t' has no finite value at t = 0"),
         ({"holds": [Hold([0], "x", None, [0, 0, 1]), Hold([0], "y", None, [0, 0, 1])]}, "particle 0 given two spins"),
         ({"parameters": {**UNIT, "size_ratio": 0.2}}, "size_ratio follows from the radii"),
     ],
@@ -173,6 +184,8 @@ def test_a_scene_file_asks_for_it(tmp_path: Any) -> None:
         "particles": {"positions": [[0.0, 0.0], [2.05, 0.0]], "radii": 1.0},
         "contacts": {"tangential": True},
         "hold": [{"particles": [0], "axes": "xy", "velocity": [0.0, 1e-3], "spin": [0.0]}],
+        "push": [{"particles": [1], "torque": ["w*t"]}],
+        "constants": {"w": 0.0},
         "flow": {"drag": 1.0},
         "until": {"t": 1.0},
     }
@@ -181,6 +194,8 @@ def test_a_scene_file_asks_for_it(tmp_path: Any) -> None:
     assert result.contact_T.shape == (11, 2)
     assert result.spin[-1, 0, 0] == 0
     assert result.spin[-1, 1, 0] != 0
+    turned = simulate_particles(particle_scene_from({**data, "constants": {"w": 1e-3}}, tmp_path))
+    assert turned.spin[-1, 1, 0] > result.spin[-1, 1, 0]
     again = load_particles(result.save(tmp_path / "two.npz"))
     assert np.array_equal(again.contact_T, result.contact_T)
     assert np.array_equal(again.spin, result.spin)
@@ -567,6 +582,178 @@ def test_a_chain_that_spins_freely_is_at_rest() -> None:
     result = simulate_particles(scene(pushes=pushes, until=100.0))
     np.testing.assert_allclose(result.spin, 0, atol=1e-12)
     assert result.contact_h[-1] < 0.05
+
+
+# external torques
+
+
+def coefficients(gap: float) -> tuple[float, float, float]:
+    """Friction of sliding and of rolling of two equal undeformed spheres of radius 1, and the lever to mid-gap."""
+    _, _, _, A, _, G, _ = functions_of(equal_spheres, UNIT)(gap, 0.0, 1.0, 0.25)
+    return float(A), float(G), 1 + gap / 2
+
+
+def test_opposite_torques_roll_a_free_pair() -> None:
+    """Without drag: one on the other, at the rate of rolling alone; the pair stays where it is, all work is lost there.
+
+    Nothing slides, so that this rate is there from the start: exact but for Newton's tolerance, 1e-3 rtol.
+    """
+    torque = 1e-3
+    _, G, _ = coefficients(0.05)
+    pushes = [Push([0], torque=[0.0, 0.0, torque]), Push([1], torque=[0.0, 0.0, -torque])]
+    result = simulate_particles(scene(pushes=pushes, until=100.0))
+    rate = torque / (2 * G)
+    np.testing.assert_allclose(result.spin, np.tile([[0, 0, rate], [0, 0, -rate]], (5, 1, 1)), atol=1e-8 * rate)
+    np.testing.assert_allclose(result.x, np.tile([[0, 0, 0], [2.05, 0, 0]], (5, 1, 1)), atol=1e-12)
+    assert result.energy["external"] == pytest.approx(2 * torque * rate * 100.0, rel=1e-8)
+    assert result.energy["rolling"] == pytest.approx(result.energy["external"], rel=1e-8)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_sphere_turned_beside_another_drags_it_along(d: int) -> None:
+    """Both held in place, without drag: sliding and rolling resist, and the other turns as no torque on it remains.
+
+    With the sum S and the difference D of both rates, A lever^2 S + G D is the torque on the first, and
+    A lever^2 S - G D, on the second, is 0. The elastic deformation is there from the start, and stays; rates are those
+    of the last stage of a step, to the tolerance.
+    """
+    torque, axis = 1e-3, [0.0] * (rotations(d) - 1)
+    A, G, lever = coefficients(0.05)
+    changes = {
+        "positions": [[0.0, 0.0, 0.0][:d], [2.05, 0.0, 0.0][:d]],
+        "holds": [Hold("all", "xyz"[:d])],
+        "pushes": [Push([0], torque=[*axis, torque])],
+    }
+    result = simulate_particles(scene(rtol=1e-5, **changes))
+    total, difference = torque / (2 * A * lever**2), torque / (2 * G)
+    expected = (total + difference) / 2, (total - difference) / 2
+    np.testing.assert_allclose(result.spin[:, :, -1], np.tile(expected, (5, 1)), rtol=1e-5)
+    assert result.energy["external"] == pytest.approx(torque * expected[0] * 10.0, rel=1e-5)
+    assert abs(result.energy["imbalance"]) < 1e-5
+
+
+def test_a_moment_of_forces_balances_a_torque() -> None:
+    """Of a free pair without drag; a thousandth more of the torque is refused."""
+    force, arm = 1e-3, 2.05
+    for torque in (arm * force, 1.001 * arm * force):
+        pushes = [Push([0], [0.0, force], [torque]), Push([1], [0.0, -force])]
+        problem = scene(positions=[[0.0, 0.0], [arm, 0.0]], pushes=pushes)
+        if torque > arm * force:
+            with pytest.raises(IntegrationError, match=r"have the torque 2\.05e-06 at t=0"):
+                simulate_particles(problem)
+        else:
+            result = simulate_particles(problem)
+            A, G, lever = coefficients(0.05)
+            # the tangential force is what pushes the first; on the second only it and rolling act
+            np.testing.assert_allclose(result.contact_T[:, 1], force, rtol=1e-6)
+            total, difference = force / (A * lever), lever * force / G
+            np.testing.assert_allclose(result.spin[-1, :, 0].sum(), total, rtol=1e-6)
+            np.testing.assert_allclose(np.diff(result.spin[-1, ::-1, 0])[0], difference, rtol=1e-6)
+            assert abs(result.energy["imbalance"]) < 1e-6
+
+
+def test_a_hard_sphere_turned_beside_a_wall_goes_with_it_or_spins() -> None:
+    """Across the wall's normal, as both resistances and Stokes' drag have it; about the normal, by drag alone."""
+    gap, tau = 0.01, 1e-4
+    wall = Wall([0.0, -1.0 - gap, 0.0], [0.0, -1.0, 0.0])
+    around = {"positions": [[0, 0, 0], [30, 30, 0]], "walls": [wall], "parameters": RIGID, "reach": 4.0}
+    resists = []
+    for motion in range(2):  # along x, about z
+        velocity, spin = [1e-9 * (motion == 0), 0.0, 0.0], [0.0, 0.0, 1e-9 * (motion == 1)]
+        holds = [Hold([0], "xyz", velocity, spin), Hold([1], "xyz", None, [0, 0, 0])]
+        problem = scene(holds=holds, **around)
+        checked, system = prepare(problem)
+        state = start(problem, checked, system, Newton())
+        end = take_step(system, state.contacts, Newton(), 0.0, state.x, state.v, state.y_rate, 1.0).end
+        resists.append(end.reaction[0, [0, 5]] / 1e-9)
+    by_fluid = np.diag([6 * math.pi, 8 * math.pi])
+    v, omega = np.linalg.solve(np.array(resists).T + by_fluid, [0.0, tau])
+    pushes = [Push([0], torque=[0.0, tau, tau])]
+    result = simulate_particles(scene(pushes=pushes, drag=1.0, until=1e-3, **around))
+    assert v < 0  # it rolls
+    # the sphere hardly moves; what its film resists across the normal is uniform along the wall
+    assert result.v[-1, 0, 0] == pytest.approx(v, rel=1e-4)
+    np.testing.assert_allclose(result.spin[-1, 0], [0.0, tau / (8 * math.pi), omega], rtol=1e-4, atol=1e-9 * tau)
+
+
+def test_torques_turn_particles_as_another_route_says() -> None:
+    """Four unequal spheres, a torque of another direction on each, in no flow: at a sixth of a turn of the first."""
+    times = [0.0, 30.0, 60.0]
+    torques = 0.3 * np.array([[1.0, 0.5, -0.5], [0.0, -1.0, 0.2], [0.4, 0.0, 0.8], [-0.6, 0.6, 0.0]])
+    pairs = np.triu_indices(4, 1)
+    apart = np.linalg.norm(PLACES[:, None] - PLACES[None], axis=2)[pairs] - RADII[pairs[0]] - RADII[pairs[1]]
+    x, gaps, T = integrate(equal_spheres, UNIT, PLACES, RADII, np.maximum(apart, 0.1), 0.0, times, torques=torques)
+    pushes = [Push([k], torque=list(torque)) for k, torque in enumerate(torques)]
+    rtol = 1e-5
+    result = simulate_particles(tetrahedron(times=times, until=60.0, shear_rate=0.0, pushes=pushes, rtol=rtol))
+    # errors of order rtol in each step, which mostly decay
+    np.testing.assert_allclose(result.x, x, atol=5 * rtol)
+    np.testing.assert_allclose(result.contact_h.reshape(3, -1), gaps, rtol=5 * rtol)
+    np.testing.assert_allclose(result.contact_T.reshape(3, -1, 3), T, atol=5 * rtol * np.abs(T).max())
+    assert abs(result.energy["imbalance"]) < rtol
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_work_of_varying_torques_is_in_the_balance(d: int) -> None:
+    """What comes in is torque times angular velocity, and all of it is found again."""
+    axis = ["0.1*cos(w*t)"] if d == 2 else [0.0, "0.05*t/50", "0.1*cos(w*t)"]
+    changes = {"shear_rate": 0.0, "until": 50.0, "times": 401, "constants": {"w": 0.1}, "rtol": 1e-4}
+    result = simulate_particles(tetrahedron(d, pushes=[Push([0, 1], torque=axis)], **changes))
+    t = result.t
+    torque = np.stack([np.zeros_like(t), 0.05 * t / 50, 0.1 * np.cos(0.1 * t)], axis=1)[:, -rotations(d) :]
+    power = np.einsum("ta,tia->t", torque, result.spin[:, :2])
+    # Simpson's rule over 400 intervals: far below the tolerance
+    assert result.energy["external"] == pytest.approx(simpson(power, x=t), rel=1e-3)
+    assert result.energy["external"] > 0
+    assert abs(result.energy["imbalance"]) < 1e-4
+
+
+@pytest.mark.parametrize("changes", [{"shear_rate": 1e-3}, {"shear_rate": 0.0, "stress": {"xy": 1e-3}}])
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_torques_in_a_periodic_box_keep_its_balances(changes: dict[str, Any], drag: float) -> None:
+    """Also where their sum is not 0, and makes the stress unsymmetric; films resist that all turn alike."""
+    pushes = [Push("all", torque=[0.0, 0.0, 1e-2]), Push([3], torque=["1e-2*sin(t)", 0.0, 0.0])]
+    result = simulate_particles(periodic(drag=drag, until=30.0, pushes=pushes, **changes))
+    assert abs(result.energy["imbalance"]) < 1e-3
+    # forces are balanced to 1e-3 rtol, and an imposed stress to ten times that
+    assert np.all(result.step_residual <= (1e-5 if "stress" in changes else 1e-6))
+    without = simulate_particles(periodic(drag=drag, until=30.0, **changes))
+    assert np.all(result.spin[-1, :, 2] > without.spin[-1, :, 2])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"pushes": [Push([0], torque=[0, 0, 1e-3])]}, "have the torque 0.001 at t=0.*drag"),
+        # about the line of their contact
+        (
+            {"pushes": [Push([0], torque=[1e-3, 0, 0]), Push([1], torque=[-1e-3, 0, 0])]},
+            "nothing resists the external torque on particles 0, 1: .*drag",
+        ),
+        # beyond the range of any contact, held in place
+        (
+            {
+                "positions": [[0.0, 0.0], [2.05, 0.0], [9.0, 0.0]],
+                "reach": 1.0,
+                "holds": [Hold([2], "xy"), Hold([0], "xy")],
+                "pushes": [Push([2], torque=[1e-3])],
+            },
+            "nothing resists the external torque on particle 2: .*drag",
+        ),
+    ],
+)
+def test_a_torque_that_nothing_resists_is_named(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(IntegrationError, match=words):
+        simulate_particles(scene(**changes))
+
+
+def test_a_checkpoint_belongs_to_its_torques() -> None:
+    def key(torque: Any) -> str:
+        problem = scene(pushes=[Push([0], torque=torque)], drag=1.0)
+        return fingerprint(problem, *prepare(problem))
+
+    assert key([0.0, 0.0, 1e-3]) == key((0.0, 0.0, 1e-3)) == key(np.array([0.0, 0.0, 1e-3]))
+    assert key([0.0, 0.0, 1e-3]) != key([0.0, 0.0, 2e-3])
 
 
 @pytest.mark.slow

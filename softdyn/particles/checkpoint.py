@@ -31,15 +31,21 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
     for array in (checked.x, checked.radii, checked.species, checked.fixed, system.p, system.drag, checked.box.lengths):
         total.update(np.ascontiguousarray(array).tobytes())
     about = (scene.parameters, scene.mixing, scene.gap, scene.reach, scene.shear_rate, scene.constants, scene.rtol)
-    walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid, wall.velocity) for wall in checked.walls]
-    pushes = [(np.array(push.particles).tolist(), list(push.force)) for push in scene.pushes]
-    holds = [(np.array(hold.particles).tolist(), hold.axes, hold.velocity, hold.spin) for hold in scene.holds]
+    walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid, _list(wall.velocity)) for wall in checked.walls]
+    pushes = [(np.array(p.particles).tolist(), _list(p.force), _list(p.torque)) for p in scene.pushes]
+    holds = [(np.array(h.particles).tolist(), h.axes, _list(h.velocity), _list(h.spin)) for h in scene.holds]
     total.update(
         json.dumps(
-            [*about, walls, pushes, holds, dict(scene.stress), scene.stress_viscosity], default=str, sort_keys=True
+            [*about, checked.names, walls, pushes, holds, dict(scene.stress), scene.stress_viscosity],
+            default=str,
+            sort_keys=True,
         ).encode()
     )
     return total.hexdigest()
+
+
+def _list(values: Any) -> list[Any] | None:
+    return None if values is None else list(values)
 
 
 def save(path: Path, state: State, key: str) -> None:

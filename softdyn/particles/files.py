@@ -12,8 +12,9 @@ import numpy as np
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.results import load_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
-from softdyn.scene import read_toml, suggestion
+from softdyn.scene import is_particle_scene, read_toml, suggestion
 
 KEYS: dict[str, tuple[str, ...]] = {
     "particles": ("positions", "file", "radii", "species"),
@@ -26,10 +27,11 @@ KEYS: dict[str, tuple[str, ...]] = {
     "output": ("times",),
     "accuracy": ("rtol",),
 }
-LISTS: dict[str, tuple[str, ...]] = {
-    "push": ("particles", "force"),
-    "hold": ("particles", "axes", "velocity", "spin"),
-    "wall": ("point", "normal", "rigid", "velocity"),
+#: What each entry of these lists must have, and what it may.
+LISTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "push": (("particles",), ("force", "torque")),
+    "hold": (("particles", "axes"), ("velocity", "spin")),
+    "wall": (("point", "normal"), ("rigid", "velocity")),
 }
 OPEN = ("parameters", "mixing", "constants")
 TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
@@ -40,14 +42,15 @@ def stock_scenes() -> dict[str, Path]:
     return {path.stem: path for path in sorted((Path(__file__).parent / "scenes").glob("*.toml"))}
 
 
-def read_particle_scene(path: Path) -> ParticleScene:
-    """Read a scene file.
+def read_particle_scene(path: str | Path) -> ParticleScene:
+    """Read a scene file of many particles.
 
     Raises
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
+    path = Path(path)
     data = read_toml(path)
     try:
         return particle_scene_from(data, path.parent)
@@ -63,6 +66,8 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     SceneError
         Listing unknown and missing keys.
     """
+    if "pair" in data and not is_particle_scene(data):
+        raise SceneError("it is a scene of two particles, with [pair]; here [particles] or [packing] is needed")
     faults = [f"unknown key {key!r}{suggestion(key, TOP_LEVEL)}" for key in data if key not in TOP_LEVEL]
     for name in (*KEYS, *OPEN):
         content = data.get(name, {})
@@ -70,14 +75,13 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             faults.append(f"{name} must be a section, [{name}]")
         elif name in KEYS:
             faults += _unknown(content, KEYS[name], f"[{name}]")
-    for name, keys in LISTS.items():
+    for name, (required, optional) in LISTS.items():
         entries = data.get(name, [])
         if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
             faults.append(f"{name} must be a list of sections, [[{name}]]")
             continue
-        required = keys[:2]
         for number, entry in enumerate(entries):
-            faults += _unknown(entry, keys, f"[[{name}]] {number}")
+            faults += _unknown(entry, (*required, *optional), f"[[{name}]] {number}")
             faults += [f"[[{name}]] {number}: {key} is missing" for key in required if key not in entry]
     faults += [f"{key} is missing" for key in ("law", "parameters", "until") if key not in data]
     if ("particles" in data) == ("packing" in data):
@@ -102,23 +106,18 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         "drag": flow.get("drag", 0.0),
         "stress": {name: value for name, value in data.get("stress", {}).items() if name != "viscosity"},
         "stress_viscosity": data.get("stress", {}).get("viscosity"),
-        "pushes": [Push(_those(entry["particles"], placed), _list(entry["force"])) for entry in data.get("push", [])],
-        "holds": [
-            Hold(_those(entry["particles"], placed), str(entry["axes"]), entry.get("velocity"), entry.get("spin"))
-            for entry in data.get("hold", [])
-        ],
-        "walls": [
-            Wall(entry["point"], entry["normal"], entry.get("rigid", True), entry.get("velocity"))
-            for entry in data.get("wall", [])
-        ],
+        "pushes": [Push(**entry) for entry in data.get("push", [])],
+        "holds": [Hold(**entry) for entry in data.get("hold", [])],
+        "walls": [Wall(**entry) for entry in data.get("wall", [])],
         **_end(data["until"], flow, data.get("stress", {})),
         **placed,
     }
     settings |= {"times": data["output"]["times"]} if "times" in data.get("output", {}) else {}
     settings |= {"rtol": data["accuracy"]["rtol"]} if "rtol" in data.get("accuracy", {}) else {}
     if "box" in data:
-        if "packing" in data:
-            raise SceneError("[box] follows from [packing]: leave it out")
+        if "box" in placed:
+            source = "[packing]" if "packing" in data else "[particles] file"
+            raise SceneError(f"[box] follows from {source}: leave it out")
         # TOML has no null: 0 stands for an axis that is not periodic
         lengths = _list(data["box"].get("lengths", []))
         settings["box"] = [None if length == 0 else length for length in lengths]
@@ -203,24 +202,58 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
     return {"positions": x, "radii": size, "box": list(lengths)}
 
 
-def _those(particles: Any, placed: Mapping[str, Any]) -> Any:
-    """Numbers of particles; "all", or the name of a species."""
-    if not isinstance(particles, str):
-        return particles
-    if particles == "all":
-        return list(range(len(placed["positions"])))
-    species = placed.get("species") or []
-    return [number for number, name in enumerate(species) if name == particles] or particles
+def read_particles(path: str | Path) -> dict[str, Any]:
+    """Positions, radii, species and box from a file, as arguments of a :class:`ParticleScene`.
 
+    Parameters
+    ----------
+    path : str or Path
+        Of a result (.npz), whose last frame is taken, or of CSV with the headings x, y, z, radius, species (y, z and
+        species optional).
 
-def read_particles(path: Path) -> dict[str, Any]:
-    """Positions, radii and species from a CSV file with the headings x, y, z, radius, species (z and species optional).
+    Returns
+    -------
+    dict
+        ``positions`` (N, d), ``radii`` (N,); ``species`` and ``box`` if there are any.
 
     Raises
     ------
     SceneError
-        Naming the line at fault.
+        Naming the line at fault; or if the periodic box of the result is tilted at its end.
     """
+    path = Path(path)
+    return _from_result(path) if path.suffix == ".npz" else _from_table(path)
+
+
+#: A box that has sheared by whole lengths stands upright, to this part of a length.
+UPRIGHT = 1e-9
+
+
+def _from_result(path: Path) -> dict[str, Any]:
+    result = load_particles(path)
+    if not len(result):
+        raise SceneError(f"the result {path} holds no frame to start from")
+    x, cell = result.x[-1], result.cell[-1]
+    edges = np.diag(cell)
+    periodic = edges > 0
+    placed: dict[str, Any] = {"positions": x, "radii": result.radii}
+    names = result.species_names.tolist()
+    if names != [""]:
+        placed["species"] = [names[k] for k in result.species]
+    if periodic.any():
+        lean = float(cell[0, 1] / edges[0]) if len(cell) > 1 and periodic[0] else 0.0
+        if abs(lean - round(lean)) > UPRIGHT:
+            raise SceneError(
+                f"the box of {path} leans along x at its end, t={result.t[-1]:.6g}, by {lean:.6g} of its length, and a "
+                f"scene starts with an upright one: end that run at a strain that is a multiple of "
+                f"{edges[0] / edges[1]:.6g}, where the box stands upright again"
+            )
+        placed["positions"] = np.where(periodic, np.mod(x, np.where(periodic, edges, 1.0)), x)
+        placed["box"] = [float(edge) if repeats else None for edge, repeats in zip(edges, periodic, strict=True)]
+    return placed
+
+
+def _from_table(path: Path) -> dict[str, Any]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))

@@ -66,16 +66,17 @@ class Wall:
 
     Attributes
     ----------
-    point, normal : array, shape (d,)
-        A point of it, and its unit normal, from the particles into the wall.
+    point, normal : sequence of float, shape (d,)
+        A point of it, and its normal, from the particles into the wall. A run has them as arrays, and the normal as a
+        unit vector.
     rigid : bool
         Whether it gives in as the particles do, or not at all.
     velocity : sequence of (float or str), optional
         One for each axis, numbers or expressions of t; at rest without.
     """
 
-    point: Array
-    normal: Array
+    point: Any
+    normal: Any
     rigid: bool = True
     velocity: Sequence[float | str] | None = None
 

@@ -71,7 +71,7 @@ UNTURNED = 1e-4
 
 
 def simulate_particles(
-    scene: ParticleScene, progress: Progress | None = None, checkpoint: Path | None = None, resume: bool = False
+    scene: ParticleScene, progress: Progress | None = None, checkpoint: str | Path | None = None, resume: bool = False
 ) -> ParticleResult:
     """Integrate a scene.
 
@@ -80,7 +80,7 @@ def simulate_particles(
     scene : ParticleScene
     progress : function of (t, steps, Newton iterations), optional
         Called after every step.
-    checkpoint : Path, optional
+    checkpoint : str or Path, optional
         File to which the state is written now and then, and when the run is interrupted or cannot go on; it is removed
         at the end.
     resume : bool
@@ -99,6 +99,7 @@ def simulate_particles(
         the result up to the last good state.
     """
     began = time.perf_counter()
+    checkpoint = None if checkpoint is None else Path(checkpoint)
     checked, system = prepare(scene)
     newton = Newton()
     key = checkpoints.fingerprint(scene, checked, system)
@@ -204,10 +205,9 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         work=dict.fromkeys(works(system), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
-    free: NDArray[np.bool_] = np.asarray(_free(system).any(axis=1) & ~(system.drag > 0))
-    if free.any():
+    if not np.any(system.drag > 0) and not system.fixed.all():
         _require_balanced(system, 0.0, x)
-        _require_held(system, state, free)
+        _require_held(system, state, np.asarray(_free(system).any(axis=1)))
         nothing, place, known = np.zeros(len(contacts)), x.copy(), None
         if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
             normal, _, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
@@ -313,8 +313,9 @@ def _require_held(system: System, state: State, free: NDArray[np.bool_]) -> None
 
 
 def _require_balanced(system: System, t: float, x: Array) -> None:
-    """External forces along axes on which everything moves freely sum to zero, and so does their torque."""
-    force = system.force(t)[:, : system.dimension]
+    """External forces along axes on which everything moves freely sum to zero; so do torques, with those of forces."""
+    external, d = system.force(t), system.dimension
+    force = external[:, :d]
     for axis in gauge_axes(system):
         total, size = float(force[:, axis].sum()), float(np.abs(force[:, axis]).sum())
         if abs(total) > UNBALANCED * size:
@@ -322,12 +323,15 @@ def _require_balanced(system: System, t: float, x: Array) -> None:
                 f"the external forces along {AXES[axis]} sum to {total:.6g} at t={t:.6g}, and without drag nothing "
                 "balances them: give the particles a drag ([flow] drag = 1), hold one of them, or balance the forces"
             )
-    if turns_freely(system) and force.any():
-        away = x - x.mean(axis=0)
-        turning = away[:, :, None] * force[:, None, :]
-        torque = np.abs(np.sum(turning - turning.transpose(0, 2, 1), axis=0)).max()
-        size = float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
-        if torque > UNTURNED * size:
+    if turns_freely(system) and external.any():
+        away, torques = x - x.mean(axis=0), external[:, d:] * system.radii[:, None]
+        total = sliding.torque(away, force).sum(axis=0)
+        allowed = UNTURNED * float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
+        if torques.size:
+            total = total + torques.sum(axis=0)
+            allowed += UNBALANCED * float(np.abs(torques).sum())
+        torque = float(np.abs(total).max())
+        if torque > allowed:
             raise IntegrationError(
                 f"the external forces have the torque {torque:.6g} at t={t:.6g}, and without drag nothing resists it: "
                 "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
@@ -539,8 +543,25 @@ def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: 
     newton.forget()
 
 
+def _twisted(system: System, state: State) -> NDArray[np.int64]:
+    """Particles with an external torque that neither drag nor any contact resists."""
+    if not system.kernel.tangential or np.any(system.drag > 0):
+        return np.empty(0, dtype=np.int64)
+    near = np.flatnonzero(state.contacts.h < system.reach)
+    n, _, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    torques = np.where(system.fixed, 0.0, system.force(state.t))[:, system.dimension :]
+    left = sliding.unresisted(state.contacts.i[near], state.contacts.j[near], n[near], torques)
+    return np.flatnonzero(np.abs(left).max(axis=1) > UNBALANCED * np.abs(torques).max())
+
+
 def _why(system: System, state: State, error: Exception) -> str:
     """Words for what a step failed of."""
+    twisted = _twisted(system, state)
+    if len(twisted):
+        return (
+            f"nothing resists the external torque on {particles_named(twisted)}: without drag films do, but for a "
+            "twist about their normal; give the particles a drag ([flow] drag = 1), or contacts along another line"
+        )
     if not isinstance(error, linear.Indefinite):
         return str(error)
     if not np.any(system.drag > 0):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,21 +32,27 @@ MIXING: dict[str, Callable[[Array, Array], Array]] = {
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
 MOST_WITHOUT_RANGE = 64
 AXES = "xyz"
+#: Stands for all particles where some are named.
+ALL = "all"
 
 
 @dataclass(frozen=True)
 class Push:
-    """An external force on some particles.
+    """An external force or torque, or both, on each of some particles.
 
     Parameters
     ----------
-    particles : sequence of int
-    force : sequence of (float or str), one for each axis
-        Numbers, or expressions of t.
+    particles : sequence of int, or str
+        Their numbers, the name of a species, or "all".
+    force : sequence of (float or str), optional
+        One for each axis: numbers, or expressions of t.
+    torque : sequence of (float or str), optional
+        About the centre, where there is tangential motion: one in two dimensions, > 0 from x to y; three in three.
     """
 
-    particles: Sequence[int]
-    force: Sequence[float | str]
+    particles: Sequence[int] | str
+    force: Sequence[float | str] | None = None
+    torque: Sequence[float | str] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,8 @@ class Hold:
 
     Parameters
     ----------
-    particles : sequence of int
+    particles : sequence of int, or str
+        Their numbers, the name of a species, or "all".
     axes : str
         Which of "xyz".
     velocity : sequence of (float or str), optional
@@ -65,7 +72,7 @@ class Hold:
         particles turn as torques make them.
     """
 
-    particles: Sequence[int]
+    particles: Sequence[int] | str
     axes: str
     velocity: Sequence[float | str] | None = None
     spin: Sequence[float | str] | None = None
@@ -164,6 +171,8 @@ class Checked:
     walls : tuple of Wall
     fixed : array of bool, shape (N, d)
     force, velocity : function of t
+    torque : function of t
+        Shape (N, rotations).
     times : array
     turned : array of bool, shape (N,)
         Particles whose rotation is given.
@@ -182,6 +191,7 @@ class Checked:
     walls: tuple[Wall, ...]
     fixed: NDArray[np.bool_]
     force: Callable[[float], Array]
+    torque: Callable[[float], Array]
     velocity: Callable[[float], Array]
     times: Array
     turned: NDArray[np.bool_]
@@ -210,6 +220,10 @@ def check(scene: ParticleScene) -> Checked:
     if radii.shape != (count,):
         raise SceneError(f"[particles] {len(radii)} radii for {count} particles")
     faults = []
+    for name, kind in (("pushes", Push), ("holds", Hold), ("walls", Wall)):
+        entries = getattr(scene, name)
+        if not isinstance(entries, (list, tuple)) or not all(isinstance(entry, kind) for entry in entries):
+            raise SceneError(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
     good = np.isfinite(radii) & (radii > 0)
     if not good.all():
         raise SceneError(f"[particles] radii must be positive and finite; {_which(~good)} have others")
@@ -269,10 +283,12 @@ def check(scene: ParticleScene) -> Checked:
     faults += _overlap_faults(x, radii, box, walls)
     if faults:
         raise SceneError(_listed(faults))
-    fixed, velocity = _holds(scene, count, d)
-    force = _pushes(scene, count, d)
+    pushed = [_numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.pushes)]
+    held = [_numbers_of(scene, hold.particles, count, f"[[hold]] {k}") for k, hold in enumerate(scene.holds)]
+    fixed, velocity = _holds(scene, held, count, d)
+    force, torque = _pushes(scene, pushed, count, d)
     _require_used(scene)
-    turned, spin = _spins(scene, count, d)
+    turned, spin = _spins(scene, held, count, d)
     imposed, wall_velocity = _imposed(scene, box), _wall_velocity(scene, d)
     return Checked(
         x,
@@ -283,6 +299,7 @@ def check(scene: ParticleScene) -> Checked:
         walls,
         fixed,
         force,
+        torque,
         velocity,
         _times(scene),
         turned,
@@ -356,8 +373,8 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
         if not isinstance(wall.rigid, (bool, np.bool_)):
             faults.append(f"wall {number}: rigid must be true or false, not {wall.rigid!r}")
             continue
-        if wall.velocity is not None and (isinstance(wall.velocity, str) or len(wall.velocity) != d):
-            faults.append(f"wall {number}: velocity needs {d} components, one for each axis")
+        if wall.velocity is not None and not _is_list(wall.velocity, d):
+            faults.append(f"wall {number}: velocity needs {_components(d)}, one for each axis")
             continue
         walls.append(Wall(point, normal / size, bool(wall.rigid), wall.velocity))
     return tuple(walls)
@@ -366,11 +383,10 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
 def _wall_velocity(scene: ParticleScene, d: int) -> Callable[[float], Array] | None:
     terms = []
     for number, wall in enumerate(scene.walls):
-        for axis, value in enumerate(wall.velocity or ()):
-            if value != 0:
-                where = f"wall {number}: velocity along {AXES[axis]}"
-                terms.append((np.array([number]), axis, _function(scene, value, where)))
-    return _sum_of(terms, len(scene.walls), d, "velocity of wall") if terms else None
+        if wall.velocity is not None:
+            labels = [f"wall {number}: velocity along {axis}" for axis in AXES[:d]]
+            terms += _terms(scene, np.array([number]), range(d), wall.velocity, labels)
+    return _sum_of(terms, len(scene.walls), d) if terms else None
 
 
 def _imposed(scene: ParticleScene, box: Box) -> Imposed | None:
@@ -406,10 +422,7 @@ def _imposed(scene: ParticleScene, box: Box) -> Imposed | None:
     signs = np.array([-1.0 if name == "pressure" else 1.0 for name in names])
 
     def values(t: float) -> Array:
-        found = np.array([function(t) for function in functions])
-        if not np.isfinite(found).all():
-            raise SceneError(f"[stress] {names[int(np.argmin(np.isfinite(found)))]} has no finite value at t={t:.6g}")
-        return signs * found
+        return signs * np.array([function(t) for function in functions])
 
     return Imposed(names, values, float(viscosity))  # type: ignore[arg-type]
 
@@ -422,6 +435,8 @@ def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray
         raise SceneError(f"[particles] species must be a list of names, one for each particle, not {scene.species!r}")
     if len(given) != count:
         raise SceneError(f"[particles] {len(given)} species for {count} particles")
+    if ALL in given:
+        raise SceneError(f"[particles] no species can have the name {ALL!r}: it stands for all particles")
     names = tuple(sorted(set(given)))
     return names, np.array([names.index(name) for name in given], dtype=np.int64)
 
@@ -459,10 +474,21 @@ def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -
     ] + ([f"and {len(deep) - 10} more pairs overlap as deeply"] if len(deep) > 10 else [])
 
 
-def _numbers_of(particles: Any, count: int, where: str) -> NDArray[np.int64]:
+def _numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> NDArray[np.int64]:
+    """Numbers of the particles that are named: by their numbers, their species, or all of them."""
+    if isinstance(particles, str):
+        if particles == ALL:
+            return np.arange(count)
+        names = [] if scene.species is None else list(scene.species)
+        if particles not in names:
+            known = ", ".join(map(repr, (ALL, *sorted(set(names)))))
+            raise SceneError(
+                f"{where}: there is no species {particles!r}; particles are named by {known}, or a list of numbers"
+            )
+        return np.flatnonzero([name == particles for name in names])
     given = list(particles) if isinstance(particles, (list, tuple, range, np.ndarray)) else [particles]
     if not all(isinstance(number, (int, np.integer)) and not isinstance(number, bool) for number in given):
-        raise SceneError(f"{where}: particles must be a list of whole numbers, not {particles!r}")
+        raise SceneError(f"{where}: particles must be a list of whole numbers, a species or {ALL!r}, not {particles!r}")
     try:
         numbers = np.array(given, dtype=np.int64)
     except OverflowError:
@@ -473,6 +499,14 @@ def _numbers_of(particles: Any, count: int, where: str) -> NDArray[np.int64]:
     return numbers
 
 
+def _is_list(values: Any, size: int) -> bool:
+    return isinstance(values, (list, tuple, np.ndarray)) and len(values) == size
+
+
+def _components(size: int) -> str:
+    return f"{size} component{'s' if size > 1 else ''}"
+
+
 def _function(scene: ParticleScene, value: Any, where: str) -> Callable[[float], float]:
     """Function of t from a number or an expression."""
     if isinstance(value, str):
@@ -480,7 +514,14 @@ def _function(scene: ParticleScene, value: Any, where: str) -> Callable[[float],
         start = evaluate_expression(expression, 0.0)
         if not math.isfinite(start):
             raise SceneError(f"{where} = {value!r} has no finite value at t = 0")
-        return lambda t: evaluate_expression(expression, t)
+
+        def evaluated(t: float) -> float:
+            found = evaluate_expression(expression, t)
+            if not math.isfinite(found):
+                raise IntegrationError(f"{where} = {value!r} has no finite value at t={t:.6g}")
+            return found
+
+        return evaluated
     if not _is_number(value):
         raise SceneError(f"{where} must be a number or an expression of t, not {value!r}")
     return lambda t: float(value)
@@ -497,104 +538,125 @@ def _constants(scene: ParticleScene) -> dict[str, float]:
 
 
 def _require_used(scene: ParticleScene) -> None:
-    texts = [value for push in scene.pushes for value in push.force if isinstance(value, str)]
-    given = [list(values) for hold in scene.holds for values in (hold.velocity, hold.spin) if values is not None]
-    texts += [value for values in given for value in values if isinstance(value, str)]
-    texts += [value for wall in scene.walls for value in wall.velocity or () if isinstance(value, str)]
-    texts += [value for value in scene.stress.values() if isinstance(value, str)]
+    given = [values for push in scene.pushes for values in (push.force, push.torque)]
+    given += [values for hold in scene.holds for values in (hold.velocity, hold.spin)]
+    given += [wall.velocity for wall in scene.walls]
+    given += [list(scene.stress.values())]
+    texts = [value for values in given if values is not None for value in values if isinstance(value, str)]
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
 
 
-def _sum_of(
-    terms: list[tuple[NDArray[np.int64], int, Callable[[float], float]]], count: int, d: int, what: str
-) -> Callable[[float], Array]:
+#: Particles (or walls), the column of theirs that is meant, and what it is as a function of t.
+Term = tuple[NDArray[np.int64], int, Callable[[float], float]]
+
+
+def _terms(
+    scene: ParticleScene, those: NDArray[np.int64], columns: Iterable[int], values: Any, labels: Iterable[str]
+) -> list[Term]:
+    """Terms of the components that are not 0; the labels are for errors."""
+    parts = list(zip(columns, values, labels, strict=True))
+    parts = [part for part in parts if not (_is_number(part[1]) and part[1] == 0)]
+    return [(those, column, _function(scene, value, label)) for column, value, label in parts]
+
+
+def _sum_of(terms: Sequence[Term], count: int, width: int) -> Callable[[float], Array]:
     def total(t: float) -> Array:
-        values = np.zeros((count, d))
-        for particles, axis, function in terms:
-            value = function(t)
-            if not math.isfinite(value):
-                raise IntegrationError(
-                    f"the {what} on {particles_named(particles)} along {AXES[axis]} has no finite value at t={t:.6g}"
-                )
-            values[particles, axis] += value
+        values = np.zeros((count, width))
+        for those, column, function in terms:
+            values[those, column] += function(t)
         return values
 
     return total
 
 
-def _pushes(scene: ParticleScene, count: int, d: int) -> Callable[[float], Array]:
-    terms = []
-    for number, push in enumerate(scene.pushes):
+def _turns(scene: ParticleScene, name: str, values: Any, where: str, d: int) -> list[str]:
+    """Names of the components of a torque or an angular velocity, for errors; refuse what is none."""
+    if not scene.tangential:
+        raise SceneError(f"{where}: {name} has no meaning without tangential motion, [contacts] tangential = true")
+    m = rotations(d)
+    if not _is_list(values, m):
+        raise SceneError(f"{where}: {name} needs {_components(m)} in {d} dimensions")
+    return [f"{where}: {name} about {axis}" for axis in AXES[-m:]]
+
+
+def _pushes(
+    scene: ParticleScene, pushed: Sequence[NDArray[np.int64]], count: int, d: int
+) -> tuple[Callable[[float], Array], Callable[[float], Array]]:
+    """External forces and torques."""
+    forces: list[Term] = []
+    torques: list[Term] = []
+    for number, (push, particles) in enumerate(zip(scene.pushes, pushed, strict=True)):
         where = f"[[push]] {number}"
-        particles = _numbers_of(push.particles, count, where)
-        if not isinstance(push.force, (list, tuple, np.ndarray)) or len(push.force) != d:
-            raise SceneError(f"{where}: force needs {d} components, one for each axis")
-        for axis, value in enumerate(push.force):
-            if value != 0:
-                terms.append((particles, axis, _function(scene, value, f"{where}: force along {AXES[axis]}")))
-    return _sum_of(terms, count, d, "force")
+        if push.force is None and push.torque is None:
+            raise SceneError(f"{where}: force or torque is missing")
+        if push.force is not None:
+            if not _is_list(push.force, d):
+                raise SceneError(f"{where}: force needs {_components(d)}, one for each axis")
+            labels = [f"{where}: force along {axis}" for axis in AXES[:d]]
+            forces += _terms(scene, particles, range(d), push.force, labels)
+        if push.torque is not None:
+            labels = _turns(scene, "torque", push.torque, where, d)
+            torques += _terms(scene, particles, range(len(labels)), push.torque, labels)
+    return _sum_of(forces, count, d), _sum_of(torques, count, rotations(d))
 
 
-def _holds(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+def _holds(
+    scene: ParticleScene, held: Sequence[NDArray[np.int64]], count: int, d: int
+) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
     fixed = np.zeros((count, d), dtype=bool)
-    terms = []
-    for number, hold in enumerate(scene.holds):
+    terms: list[Term] = []
+    for number, (hold, particles) in enumerate(zip(scene.holds, held, strict=True)):
         where = f"[[hold]] {number}"
-        particles = _numbers_of(hold.particles, count, where)
-        if not hold.axes or any(axis not in AXES[:d] for axis in hold.axes) or len(set(hold.axes)) < len(hold.axes):
+        given = hold.axes if isinstance(hold.axes, str) else ""
+        if not given or any(axis not in AXES[:d] for axis in given) or len(set(given)) < len(given):
             raise SceneError(f"{where}: axes must be some of {AXES[:d]!r}, not {hold.axes!r}")
         velocity = hold.velocity if hold.velocity is not None else [0.0] * len(hold.axes)
-        if not isinstance(velocity, (list, tuple, np.ndarray)) or len(velocity) != len(hold.axes):
+        if not _is_list(velocity, len(hold.axes)):
             raise SceneError(f"{where}: velocity needs one component for each of the axes {hold.axes!r}")
-        for name, value in zip(hold.axes, velocity, strict=True):
-            axis = AXES.index(name)
-            twice = particles[fixed[particles, axis]]
+        columns = [AXES.index(name) for name in hold.axes]
+        for column in columns:
+            twice = particles[fixed[particles, column]]
             if len(twice):
-                raise SceneError(f"{where}: {particles_named(twice)} held twice along {name}")
-            fixed[particles, axis] = True
-            if value != 0:
-                terms.append((particles, axis, _function(scene, value, f"{where}: velocity along {name}")))
-    return fixed, _sum_of(terms, count, d, "velocity")
+                raise SceneError(f"{where}: {particles_named(twice)} held twice along {AXES[column]}")
+            fixed[particles, column] = True
+        labels = [f"{where}: velocity along {name}" for name in hold.axes]
+        terms += _terms(scene, particles, columns, velocity, labels)
+    return fixed, _sum_of(terms, count, d)
 
 
-def _spins(scene: ParticleScene, count: int, d: int) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+def _spins(
+    scene: ParticleScene, held: Sequence[NDArray[np.int64]], count: int, d: int
+) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
     """Rotations that are given."""
     turned = np.zeros(count, dtype=bool)
-    terms = []
-    m = rotations(d)
-    for number, hold in enumerate(scene.holds):
+    terms: list[Term] = []
+    for number, (hold, particles) in enumerate(zip(scene.holds, held, strict=True)):
         if hold.spin is None:
             continue
         where = f"[[hold]] {number}"
-        if not scene.tangential:
-            raise SceneError(f"{where}: spin has no meaning without tangential motion, [contacts] tangential = true")
-        if isinstance(hold.spin, str) or not isinstance(hold.spin, Sequence) or len(hold.spin) != m:
-            raise SceneError(f"{where}: spin needs {m} component{'s' if m > 1 else ''} in {d} dimensions")
-        particles = _numbers_of(hold.particles, count, where)
+        labels = _turns(scene, "spin", hold.spin, where, d)
         twice = particles[turned[particles]]
         if len(twice):
             raise SceneError(f"{where}: {particles_named(twice)} given two spins")
         turned[particles] = True
-        for axis, value in enumerate(hold.spin):
-            if value != 0:
-                terms.append((particles, axis, _function(scene, value, f"{where}: spin {axis}")))
-    return turned, _sum_of(terms, count, m, "spin")
+        terms += _terms(scene, particles, range(len(labels)), hold.spin, labels)
+    return turned, _sum_of(terms, count, rotations(d))
 
 
 def with_rotations(
     checked: Checked,
 ) -> tuple[NDArray[np.bool_], Callable[[float], Array], Callable[[float], Array]]:
-    """Fixed coordinates, force and velocity for the coordinates (x, R theta): no external torques."""
-    count, d = checked.x.shape
-    fixed = np.concatenate([checked.fixed, np.repeat(checked.turned[:, None], rotations(d), axis=1)], axis=1)
+    """Fixed coordinates, force and velocity for the coordinates (x, R theta); forces on these are (force, torque/R)."""
+    m, R = rotations(checked.x.shape[1]), checked.radii[:, None]
+    fixed = np.concatenate([checked.fixed, np.repeat(checked.turned[:, None], m, axis=1)], axis=1)
 
     def force(t: float) -> Array:
-        return np.concatenate([checked.force(t), np.zeros((count, rotations(d)))], axis=1)
+        return np.concatenate([checked.force(t), checked.torque(t) / R], axis=1)
 
     def velocity(t: float) -> Array:
-        return np.concatenate([checked.velocity(t), checked.radii[:, None] * checked.spin(t)], axis=1)
+        return np.concatenate([checked.velocity(t), R * checked.spin(t)], axis=1)
 
     return fixed, force, velocity
 

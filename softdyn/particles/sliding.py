@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Contacts
+from softdyn.particles.geometry import Contacts, Integers
 
 Array = NDArray[np.float64]
 
@@ -209,6 +209,23 @@ def reactions(contacts: Contacts, known: Known, slid: Slid, n: Array, count: int
         total[:, column] = np.bincount(contacts.i, on_i[:, column], minlength=count)
         total[:, column] += np.bincount(contacts.j[pair], on_j[pair, column], minlength=count)
     return total
+
+
+def unresisted(i: Integers, j: Integers, n: Array, torques: Array) -> Array:
+    """Parts of some torques on the particles, shape (N, rotations), that contacts between i and j do not resist.
+
+    Of a particle without a contact all of it; in three dimensions, with contacts along one line, what turns it about
+    that line: no film resists a twist.
+    """
+    count, m = torques.shape
+    resists = np.zeros((count, m, m))
+    across = np.eye(3) - n[:, :, None] * n[:, None, :] if m == 3 else np.ones((len(n), 1, 1))
+    pair = j < count
+    np.add.at(resists, i, across)
+    np.add.at(resists, j[pair], across[pair])
+    size, direction = np.linalg.eigh(resists)
+    along = np.einsum("nab,na->nb", direction, torques)
+    return np.asarray(np.einsum("nab,nb->na", direction, np.where(size < 1e-9, along, 0.0)))
 
 
 def _skew(v: Array) -> Array:
