@@ -47,6 +47,7 @@ from sympy import Expr, Integer, Max, Min, Piecewise, Rational, Symbol, diff, si
 from softdyn.derive import dynamics as d
 from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
+from softdyn.derive.elementary import for_lanes
 from softdyn.derive.kernel import Saving
 from softdyn.derive.law import (
     drag_expressions,
@@ -345,6 +346,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         "weight": straight_line([grip, grip_h], without_delta) if needs.fading else [],
         "drag": straight_line(list(resisting), resisting),
     }
+    lines = {part: [(name, for_lanes(text)) for name, text in code] for part, code in lines.items()}
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
 

@@ -32,6 +32,7 @@ TEMPLATES = (
     "c/kernel.c.j2",
     "numba/kernel.py.j2",
     *("common/contacts.py.j2", "c/contacts.c.j2", "numba/contacts.py.j2"),
+    *("common/elementary.py.j2", "c/bits.c.j2", "numba/bits.py.j2"),
 )
 
 
@@ -59,7 +60,12 @@ def kernel_body(ir: KernelIR) -> str:
 
 def render_body(name: str, ir: KernelIR | ContactIR, more: Mapping[str, object]) -> str:
     """Text of a template of algorithms, which sees the representation and a few values more."""
-    text = _environment().get_template(name).render(ir=ir, **more)
+    return render_part(name, {"ir": ir, **more})
+
+
+def render_part(name: str, values: Mapping[str, object]) -> str:
+    """Text of a template that is no whole file."""
+    text = _environment().get_template(name).render(**values)
     return "\n".join(line.rstrip() for line in text.strip().splitlines()) + "\n"
 
 

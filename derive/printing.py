@@ -2,7 +2,7 @@
 
 The code is a small subset of Python that every target understands: assignments of floats, arithmetic, comparisons,
 conditional expressions and the functions of C's math.h. Common subexpressions are computed once, integer powers are
-products, half-integer powers are square roots, and numbers are exact until they are printed.
+products, halves and quarters of them are square roots, and numbers are exact until they are printed.
 """
 
 from __future__ import annotations
@@ -69,8 +69,13 @@ def straight_line(targets: Iterable[Symbol], definitions: Mapping[Symbol, Expr])
     return _print_in_order(pool, list(needed))
 
 
-def _is_half_integer(power: Expr) -> bool:
-    return isinstance(power, Rational) and power.q in (1, 2)
+def _by_roots(power: Expr) -> bool:
+    """Whether a power is a product of integer powers and square roots, at most one within another."""
+    return isinstance(power, Rational) and power.q in (1, 2, 4)
+
+
+#: Powers, but for their sign, whose text holds the base once.
+_BASE_ONCE = (Rational(1, 4), Rational(1, 2), S.One)
 
 
 def _is_integer_power(expr: Basic) -> bool:
@@ -86,14 +91,14 @@ def _closure(targets: set[Symbol], definitions: Mapping[Symbol, Expr]) -> dict[S
 
 
 def _name_bases(pool: dict[Symbol, Expr], fresh: Iterable[Symbol]) -> dict[Symbol, Expr]:
-    """Give every composite base of an integer power a name, so that its power is a product of names."""
+    """Give a name to every composite base that the text of its power repeats, so that the text repeats the name."""
     named: dict[Expr, Symbol] = {}
 
     def visit(expr: Expr) -> Expr:
         if not expr.args:
             return expr
         expr = expr.func(*(visit(argument) for argument in expr.args))
-        if isinstance(expr, Pow) and _is_half_integer(expr.exp) and abs(expr.exp) > 1 and expr.base.args:
+        if isinstance(expr, Pow) and _by_roots(expr.exp) and abs(expr.exp) not in _BASE_ONCE and expr.base.args:
             base = expr.base
             if base not in named:
                 named[base] = next(iter(fresh))
@@ -144,7 +149,7 @@ def _integer_powers(expr: Expr) -> list[tuple[str, int]]:
     found = {
         (node.base.name, int(abs(node.exp)))
         for node in expr.atoms(Pow)
-        if node.base.is_Symbol and isinstance(node.exp, Rational) and node.exp.q in (1, 2)
+        if node.base.is_Symbol and _by_roots(node.exp)
         if abs(node.exp) >= 2
     }
     return sorted(found)
@@ -234,13 +239,13 @@ def _product(expr: Expr) -> tuple[str, int]:
         base, power = (factor, S.One) if isinstance(factor, exp) else factor.as_base_exp()
         if factor.is_number and getattr(power, "q", 1) != 2:
             number *= factor
-        elif isinstance(power, Integer) or (isinstance(power, Rational) and power.q == 2):
-            whole, half = divmod(abs(int(power.p)), int(power.q)) if power.q == 2 else (abs(int(power)), 0)
+        elif _by_roots(power):
+            whole, rest = divmod(abs(power), 1)
             over, under = (above, root_above) if power > 0 else (below, root_below)
             if whole:
-                over.append(_integer_power(base, whole))
-            if half:
-                under.append(base)
+                over.append(_integer_power(base, int(whole)))
+            if rest:
+                under.append(base ** (2 * rest))  # a quarter is a root within a root
         else:
             above.append(_general_power(base, power))
     if number.is_Rational and number.q != 1 and number.p in (1, -1) and (above or root_above):

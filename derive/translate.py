@@ -20,8 +20,10 @@ C_TYPES = {"float": "double", "int": "int64_t"}
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
+#: What takes numbers apart by their bits, and has a text of its own for each target: templates ``bits``.
+BIT_FUNCTIONS = {"_power_of_two", "_exponent", "_fraction"}
 #: Functions that C has under the same name, besides int, float, range and empty, which have a translation.
-KNOWN_FUNCTIONS = {*MATH_FUNCTIONS, "isfinite", "int", "float", "range", "empty"}
+KNOWN_FUNCTIONS = {*MATH_FUNCTIONS, *BIT_FUNCTIONS, "isfinite", "int", "float", "range", "empty"}
 PRECEDENCE = {ast.Add: 4, ast.Sub: 4, ast.Mult: 5, ast.Div: 5}
 
 

@@ -356,7 +356,7 @@ def expressions() -> st.SearchStrategy[Expr]:
         lambda x: Rational(x.numerator, x.denominator)
     )
     positive = st.sampled_from((R, h, a, E, R + h, a * E, 1 + h**2))
-    powers = st.sampled_from([Rational(x) for x in ("-3", "-2", "-3/2", "-1", "-1/2", "1/2", "3/2", "2", "5/2", "7")])
+    powers = st.sampled_from([Rational(x) for x in "-3 -9/4 -2 -3/2 -1 -3/4 -1/2 1/4 1/2 3/4 3/2 7/4 2 5/2 7".split()])
 
     def larger(inner: st.SearchStrategy[Expr]) -> st.SearchStrategy[Expr]:
         pairs = st.tuples(inner, inner)
@@ -366,7 +366,7 @@ def expressions() -> st.SearchStrategy[Expr]:
             pairs.map(lambda p: p[0] * p[1]),
             st.tuples(positive, powers).map(lambda p: Pow(*p)),
             st.tuples(inner, positive, powers).map(lambda p: p[0] * Pow(p[1], p[2])),
-            st.tuples(positive, st.sampled_from((Rational(1, 3), Rational(7, 4), pi))).map(lambda p: Pow(*p)),
+            st.tuples(positive, st.sampled_from((Rational(1, 3), Rational(-7, 8), pi))).map(lambda p: Pow(*p)),
             pairs.map(lambda p: Max(*p)),
             pairs.map(lambda p: Min(*p)),
             inner.map(Abs),
@@ -417,7 +417,7 @@ def test_each_common_part_is_computed_once_and_powers_are_products() -> None:
     assert lines["h_p5"] == "h_p3 * h_p2"
 
 
-def test_half_powers_are_roots_and_exponentials_are_exponentials() -> None:
+def test_halves_and_quarters_of_powers_are_roots_and_exponentials_are_exponentials() -> None:
     value = Symbol("value", real=True)
 
     def printed(expr: Expr) -> str:
@@ -425,18 +425,21 @@ def test_half_powers_are_roots_and_exponentials_are_exponentials() -> None:
 
     assert printed(h ** Rational(3, 2)) == "h * sqrt(h)"
     assert printed(1 / sqrt(h)) == "1.0 / sqrt(h)"
+    assert printed(h ** Rational(1, 4)) == "sqrt(sqrt(h))"
+    assert printed(E / h ** Rational(7, 4)) == "E / (h * sqrt(h * sqrt(h)))"
     assert printed(E * exp(-h)) == "E * exp(-h)"
     assert "pow" not in printed(R * exp(-h / R) * exp(-a / R))
 
 
-@pytest.mark.parametrize("power", ["5/2", "-5/2", "3/2", "7/2", "2", "-3"])
+@pytest.mark.parametrize("power", ["5/2", "-5/2", "3/2", "7/2", "2", "-3", "1/4", "-3/4", "13/4"])
 @pytest.mark.parametrize("base", [R + h, 1 + h**2, R * (R + h)], ids=str)
 def test_powers_of_sums_are_products_and_roots(base: Expr, power: str) -> None:
     value, expr = Symbol("value", real=True), base ** Rational(power)
     lines = straight_line([value], {value: expr})
     assert "pow" not in " ".join(text for _, text in lines)
     found = evaluate_lines(lines, {"R": 1.5, "h": 0.75})
-    # at most 8 products, a root and a quotient, of a base that three operations make, to the power 7/2
+    assert " ".join(text for _, text in lines).count("R + h") == str(base).count("R + h")
+    # at most 8 products, two roots and a quotient, of a base that three operations make, to the power 7/2
     exact = float(expr.subs({R: Rational(3, 2), h: Rational(3, 4)}).evalf(30))
     assert found["value"] == pytest.approx(exact, rel=24 * 2**-53)
 

@@ -6,12 +6,12 @@
  *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
  *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
  *     F_adh = Piecewise((2*pi*L*Pi0*R*(8*2**(1/4)*L**(5/4)/(5*h**(5/4)) - 48/35 + 2**(1/4)*h**(7/4)/(7*L**(7/4))), h < 2*L), (0, True))
- * Operations, 533 in all:
+ * Operations, 573 in all:
  *     gap_terms: 2 add, 14 mul, 4 div
  *     newton: 12 add, 21 mul, 5 div, 1 sqrt
- *     gap_rate: 10 add, 33 mul, 8 div, 1 sqrt, 5 call
- *     slopes: 40 add, 128 mul, 22 div, 1 sqrt, 7 call
- *     quantities: 45 add, 138 mul, 28 div, 1 sqrt, 7 call
+ *     gap_rate: 10 add, 37 mul, 10 div, 9 sqrt, 1 call
+ *     slopes: 40 add, 134 mul, 25 div, 13 sqrt, 1 call
+ *     quantities: 45 add, 144 mul, 31 div, 13 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -173,7 +173,7 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
     const double x3_p3 = x3_p2 * x3;
     const double zeta = 25.132741228718345 * x1 * eta * x3_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (142.3828125 * R_p3 / (x3_p3 * a_p6) + 1.0);
     const double x7 = 1.189207115002721;
-    const double F_adh = h < 2.0 * L ? 0.17951958020513104 * L * Pi0 * R * (56.0 * x7 * pow(L, 1.25) * pow(h, -1.25) + 5.0 * x7 * pow(L, -1.75) * pow(h, 1.75) - 48.0) : 0.0;
+    const double F_adh = h < 2.0 * L ? 0.17951958020513104 * L * Pi0 * R * (56.0 * x7 * L * sqrt(sqrt(L)) / (h * sqrt(sqrt(h))) + 5.0 * x7 * h * sqrt(h * sqrt(h)) / (L * sqrt(L * sqrt(L))) - 48.0) : 0.0;
     const double dh_dt = (F_adh - F) / zeta;
     w[i] = dh_dt / h;
 }
@@ -210,11 +210,11 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double x15 = x3_p2 * a_p4;
     const double zeta = 25.132741228718345 * x1 * x13 * x15 * eta / x10;
     const double x16 = 1.189207115002721;
-    const double x17 = pow(L, -1.75);
-    const double x18 = pow(L, 1.25);
+    const double x17 = 1.0 / (L * sqrt(L * sqrt(L)));
+    const double x18 = L * sqrt(sqrt(L));
     const double x19 = 3.141592653589793 * Pi0 * R;
     const double x20 = 2.0 * L;
-    const double F_adh = h < x20 ? 2.0 / 35.0 * x19 * L * (5.0 * x16 * x17 * pow(h, 1.75) + 56.0 * x16 * x18 * pow(h, -1.25) - 48.0) : 0.0;
+    const double F_adh = h < x20 ? 2.0 / 35.0 * x19 * L * (5.0 * x16 * x17 * h * sqrt(h * sqrt(h)) + 56.0 * x16 * x18 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
     const double x22 = R * h;
     const double x23 = 2.0 * x22;
     const double x24 = R + h;
@@ -255,7 +255,7 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double x51 = x2 * x48 + x49 + 20.0;
     const double a_p8 = a_p4 * a_p4;
     const double x45_p2 = x45 * x45;
-    const double slope_p11 = x40 * (h < x20 ? x16 * x19 * x20 * (x17 * pow(h, 0.75) / 4.0 - 2.0 * x18 * pow(h, -2.25)) : 0.0) - dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x39 * x47 * x24_p3 * a_p8 * (x49 * h + 20.0 * h + x48) / x45_p2 - x50 * (54675.0 * x41 * x50 * x51 * x6 * R_p2 + 2.0 * x1 * x3 * x51 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - x36 * x41 * x46 * x47 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (2.0 * x45));
+    const double slope_p11 = x40 * (h < x20 ? x16 * x19 * x20 * (x17 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x18 / (h_p2 * sqrt(sqrt(h)))) : 0.0) - dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x39 * x47 * x24_p3 * a_p8 * (x49 * h + 20.0 * h + x48) / x45_p2 - x50 * (54675.0 * x41 * x50 * x51 * x6 * R_p2 + 2.0 * x1 * x3 * x51 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - x36 * x41 * x46 * x47 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (2.0 * x45));
     const double slope_p21 = -x46 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
@@ -297,11 +297,11 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
     const double x18 = x3_p2 * a_p4;
     const double zeta = 25.132741228718345 * x1 * x16 * x18 * eta / x13;
     const double x19 = 1.189207115002721;
-    const double x20 = pow(L, -1.75);
-    const double x21 = pow(L, 1.25);
+    const double x20 = 1.0 / (L * sqrt(L * sqrt(L)));
+    const double x21 = L * sqrt(sqrt(L));
     const double x22 = 3.141592653589793 * Pi0 * R;
     const double x23 = 2.0 * L;
-    const double F_adh = h < x23 ? 2.0 / 35.0 * x22 * L * (5.0 * x19 * x20 * pow(h, 1.75) + 56.0 * x19 * x21 * pow(h, -1.25) - 48.0) : 0.0;
+    const double F_adh = h < x23 ? 2.0 / 35.0 * x22 * L * (5.0 * x19 * x20 * h * sqrt(h * sqrt(h)) + 56.0 * x19 * x21 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
     const double x25 = 2.0 * R;
     const double x26 = x25 * h;
     const double x27 = R + h;
@@ -347,7 +347,7 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
     const double x54 = x2 * x51 + x52 + 20.0;
     const double a_p8 = a_p4 * a_p4;
     const double x49_p2 = x49 * x49;
-    const double lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x41 * x50 * x27_p3 * a_p8 * (x52 * h + 20.0 * h + x51) / x49_p2 - x53 * (54675.0 * x45 * x53 * x54 * x6 * R_p2 + 2.0 * x1 * x3 * x54 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x39 * x44 * x45 * x50 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (2.0 * x49)) - h * (h < x23 ? x19 * x22 * x23 * (x20 * pow(h, 0.75) / 4.0 - 2.0 * x21 * pow(h, -2.25)) : 0.0) / x43;
+    const double lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x41 * x50 * x27_p3 * a_p8 * (x52 * h + 20.0 * h + x51) / x49_p2 - x53 * (54675.0 * x45 * x53 * x54 * x6 * R_p2 + 2.0 * x1 * x3 * x54 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x39 * x44 * x45 * x50 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (2.0 * x49)) - h * (h < x23 ? x19 * x22 * x23 * (x20 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x21 / (h_p2 * sqrt(sqrt(h)))) : 0.0) / x43;
     out[0 * n + i] = a;
     out[1 * n + i] = F_ela;
     out[2 * n + i] = zeta;

@@ -6,12 +6,12 @@ Law 8934d7f84e49ea39:
     F_ela = 4*E*a*delta/(3*(1 - nu**2))
     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
     F_adh = Piecewise((2*pi*L*Pi0*R*(8*2**(1/4)*L**(5/4)/(5*h**(5/4)) - 48/35 + 2**(1/4)*h**(7/4)/(7*L**(7/4))), h < 2*L), (0, True))
-Operations, 533 in all:
+Operations, 573 in all:
     gap_terms: 2 add, 14 mul, 4 div
     newton: 12 add, 21 mul, 5 div, 1 sqrt
-    gap_rate: 10 add, 33 mul, 8 div, 1 sqrt, 5 call
-    slopes: 40 add, 128 mul, 22 div, 1 sqrt, 7 call
-    quantities: 45 add, 138 mul, 28 div, 1 sqrt, 7 call
+    gap_rate: 10 add, 37 mul, 10 div, 9 sqrt, 1 call
+    slopes: 40 add, 134 mul, 25 div, 13 sqrt, 1 call
+    quantities: 45 add, 144 mul, 31 div, 13 sqrt, 1 call
 
 Functions: steric_evaluate, steric_solve_delta, steric_drive, steric_integrate, steric_passages, steric_sample, steric_runs.
 p holds R, E, eta, L, Pi0, nu.
@@ -118,7 +118,7 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     x3_p3 = x3_p2 * x3
     zeta = 25.132741228718345 * x1 * eta * x3_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (142.3828125 * R_p3 / (x3_p3 * a_p6) + 1.0)
     x7 = 1.189207115002721
-    F_adh = (0.17951958020513104 * L * Pi0 * R * (56.0 * x7 * pow(L, 1.25) * pow(h, -1.25) + 5.0 * x7 * pow(L, -1.75) * pow(h, 1.75) - 48.0) if h < 2.0 * L else 0.0)
+    F_adh = (0.17951958020513104 * L * Pi0 * R * (56.0 * x7 * L * sqrt(sqrt(L)) / (h * sqrt(sqrt(h))) + 5.0 * x7 * h * sqrt(h * sqrt(h)) / (L * sqrt(L * sqrt(L))) - 48.0) if h < 2.0 * L else 0.0)
     dh_dt = (F_adh - F) / zeta
     w[i] = dh_dt / h
 
@@ -155,11 +155,11 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     x15 = x3_p2 * a_p4
     zeta = 25.132741228718345 * x1 * x13 * x15 * eta / x10
     x16 = 1.189207115002721
-    x17 = pow(L, -1.75)
-    x18 = pow(L, 1.25)
+    x17 = 1.0 / (L * sqrt(L * sqrt(L)))
+    x18 = L * sqrt(sqrt(L))
     x19 = 3.141592653589793 * Pi0 * R
     x20 = 2.0 * L
-    F_adh = ((2.0 / 35.0) * x19 * L * (5.0 * x16 * x17 * pow(h, 1.75) + 56.0 * x16 * x18 * pow(h, -1.25) - 48.0) if h < x20 else 0.0)
+    F_adh = ((2.0 / 35.0) * x19 * L * (5.0 * x16 * x17 * h * sqrt(h * sqrt(h)) + 56.0 * x16 * x18 / (h * sqrt(sqrt(h))) - 48.0) if h < x20 else 0.0)
     x22 = R * h
     x23 = 2.0 * x22
     x24 = R + h
@@ -200,7 +200,7 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     x51 = x2 * x48 + x49 + 20.0
     a_p8 = a_p4 * a_p4
     x45_p2 = x45 * x45
-    slope_p11 = x40 * (x16 * x19 * x20 * (x17 * pow(h, 0.75) / 4.0 - 2.0 * x18 * pow(h, -2.25)) if h < x20 else 0.0) - dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x39 * x47 * x24_p3 * a_p8 * (x49 * h + 20.0 * h + x48) / x45_p2 - x50 * (54675.0 * x41 * x50 * x51 * x6 * R_p2 + 2.0 * x1 * x3 * x51 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - x36 * x41 * x46 * x47 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x45))
+    slope_p11 = x40 * (x16 * x19 * x20 * (x17 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x18 / (h_p2 * sqrt(sqrt(h)))) if h < x20 else 0.0) - dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x39 * x47 * x24_p3 * a_p8 * (x49 * h + 20.0 * h + x48) / x45_p2 - x50 * (54675.0 * x41 * x50 * x51 * x6 * R_p2 + 2.0 * x1 * x3 * x51 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - x36 * x41 * x46 * x47 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x45))
     slope_p21 = -x46 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
@@ -242,11 +242,11 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
     x18 = x3_p2 * a_p4
     zeta = 25.132741228718345 * x1 * x16 * x18 * eta / x13
     x19 = 1.189207115002721
-    x20 = pow(L, -1.75)
-    x21 = pow(L, 1.25)
+    x20 = 1.0 / (L * sqrt(L * sqrt(L)))
+    x21 = L * sqrt(sqrt(L))
     x22 = 3.141592653589793 * Pi0 * R
     x23 = 2.0 * L
-    F_adh = ((2.0 / 35.0) * x22 * L * (5.0 * x19 * x20 * pow(h, 1.75) + 56.0 * x19 * x21 * pow(h, -1.25) - 48.0) if h < x23 else 0.0)
+    F_adh = ((2.0 / 35.0) * x22 * L * (5.0 * x19 * x20 * h * sqrt(h * sqrt(h)) + 56.0 * x19 * x21 / (h * sqrt(sqrt(h))) - 48.0) if h < x23 else 0.0)
     x25 = 2.0 * R
     x26 = x25 * h
     x27 = R + h
@@ -292,7 +292,7 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
     x54 = x2 * x51 + x52 + 20.0
     a_p8 = a_p4 * a_p4
     x49_p2 = x49 * x49
-    lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x41 * x50 * x27_p3 * a_p8 * (x52 * h + 20.0 * h + x51) / x49_p2 - x53 * (54675.0 * x45 * x53 * x54 * x6 * R_p2 + 2.0 * x1 * x3 * x54 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x39 * x44 * x45 * x50 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x49)) - h * (x19 * x22 * x23 * (x20 * pow(h, 0.75) / 4.0 - 2.0 * x21 * pow(h, -2.25)) if h < x23 else 0.0) / x43
+    lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x41 * x50 * x27_p3 * a_p8 * (x52 * h + 20.0 * h + x51) / x49_p2 - x53 * (54675.0 * x45 * x53 * x54 * x6 * R_p2 + 2.0 * x1 * x3 * x54 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x39 * x44 * x45 * x50 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x49)) - h * (x19 * x22 * x23 * (x20 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x21 / (h_p2 * sqrt(sqrt(h)))) if h < x23 else 0.0) / x43
     out[0 * n + i] = a
     out[1 * n + i] = F_ela
     out[2 * n + i] = zeta
