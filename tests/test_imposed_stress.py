@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import evaluate, parse
+from softdyn.particles.balance import Balance, Newton, balance
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import prepare, simulate_particles, start
+from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.scene import Hold, ParticleScene
-from softdyn.particles.step import Balance, Newton, System, balance
+from softdyn.particles.start import start
 from softdyn.particles.surroundings import condensed, coordinates, excess, placed
+from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
 ETA = 1.0

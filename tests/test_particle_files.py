@@ -19,7 +19,7 @@ import pytest
 from softdyn import particles
 from softdyn.cli import main
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.particles import run
+from softdyn.particles import integrate
 from softdyn.particles.files import particle_scene_from, read_particle_scene, read_particles, stock_scenes
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
@@ -251,7 +251,7 @@ def test_a_killed_run_resumes(tmp_path: Path) -> None:
 
 def test_a_failed_run_leaves_its_last_good_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = read_particle_scene(written(tmp_path, EMULSION))
-    monkeypatch.setattr(run, "MOST_STEPS", 3)
+    monkeypatch.setattr(integrate, "MOST_STEPS", 3)
     checkpoint = tmp_path / "a.checkpoint.npz"
     with pytest.raises(IntegrationError, match="3 steps were not enough") as error:
         simulate_particles(scene, None, checkpoint)

@@ -17,13 +17,14 @@ import softdyn
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import bench, linear
+from softdyn.particles.balance import Newton, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.run import prepare, simulate_particles, start
+from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push, check
-from softdyn.particles.step import Newton, contact_forces
+from softdyn.particles.start import start
 from softdyn.particles.velocity import simulate_by_velocities
 
 Array = NDArray[np.float64]
@@ -665,3 +666,14 @@ def test_a_contact_that_is_pulled_beyond_its_range_ends_without_a_jump(rtol: flo
 
 def test_a_run_in_balance_has_no_warning() -> None:
     assert simulate_particles(scene(rtol=1e-4)).stats["warnings"] == []
+
+
+def test_what_is_outside_the_model_is_told() -> None:
+    """Two particles pulled so hard that their surfaces would stretch by more than a radius."""
+    pushes = [Push([0], [-3.0, 0.0]), Push([1], [3.0, 0.0])]
+    pulled = simulate_particles(
+        scene(positions=[[0.0, 0.0], [2.02, 0.0]], gap=0.02, pushes=pushes, until=40.0, drag=1.0)
+    )
+    (warning,) = pulled.stats["warnings"]
+    assert "the contact of particles 0 and 1 is pulled to a deflection of" in warning
+    assert "no law of contacts holds" in warning

@@ -25,15 +25,18 @@ from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import IntegrationError, LawError, SceneError
 from softdyn.particles import linear, sliding
+from softdyn.particles.balance import Newton, solve_contacts
 from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.run import prepare, simulate_particles, start
+from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
 from softdyn.particles.sliding import rotations
-from softdyn.particles.step import Newton, System, image_velocities, solve_contacts, take_step
+from softdyn.particles.start import start
+from softdyn.particles.step import take_step
+from softdyn.particles.system import System, image_velocities
 
 Array = NDArray[np.float64]
 UNIT = {"E": 1.0, "eta": 1.0, "nu": 0.5}
@@ -776,3 +779,13 @@ def test_the_viscosity_of_a_dense_suspension_lies_within_the_envelope_of_known_l
     # nearly rigid: no surface gives in by a thousandth of the radius
     assert float(result.contacts(-1)["delta"].max()) < 1e-3
     assert abs(result.energy["imbalance"]) < 2e-3
+
+
+def test_a_sphere_with_one_contact_is_not_floppy_in_space() -> None:
+    """A free pair in three dimensions under opposite tangential forces and the torque that balances them."""
+    pushes = [Push([0], [0, 1e-4, 0]), Push([1], [0, -1e-4, 0], torque=[0, 0, 2.05e-4])]
+    result = simulate_particles(
+        scene(positions=[[0.0, 0, 0], [2.05, 0, 0]], radii=1.0, gap=0.05, pushes=pushes, until=10.0, times=2, drag=0.0)
+    )
+    assert result.v[-1, 0, 1] > 0 > result.v[-1, 1, 1]
+    assert abs(result.energy["imbalance"]) < 1e-3

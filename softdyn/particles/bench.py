@@ -18,12 +18,16 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from softdyn.particles import linear
+from softdyn.particles.balance import Newton, contact_forces
 from softdyn.particles.geometry import directions, flow, lattice
+from softdyn.particles.integrate import integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.packing import lattice_packing, random_packing
-from softdyn.particles.run import integrate, prepare, start
+from softdyn.particles.run import prepare
 from softdyn.particles.scene import ParticleScene
-from softdyn.particles.step import Newton, contact_forces, contact_state, take_step
+from softdyn.particles.start import start
+from softdyn.particles.step import take_step
+from softdyn.particles.system import contact_state
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw

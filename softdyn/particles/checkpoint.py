@@ -18,7 +18,7 @@ from softdyn.particles.neighbours import Listed
 from softdyn.particles.results import Frame
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State
-from softdyn.particles.step import System
+from softdyn.particles.system import System
 from softdyn.results import written_whole
 
 FRAME = tuple(field.name for field in fields(Frame))

@@ -11,7 +11,8 @@ from pathlib import Path
 from softdyn.errors import SceneError
 from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
-from softdyn.particles.run import Progress, simulate_particles
+from softdyn.particles.integrate import Progress
+from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene
 
 

@@ -62,7 +62,9 @@ def relative_viscosity(result: ParticleResult) -> Array:
     """
     if not has_viscosity(result):
         raise ValueError("a relative viscosity needs a shear flow in a periodic box, and the parameter eta")
-    viscous = float(result.parameters["eta"]) * result.gradient[:, 0, 1]
+    # a box under an imposed stress may be resisted by another viscosity than the law's
+    viscosity = float(result.stats.get("viscosity", result.parameters["eta"]))
+    viscous = viscosity * result.gradient[:, 0, 1]
     shear = (result.stress[:, 0, 1] + result.stress[:, 1, 0]) / 2
     return 1 + np.divide(shear, viscous, out=np.full(len(result), np.nan), where=viscous != 0)
 

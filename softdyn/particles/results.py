@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.particles.energy import forces_of
 from softdyn.particles.geometry import Contacts, directions, flow, lattice
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
-from softdyn.particles.step import TANGENTIAL_WORKS, WORKS, System, forces_of, works
+from softdyn.particles.system import TANGENTIAL_WORKS, WORKS, System, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:

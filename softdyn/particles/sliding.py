@@ -184,13 +184,13 @@ def slide(
     force = values["keep"][:, None] * kept + values["stiff"][:, None] * slip
     roll = by_radius[0] - by_radius[1]
     resisted = roll if d == 2 else roll - dot(n, roll)[:, None] * n
-    moment = _rolling_stiffness(known, values, s)[:, None] * resisted
+    moment = rolling_stiffness(known, values, s)[:, None] * resisted
     back = spin(force, n, -angle) if d == 3 else force
     turned = carry(back, n, known.normal)
     return Slid(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
 
 
-def _rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array:
+def rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array:
     """Moment for each relative rotation in a stage; where no time passes none of what films resist."""
     if s > 0:
         return values["roll"] / s
@@ -260,7 +260,7 @@ def tangents(
     # by x_j - x_i, which changes r and turns n
     apart = along[:, :, None] * n[:, None, :] - curved * n[:, :, None] * slid.force[:, None, :]
     apart -= stiff * curved * dot(n, slid.relative)[:, None, None] * across
-    rolled = _rolling_stiffness(known, values, s)[:, None, None]
+    rolled = rolling_stiffness(known, values, s)[:, None, None]
     rolled_r = (values["roll_r"] / s if s > 0 else np.zeros(c))[:, None]
     resisted = np.eye(1)[None] if d == 2 else across
     if d == 2:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Box, Contacts, Wall
+from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
+from softdyn.particles.kernel import energies
 from softdyn.particles.neighbours import Listed
-from softdyn.particles.results import Frame
+from softdyn.particles.results import Frame, frame_of
+from softdyn.particles.step import Output
+from softdyn.particles.system import System, contact_state, works
 
 Array = NDArray[np.float64]
 
@@ -58,3 +61,45 @@ class State:
     counts: dict[str, int] = field(default_factory=dict)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
     frames: list[Frame] = field(default_factory=list)
+
+
+def overlaps(system: System, state: State) -> Array:
+    _, r, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    return state.contacts.S - r
+
+
+def stored_energy(system: System, state: State) -> float:
+    contacts, overlap = state.contacts, overlaps(system, state)
+    U, _ = energies(system.kernel, system.reach, overlap, contacts.h, system.p, contacts.q.reshape(-1))
+    stored = float(U.sum())
+    if system.kernel.tangential:
+        k_t = contact_state(system, contacts, overlap, contacts.h)["k_t"]
+        stored += float(np.sum(contacts.T**2 / (2 * k_t[:, None])))
+    return stored
+
+
+def free_positions(system: System) -> NDArray[np.bool_]:
+    """Positions that follow from forces, shape (N, d)."""
+    return np.asarray(~system.fixed[:, : system.dimension])
+
+
+def present(system: System, state: State) -> System:
+    """With the box and the walls as they are now."""
+    return replace(system, box=state.box, walls=state.walls)
+
+
+def exchanged(system: System, state: State) -> Array:
+    """Energies exchanged since the start."""
+    return np.array([*(state.work[name] for name in works(system)), stored_energy(system, state) - state.stored0])
+
+
+def frame_now(system: System, state: State) -> Frame:
+    return frame_of(system, state.t, state.x, state.v, state.contacts, exchanged(system, state))
+
+
+def frame_within(output: Output, state: State) -> Frame:
+    """Frame of a state within the step from the present one."""
+    at, d = output.at, output.system.dimension
+    contacts = replace(state.contacts, h=at.h, T=state.contacts.T if at.slid is None else at.slid.force)
+    work = {name: state.work[name] + amount for name, amount in output.work.items()}
+    return frame_now(output.system, replace(state, t=output.t, x=at.x[:, :d], v=output.v, contacts=contacts, work=work))

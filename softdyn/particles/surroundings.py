@@ -47,7 +47,8 @@ from softdyn.particles import linear
 from softdyn.particles.geometry import Box, Contacts, Wall, lattice
 
 if TYPE_CHECKING:
-    from softdyn.particles.step import Balance, Newton, System
+    from softdyn.particles.balance import Balance, Newton
+    from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
 
@@ -248,7 +249,7 @@ def balance_under_stress(
     StepFailed
         If no rates are found.
     """
-    from softdyn.particles.step import StepFailed
+    from softdyn.particles.balance import StepFailed
 
     imposed = system.imposed
     assert imposed is not None

@@ -1,0 +1,429 @@
+"""Balance of all forces at an implicit stage: positions and gaps, found together.
+
+Positions x and gaps h obey, with n from i to j (eqs. 1 and 7 of Rognon & Gay, arXiv 0803.1573)::
+
+    Z (dx_i/dt - u(x_i)) + sum_j F_ij n_ij = F_i^ext ,      zeta dh/dt = -(F_ela - F_adh)
+
+The generated kernel solves each contact's gap at given positions, and gives F and dF/dr; Newton's iteration for the
+positions has the blocks -(dF/dr) n n^T - (F/r)(1 - n n^T) of the contacts and Z/(gamma dt) on the diagonal. Without
+drag, Z = 0, positions are algebraic: the elastic equilibrium at the given gaps. Then a free cluster may be moved as a
+whole at no cost; its mean velocity is set to zero, and the line between two of its particles does not turn. External
+forces that would turn it are refused, and what rounding leaves of their torque is taken away.
+
+With tangential motion, :mod:`softdyn.particles.sliding`, a particle's rotation stands beside its position: coordinates
+(x, R theta) with theta counted from the start of the step, forces (force, torque/R). Without it nothing below has more
+than positions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles import linear, sliding
+from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
+from softdyn.particles.portions import in_portions, portion
+from softdyn.particles.system import System, background, gauge_axes, image_velocities, turns_freely
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+MOST_ITERATIONS = 40
+#: A matrix is used again as long as each iteration with it leaves less than this of the residual.
+CONTRACTION = 0.1
+#: What the linear solver may leave: of what Newton's iteration may, and of the present residual.
+AIM, LEAST = 0.3, 0.1
+#: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
+IDLE = 1e-9
+#: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
+#: centres.
+INSTANT = 1e-100
+#: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
+ROUNDING = 16 * float(np.finfo(float).eps)
+
+
+class StepFailed(Exception):
+    """A step cannot be taken at this size; the message says where it failed."""
+
+
+@dataclass
+class Newton:
+    """What one Newton iteration leaves for the next: the linear solver with its matrix; and how much work there was.
+
+    Attributes
+    ----------
+    solver : linear.Solver or None
+    s : float
+        gamma dt of its matrix; 0 where that does not hold any more.
+    pattern : Pattern or None
+        Of the present list of contacts.
+    gauge_pairs : list of pair of int
+    counts : dict
+    """
+
+    solver: linear.Solver | None = None
+    s: float = 0.0
+    pattern: linear.Pattern | None = None
+    gauge_pairs: list[tuple[int, int]] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("iterations", "matrices", "contacts"), 0))
+
+    def forget(self) -> None:
+        """Another list of contacts: nothing of the old matrix holds."""
+        self.s, self.pattern = 0.0, None
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Positions and gaps that balance all forces.
+
+    Attributes
+    ----------
+    x : array, shape (N, d + rotations)
+    y, h, F, F_r : array, shape (contacts,)
+        State and gap, force, and consistent tangent.
+    n : array, shape (contacts, d)
+    r : array, shape (contacts,)
+    reaction : array, shape (N, d + rotations)
+        Residual of the balance: what holds the fixed coordinates, below tolerance elsewhere.
+    residual : float
+        Largest of the others, relative to the largest force.
+    slid : Slid or None
+        Tangential forces.
+    values : dict
+        What the kernel gives of tangential motion.
+    """
+
+    x: Array
+    y: Array
+    h: Array
+    F: Array
+    F_r: Array
+    n: Array
+    r: Array
+    reaction: Array
+    residual: float
+    slid: sliding.Slid | None = None
+    values: dict[str, Array] = field(default_factory=dict)
+
+
+def _turns(x: Array, radii: Array, width: int) -> Array:
+    """Orthonormal motions of the particles that turn all of them together, shape (turns, N, width)."""
+    count, d = x.shape
+    away = x - x.mean(axis=0)
+    planes = [(a, b) for a in range(d) for b in range(a + 1, d)]
+    turns = np.zeros((len(planes), count, width))
+    for turn, (a, b) in zip(turns, planes, strict=True):
+        turn[:, a], turn[:, b] = -away[:, b], away[:, a]
+        if width > d:  # about x from y to z, about y from z to x, about z from x to y
+            turn[:, d if d == 2 else d + 3 - a - b] = -radii if (a, b) == (0, 2) else radii
+    _, sizes, rows = np.linalg.svd(turns.reshape(len(planes), -1), full_matrices=False)
+    return rows[sizes > 1e-9 * sizes[0]].reshape(-1, count, width)  # particles in a line do not turn about it
+
+
+def _held_torque(x: Array, radii: Array, force: Array) -> Array:
+    """Part of some forces that would turn all particles together."""
+    turns = _turns(x, radii, force.shape[1])
+    return np.tensordot(np.tensordot(turns, force, 2), turns, 1)
+
+
+def _gauge_pairs(x: Array) -> list[tuple[int, int]]:
+    """Pairs of distant particles whose lines tell how the whole is turned."""
+    away = x - x.mean(axis=0)
+    first = int(np.argmax(np.linalg.norm(away, axis=1)))
+    to = x - x[first]
+    second = int(np.argmax(np.linalg.norm(to, axis=1)))
+    line = to[second] / np.linalg.norm(to[second])
+    aside = np.linalg.norm(to - np.outer(to @ line, line), axis=1)
+    third = int(np.argmax(aside))
+    return [(first, second), *([(first, third)] if x.shape[1] == 3 and aside[third] > 0 else [])]
+
+
+def _gauge_springs(pairs: list[tuple[int, int]], x: Array) -> list[Array]:
+    """Springs between these pairs that only a rotation of the whole would stretch.
+
+    They change the path of Newton's iteration, not its end: there the forces balance without them.
+    """
+    lines = [x[j] - x[i] for i, j in pairs]
+    lines = [line / np.linalg.norm(line) for line in lines]
+    springs = [np.eye(x.shape[1]) - np.outer(line, line) for line in lines[:1]]
+    if len(lines) == 2:
+        normal = np.cross(*lines)
+        springs.append(np.outer(normal, normal) / float(normal @ normal))
+    return springs
+
+
+def solve_contacts(
+    system: System, overlap: Array, s: float, start: Array, target: Array, y: Array, q: Array
+) -> tuple[Array, Array, Array, dict[str, Array]]:
+    """Gap, force and consistent tangent of each contact at given overlaps; y is a guess, and then the solution.
+
+    Besides what the kernel gives of tangential motion, by name.
+    """
+    kernel = system.kernel
+    h, F, F_r = np.empty_like(overlap), np.empty_like(overlap), np.empty_like(overlap)
+    reach = (system.reach,) if kernel.fading else ()
+    out = np.empty((len(kernel.tangential), len(overlap)))
+    more = (out.reshape(-1),) if kernel.tangential else ()
+    kernel.contacts(
+        len(overlap), float(s), *reach, overlap, start, target, system.p, q.reshape(-1), y, h, F, F_r, *more
+    )
+    return h, F, F_r, dict(zip(kernel.tangential, out, strict=True))
+
+
+def solve_at(
+    system: System, contacts: Contacts, x: Array, cell: Array, s: float, start: Array, target: Array, y: Array
+) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
+    """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
+    count, d = len(contacts), x.shape[1]
+    n, (r, h, F, F_r) = np.empty((count, d)), np.empty((4, count))
+    values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
+
+    def solve(part: slice) -> None:
+        some = portion(contacts, part)
+        n[part], r[part], _ = directions(some, x, cell, system.walls)
+        overlap = some.S - r[part]
+        h[part], F[part], F_r[part], more = solve_contacts(
+            system, overlap, s or INSTANT, start[part], target[part], y[part], some.q
+        )
+        for name, value in more.items():
+            values[name][part] = value
+
+    in_portions(solve, count)
+    return n, r, h, F, F_r, values
+
+
+def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
+    """Sum of F n over the contacts of each particle: the force that it exerts through them, shape (N, d)."""
+    total = np.empty((count, n.shape[1]))
+    pair = contacts.j < count
+    every = bool(pair.all())
+    i, j = contacts.i.astype(np.intp), (contacts.j if every else contacts.j[pair]).astype(np.intp)
+    for axis in range(n.shape[1]):
+        along = F * n[:, axis]
+        total[:, axis] = np.bincount(i, along, minlength=count)
+        total[:, axis] -= np.bincount(j, along if every else along[pair], minlength=count)
+    return total
+
+
+def balance(
+    system: System,
+    contacts: Contacts,
+    newton: Newton,
+    t: float,
+    s: float,
+    x_star: Array,
+    x: Array,
+    start: Array,
+    y_star: Array,
+    y: Array,
+    known: sliding.Known | None = None,
+) -> Balance:
+    """Solve one implicit stage: positions and gaps with x = x* + s dx/dt and y = y* + s dy/dt; gaps stay where s = 0.
+
+    Parameters
+    ----------
+    t, s : float
+        Time, and gamma dt.
+    x_star, x : array, shape (N, d + rotations)
+        Known part, and a guess.
+    start : array, shape (contacts,)
+        Gap at the start of the step, which defines y.
+    y_star, y : array, shape (contacts,)
+        Known part, and a guess, which is overwritten.
+    known : Known, optional
+        What is known of the tangential forces.
+
+    Raises
+    ------
+    StepFailed
+        If Newton's iteration does not converge, naming the particle or contact where it fails.
+    softdyn.particles.linear.Indefinite
+        If the matrix has a direction along which nothing resists.
+    """
+    count, d = len(x), system.dimension
+    cell, external = lattice(system.box, t), system.force(t)
+    gauge = gauge_axes(system)
+    drag = system.resistance
+    images = s * image_velocities(system, contacts, t) if known is not None else None
+    moving = bool(np.any(system.drag > 0)) and s > 0
+    free = ~system.fixed
+    turning = turns_freely(system)
+
+    def evaluate(x: Array, y: Array) -> Balance:
+        n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, start, y_star, y)
+        newton.counts["contacts"] += len(r)
+        reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
+        resisting = drag * ((x - x_star) / s - background(system, x)) if moving else np.zeros_like(x)
+        reaction += resisting
+        slid = None
+        if known is not None:
+            assert images is not None
+            turning_by = curvatures(contacts, r, count)
+            slid = sliding.slide(known, contacts, values, n, r, turning_by, x - x_star, images, s)
+            reaction += sliding.reactions(contacts, known, slid, n, count)
+        if turning:
+            reaction -= _held_torque(x[:, :d], system.radii, reaction)
+        biggest = max(largest(external), largest(F), largest(resisting), largest(slid.force) if slid else 0.0)
+        wrong = largest(np.where(free, reaction, 0.0))
+        stiffest = max(largest(F_r), largest(values["stiff"])) if known is not None else largest(F_r)
+        noise = ROUNDING * stiffest * (largest(x) + float(system.radii.max()))
+        if wrong - noise > system.force_tolerance * biggest:
+            noise += _uncertainty(contacts, h, F, r)
+            noise += ROUNDING * largest(drag) / s * largest(x) if moving else 0.0
+        relative = max(wrong - noise, 0.0) / biggest if biggest > 0 else wrong
+        return Balance(x, y, h, F, F_r, n, r, reaction, relative, slid, values)
+
+    now = evaluate(x, y)
+    for attempt in range(4):
+        if math.isfinite(now.residual):
+            break
+        # the guess has gone too far: come closer to the known part
+        x = x_star + 0.25 * (x - x_star) if attempt < 3 else x_star.copy()
+        now = evaluate(x, y_star.copy())
+    if not math.isfinite(now.residual):
+        raise StepFailed(_unsolved(contacts, now, count))
+    target = system.force_tolerance
+    if newton.s > 0 and not 0.8 < s / newton.s < 1.25:
+        newton.s = 0.0
+    fresh = False
+    for _ in range(MOST_ITERATIONS):
+        if now.residual <= target:
+            return _in_gauge(now, gauge, x_star)
+        newton.counts["iterations"] += 1
+        if newton.s == 0 or newton.solver is None:
+            _linearise(system, contacts, newton, now, s, moving, gauge, known)
+            newton.s, fresh = s, True
+        assert newton.solver is not None
+        wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
+        change = linear.solve(newton.solver, np.where(free, -now.reaction, 0.0), wanted)
+        size = largest(change)
+        if not math.isfinite(size):
+            raise StepFailed(f"the linear system has no finite solution at t={t:.6g}")
+        # half of the smallest radius is further than any contact's force is nearly linear
+        factor = min(1.0, 0.5 * float(system.radii.min()) / size) if size > 0 else 1.0
+        for _ in range(10):
+            trial = evaluate(now.x + factor * change, now.y.copy())
+            better = trial.residual < now.residual or trial.residual <= target
+            if better or not fresh:
+                break
+            factor *= 0.4
+        if better:
+            slow = trial.residual > CONTRACTION * now.residual
+            now = trial
+        elif fresh:
+            raise StepFailed(_unbalanced(now, free))
+        if not better or slow:
+            newton.s, fresh = 0.0, False
+    raise StepFailed(_unbalanced(now, free))
+
+
+def with_torques(system: System, force: Array) -> Array:
+    """Forces with no torque."""
+    width = system.fixed.shape[1]
+    return force if width == force.shape[1] else np.pad(force, ((0, 0), (0, width - force.shape[1])))
+
+
+def _uncertainty(contacts: Contacts, h: Array, F: Array, r: Array) -> float:
+    """By how much forces are uncertain, as gaps are found to 1e-12: more than little, where forces start from none."""
+    deflection = np.abs(contacts.S - r + h) / 2
+    stiffness = np.divide(np.abs(F), deflection, out=np.zeros_like(F), where=deflection > 0)
+    return float((stiffness * h).max(initial=0.0)) * 1e-12
+
+
+def largest(values: Array) -> float:
+    return float(np.abs(values).max()) if values.size else 0.0
+
+
+def _in_gauge(found: Balance, gauge: list[int], x_star: Array) -> Balance:
+    """Take away the mean motion along axes where nothing resists it; no force changes."""
+    for axis in gauge:
+        found.x[:, axis] -= np.mean(found.x[:, axis] - x_star[:, axis])
+    return found
+
+
+def _linearise(
+    system: System,
+    contacts: Contacts,
+    newton: Newton,
+    now: Balance,
+    s: float,
+    moving: bool,
+    gauge: list[int],
+    known: sliding.Known | None,
+) -> None:
+    """Prepare Newton's matrix at the present positions."""
+    count, width = now.x.shape
+    d = system.dimension
+    if newton.pattern is None:
+        newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
+        ends = np.array(newton.gauge_pairs, dtype=np.int64).reshape(-1, 2)
+        i, j = contacts.i, contacts.j
+        if len(ends):
+            i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
+        newton.pattern = linear.pattern_of(count, i, j)
+    if newton.solver is None:
+        certain = not np.any(system.drag > 0)
+        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=certain)
+    newton.solver.matrix = None  # not two at a time
+    curvature = curvatures(contacts, now.r, count)
+    across = now.F * curvature
+    springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
+    scale = largest(now.F_r)
+
+    def component(a: int, b: int) -> Array:
+        block = (across - now.F_r) * now.n[:, a] * now.n[:, b]
+        if a == b:
+            block -= across
+        return np.append(block, [scale * spring[a, b] for spring in springs]) if springs else block
+
+    diagonal = system.resistance / s if moving else np.zeros((count, width))
+    for axis in gauge:
+        diagonal[0, axis] += scale
+    newton.counts["matrices"] += 1
+    slid = now.slid
+    if slid is None or known is None:
+        matrix = linear.assemble(newton.pattern, component, diagonal, system.fixed)
+        linear.prepare(newton.solver, matrix)
+        return
+    # what spins without any resistance, as a particle about the line of its only contacts, does not
+    rolling = largest(sliding.rolling_stiffness(known, now.values, s) / known.radii.min(axis=0) ** 2)
+    diagonal[:, d:] += IDLE * max(scale, largest(now.values["stiff"]), rolling)
+
+    def quarters() -> Iterator[Array]:
+        """One after the other: all of them at once would take most of the memory."""
+        parts = sliding.tangents(known, now.values, slid, now.n, curvature, s)
+        for part, sign in zip(parts, (1.0, -1.0, -1.0, 1.0), strict=True):
+            whole = np.concatenate([part, np.zeros((len(springs), width, width))]) if springs else part
+            for a in range(d):
+                for b in range(d):
+                    whole[:, a, b] += sign * component(a, b)
+            yield whole
+
+    matrix = linear.assemble_quarters(newton.pattern, quarters(), diagonal, system.fixed)
+    linear.prepare(newton.solver, matrix)
+
+
+def pair_named(contacts: Contacts, c: int, count: int) -> str:
+    """Words for one contact."""
+    i, j = int(contacts.i[c]), int(contacts.j[c])
+    return f"the contact of particles {i} and {j}" if j < count else f"the contact of particle {i} and wall {j - count}"
+
+
+def _unsolved(contacts: Contacts, now: Balance, count: int) -> str:
+    bad = np.flatnonzero(~np.isfinite(now.F) | ~np.isfinite(now.F_r))
+    if not len(bad):
+        return "positions are not finite"
+    c = int(bad[0])
+    return f"{pair_named(contacts, c, count)}, at r={now.r[c]:.6g}, has no gap that solves its equation"
+
+
+def _unbalanced(now: Balance, free: Flags) -> str:
+    worst = int(np.argmax(np.abs(np.where(free, now.reaction, 0.0)).max(axis=1)))
+    return (
+        f"Newton's iteration for the positions does not converge: the forces on particle {worst} balance to "
+        f"{now.residual:.1e} of the largest force only"
+    )

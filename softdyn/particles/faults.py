@@ -1,0 +1,153 @@
+"""What cannot be integrated, in words: what nothing resists, what does not balance, films that are drained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from softdyn.errors import IntegrationError
+from softdyn.particles import linear, sliding
+from softdyn.particles.balance import pair_named
+from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.results import Frame
+from softdyn.particles.scene import AXES, particles_named
+from softdyn.particles.state import State, free_positions
+from softdyn.particles.system import System, gauge_axes, turns_freely
+
+Array = NDArray[np.float64]
+
+#: Gap, relative to the radius, below which a film is drained: the distance of two centres tells no smaller one.
+DRAINED = float(np.finfo(float).eps)
+#: External forces on what may move freely must balance to this fraction.
+UNBALANCED = 1e-9
+#: So must their torque; it depends on the positions, and is known to their accuracy.
+UNTURNED = 1e-4
+
+
+def require_held(system: System, state: State, free: NDArray[np.bool_]) -> None:
+    """Without drag: every particle needs a contact, and all of them one cluster, under forces that balance."""
+    contacts, count = state.contacts, len(state.x)
+    active = contacts.h < system.reach
+    touched = np.zeros(count, bool)
+    pair = active & (contacts.j < count)
+    touched[contacts.i[active]] = True
+    touched[contacts.j[pair]] = True
+    alone = np.flatnonzero(free & ~touched)
+    remedy = "give the particles a drag ([flow] drag = 1), or hold them"
+    if len(alone):
+        raise IntegrationError(
+            f"without drag nothing resists the motion of {particles_named(alone)}, without any contact within range, "
+            f"at t={state.t:.6g}: {remedy}"
+        )
+    links = coo_array((np.ones(int(pair.sum())), (contacts.i[pair], contacts.j[pair])), shape=(count, count))
+    clusters, label = connected_components(links, directed=False)
+    anchored = set(label[~free_positions(system).all(axis=1)]) | set(label[contacts.i[active & (contacts.j >= count)]])
+    loose = [k for k in range(clusters) if k not in anchored]
+    if len(loose) > 1 or (loose and anchored):
+        sizes = [np.flatnonzero(label == k) for k in loose]
+        smallest = min(sizes, key=len)
+        raise IntegrationError(
+            f"without drag the cluster of {particles_named(smallest)} is connected to no other, at t={state.t:.6g}, "
+            f"and nothing resists its motion: {remedy}"
+        )
+
+
+def require_balanced(system: System, t: float, x: Array) -> None:
+    """External forces along axes on which everything moves freely sum to zero; so do torques, with those of forces."""
+    external, d = system.force(t), system.dimension
+    force = external[:, :d]
+    for axis in gauge_axes(system):
+        total, size = float(force[:, axis].sum()), float(np.abs(force[:, axis]).sum())
+        if abs(total) > UNBALANCED * size:
+            raise IntegrationError(
+                f"the external forces along {AXES[axis]} sum to {total:.6g} at t={t:.6g}, and without drag nothing "
+                "balances them: give the particles a drag ([flow] drag = 1), hold one of them, or balance the forces"
+            )
+    if turns_freely(system) and external.any():
+        away, torques = x - x.mean(axis=0), external[:, d:] * system.radii[:, None]
+        total = sliding.torque(away, force).sum(axis=0)
+        allowed = UNTURNED * float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
+        if torques.size:
+            total = total + torques.sum(axis=0)
+            allowed += UNBALANCED * float(np.abs(torques).sum())
+        torque = float(np.abs(total).max())
+        if torque > allowed:
+            raise IntegrationError(
+                f"the external forces have the torque {torque:.6g} at t={t:.6g}, and without drag nothing resists it: "
+                "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
+            )
+
+
+def require_films(system: System, state: State, h: Array, when: float) -> None:
+    """No film is drained: attraction without anything at short range to stop it closes a gap within a finite time."""
+    contacts, count = state.contacts, len(state.x)
+    drained = np.flatnonzero(h < DRAINED * system.radii[contacts.i])
+    if len(drained):
+        c = int(drained[np.argmin(h[drained])])
+        raise IntegrationError(
+            f"at t={when:.6g} the film of {pair_named(contacts, c, count)} is drained: its gap of {h[c]:.3g} is below "
+            f"the rounding of the radius {system.radii[contacts.i[c]]:.6g}, where no law holds, and the energy of an "
+            "attraction is without bound; let the law repel at short range (as steric does), weaken what draws the "
+            "surfaces together (as A does in dlvo), or end the run before"
+        )
+
+
+def _twisted(system: System, state: State) -> NDArray[np.int64]:
+    """Particles with an external torque that neither drag nor any contact resists."""
+    if not system.kernel.tangential or np.any(system.drag > 0):
+        return np.empty(0, dtype=np.int64)
+    near = np.flatnonzero(state.contacts.h < system.reach)
+    n, _, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    torques = np.where(system.fixed, 0.0, system.force(state.t))[:, system.dimension :]
+    left = sliding.unresisted(state.contacts.i[near], state.contacts.j[near], n[near], torques)
+    return np.flatnonzero(np.abs(left).max(axis=1) > UNBALANCED * np.abs(torques).max())
+
+
+def why(system: System, state: State, error: Exception) -> str:
+    """Words for what a step failed of."""
+    twisted = _twisted(system, state)
+    if len(twisted):
+        return (
+            f"nothing resists the external torque on {particles_named(twisted)}: without drag films do, but for a "
+            "twist about their normal; give the particles a drag ([flow] drag = 1), or contacts along another line"
+        )
+    if not isinstance(error, linear.Indefinite):
+        return str(error)
+    if not np.any(system.drag > 0):
+        require_held(system, state, np.asarray(free_positions(system).any(axis=1)))
+    size = np.linalg.norm(error.direction(), axis=1)
+    worst = np.flatnonzero(size > 0.3 * size.max())
+    worst = worst[np.argsort(-size[worst], kind="stable")]
+    remedy = (
+        "a shorter step does not help; the forces pull or press it over"
+        if np.any(system.drag > 0)
+        else "without drag such a motion has no resistance: give the particles a drag ([flow] drag = 1), hold them, or "
+        "add contacts"
+    )
+    kind = "turn as a whole" if turns_freely(system) and len(worst) > 0.9 * len(size) else "give way"
+    who = f"{particles_named(worst)} can {kind} without any force to resist"
+    return f"{who} (floppy, or unstable under pressure); {remedy}"
+
+
+def deep_deflection(frames: Sequence[Frame], radii: Array) -> Iterator[str]:
+    """Words of warning, if surfaces are deflected by more than a radius in any frame: no law holds there."""
+    deepest, words = 1.0, ""
+    for frame in frames:
+        with_walls = np.append(radii, np.inf)
+        smaller = np.minimum(radii[frame.i], with_walls[np.minimum(frame.j, len(radii))])
+        relative = np.abs(frame.delta) / smaller
+        if len(relative) and relative.max() > deepest:
+            c = int(np.argmax(relative))
+            deepest, i, j = float(relative[c]), int(frame.i[c]), int(frame.j[c])
+            who = f"particles {i} and {j}" if j < len(radii) else f"particle {i} and wall {j - len(radii)}"
+            words = (
+                f"the contact of {who} is {'pressed' if frame.delta[c] > 0 else 'pulled'} to a deflection of "
+                f"{deepest:.3g} radii at t={frame.t:.6g}, where no law of contacts holds: use weaker forces, slower "
+                "flow, a stiffer law, or a shorter range of contacts"
+            )
+    if words:
+        yield words

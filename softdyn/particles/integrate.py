@@ -1,0 +1,224 @@
+"""From the start of a run of many particles to its end: steps, their lengths, and lists of contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import IntegrationError
+from softdyn.particles import linear
+from softdyn.particles.balance import Newton, StepFailed
+from softdyn.particles.faults import require_balanced, require_films, why
+from softdyn.particles.geometry import Box, lattice
+from softdyn.particles.method import ORDER
+from softdyn.particles.neighbours import common, find_contacts, travelled
+from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.state import State, frame_now, frame_within, present
+from softdyn.particles.step import Step, take_step
+from softdyn.particles.system import System
+
+Array = NDArray[np.float64]
+#: Called after every step with the time, the number of steps, and that of Newton iterations.
+Progress = Callable[[float, int, int], None]
+
+MOST_STEPS = 1_000_000
+SMALLEST_STEP = 1e-12
+#: A step is longer than the one before by this factor at most.
+LARGEST_GROWTH = 3.0
+#: A strain is reached to this fraction of it.
+STRAINED = 1e-9
+
+
+def integrate(
+    scene: ParticleScene,
+    checked: Checked,
+    system: System,
+    newton: Newton,
+    state: State,
+    progress: Progress | None = None,
+    after_step: Callable[[State], None] | None = None,
+) -> None:
+    """Carry a state on to the end of the scene, in place.
+
+    Raises
+    ------
+    IntegrationError
+        The state is then the last good one.
+    """
+    system = present(system, state)
+    until, grow = float(scene.until), LARGEST_GROWTH
+    if not state.frames and checked.times[0] == 0.0:
+        state.frames.append(frame_now(system, state))
+    while state.t < until and not _has_strained(scene, state):
+        if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
+            raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
+        require_balanced(system, state.t, state.x)
+        dt, when = _length(state, until)
+        ahead = state.x + dt * state.v[:, : system.dimension]
+        if _drift(checked, system, state, ahead, system, when) > 1.0 and _drift(checked, system, state) > 0:
+            _list_again(scene, checked, system, newton, state)
+        step, failure = _attempt(checked, system, newton, state, dt, when)
+        if step is None or not step.error <= 1.0:
+            _shorten(system, state, until, dt, math.inf if step is None else step.error, failure)
+            newton.s, grow = newton.s if failure is None else 0.0, 1.0
+            continue
+        if _drift(checked, system, state, step.end.x[:, : system.dimension], step.system, when) > 1.0:
+            # further than the list of contacts reaches, and than was expected
+            if _drift(checked, system, state) > 0:
+                _list_again(scene, checked, system, newton, state)
+            else:
+                newton.forget()
+                state.dt = 0.5 * dt
+            continue
+        over = _beyond(scene, state, step, when)
+        if over is not None:
+            state.dt = over
+            continue
+        require_films(system, state, step.end.h, when)
+        system = _accept(system, state, step, dt, when, grow)
+        grow = LARGEST_GROWTH
+        if _drift(checked, system, state) > 0.5:
+            _list_again(scene, checked, system, newton, state)
+        if state.t in checked.times or _has_strained(scene, state):
+            state.frames.append(frame_now(system, state))
+        if progress is not None:
+            progress(state.t, state.counts["steps"], newton.counts["iterations"])
+        if after_step is not None:
+            after_step(state)
+
+
+def _length(state: State, until: float) -> tuple[float, float]:
+    """Length of the next step, and its end: no sliver is left before the end of the run."""
+    left = until - state.t
+    if state.dt >= 0.99 * left:
+        return left, until
+    dt = min(state.dt, 0.5 * left) if state.dt > 0.5 * left else state.dt
+    return dt, state.t + dt
+
+
+def _drift(
+    checked: Checked,
+    system: System,
+    state: State,
+    x: Array | None = None,
+    at: System | None = None,
+    t: float | None = None,
+) -> float:
+    """By how much surfaces have come closer, or will have at x, since contacts were listed, in units of the skin."""
+    if math.isinf(system.reach):
+        return 0.0
+    where = system if at is None else at
+    farthest = 2 * float(checked.radii.max()) + system.reach + state.listed.skin
+    place, when = (state.x, state.t) if x is None or t is None else (x, t)
+    return travelled(state.listed, place, where.box, when, farthest, where.walls)
+
+
+def _attempt(
+    checked: Checked, system: System, newton: Newton, state: State, dt: float, when: float
+) -> tuple[Step | None, Exception | None]:
+    """Try a step; or what it failed of."""
+    within = checked.times[(checked.times > state.t) & (checked.times < when)]
+    try:
+        step = take_step(
+            system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, state.power
+        )
+    except (StepFailed, linear.Indefinite) as refused:
+        return None, refused
+    return step, None
+
+
+def _shorten(system: System, state: State, until: float, dt: float, error: float, failure: Exception | None) -> None:
+    """Make the next attempt shorter, after one that was not good enough.
+
+    Raises
+    ------
+    IntegrationError
+        If no step is short enough.
+    """
+    state.counts["rejected"] += 1
+    # after a failure nothing is known but that the step was too long
+    state.dt = dt * (max(0.2, 0.9 * error ** (-1 / ORDER)) if math.isfinite(error) else 0.5)
+    if state.dt < SMALLEST_STEP * until or state.t + 0.1 * state.dt == state.t:
+        tolerance = f"the tolerance rtol={system.rtol:g} cannot be met"
+        cause = tolerance if failure is None else why(system, state, failure)
+        raise IntegrationError(f"the run cannot go on at t={state.t:.6g}, however short the step: {cause}")
+    if failure is not None:
+        state.v, state.y_rate, state.power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
+
+
+def _accept(system: System, state: State, step: Step, dt: float, when: float, grow: float) -> System:
+    """Take the end of a step for the state; returns the system with box and walls as they are there."""
+    if state.frames and state.frames[0].t == state.t == 0.0:
+        state.frames[0] = frame_now(system, replace(state, v=step.first_v))
+    for output in step.outputs:
+        state.frames.append(frame_within(output, state))
+    state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
+    state.box, state.walls = step.system.box, step.system.walls
+    # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
+    state.y_rate = step.y_rate / np.sqrt(1 + step.end.y**2)
+    state.contacts.h = step.end.h
+    if step.end.slid is not None:
+        state.contacts.T = step.end.slid.force
+    for name, amount in step.work.items():
+        state.work[name] += amount
+    touching = step.end.h < system.reach
+    state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
+    state.contacts.touched |= touching
+    state.counts["steps"] += 1
+    state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
+    longer = dt * min(grow, 0.9 * max(step.error, 1e-12) ** (-1 / ORDER))
+    # a step shortened to end says nothing against a longer one
+    state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
+    state.power = step.power
+    return step.system
+
+
+def _strain(box: Box, t: float) -> float:
+    """Shear strain of the box."""
+    cell = lattice(box, t)
+    return float(cell[0, 1] / cell[1, 1])
+
+
+def _has_strained(scene: ParticleScene, state: State) -> bool:
+    """Whether the strain is reached at which the run ends."""
+    if scene.until_strain is None:
+        return False
+    return abs(_strain(state.box, state.t)) >= abs(scene.until_strain) * (1 - STRAINED)
+
+
+def _beyond(scene: ParticleScene, state: State, step: Step, when: float) -> float | None:
+    """A shorter step, if this one goes beyond the strain at which the run ends; None if not."""
+    if scene.until_strain is None:
+        return None
+    goal, end, start = abs(scene.until_strain), abs(_strain(step.system.box, when)), abs(_strain(state.box, state.t))
+    if end <= goal * (1 + STRAINED):
+        return None
+    return (when - state.t) * (goal - start) / (end - start)
+
+
+def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:
+    """Look for contacts at the present positions; gaps, guesses and forces stay."""
+    old = state.contacts
+    state.contacts, state.listed, _, dropped = find_contacts(
+        scene, checked, system.kernel, state.x, state.t, old, system.box, system.walls
+    )
+    new, known = common(state.contacts, old)
+    y_rate, state.y_rate = state.y_rate, np.zeros(len(state.contacts))
+    state.y_rate[new] = y_rate[known]
+    closed = np.flatnonzero(~(state.contacts.h > 0))
+    if len(closed):
+        c = int(closed[0])
+        raise IntegrationError(
+            f"particles {state.contacts.i[c]} and {state.contacts.j[c]} have passed through each other's range within "
+            f"one step at t={state.t:.6g}: ask for a smaller rtol"
+        )
+    fresh = (state.contacts.h < system.reach) & ~state.contacts.touched
+    state.contacts.touched |= fresh
+    state.counts["made"] += int(fresh.sum())
+    state.counts["dropped"] += dropped
+    state.counts["listings"] += 1
+    newton.forget()

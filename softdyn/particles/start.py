@@ -1,0 +1,87 @@
+"""The start of a run of many particles: contacts, and positions that balance the forces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import linear, sliding
+from softdyn.particles.balance import Newton, StepFailed, balance
+from softdyn.particles.faults import require_balanced, require_held, why
+from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.neighbours import find_contacts
+from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.state import State, free_positions, overlaps, stored_energy
+from softdyn.particles.system import System, contact_state, works
+
+Array = NDArray[np.float64]
+
+
+def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton) -> State:
+    """Initial state: gaps from the scene; without drag, positions in elastic equilibrium at these gaps.
+
+    Raises
+    ------
+    SceneError
+        If surfaces overlap and no gap is given, or external forces have nothing to balance them.
+    IntegrationError
+        If there is no equilibrium to start from.
+    """
+    x = checked.x.copy()
+    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, system.box, system.walls)
+    closed = np.flatnonzero(~(contacts.h > 0))
+    if len(closed):
+        c = int(closed[0])
+        raise SceneError(
+            f"{len(closed)} pairs overlap, particles {contacts.i[c]} and {contacts.j[c]} first: give the initial gap "
+            "of pressed particles, [contacts] gap"
+        )
+    state = State(
+        t=0.0,
+        dt=0.0,
+        x=x,
+        v=np.zeros(system.fixed.shape),
+        y_rate=np.zeros(len(contacts)),
+        contacts=contacts,
+        listed=listed,
+        box=system.box,
+        walls=system.walls,
+        work=dict.fromkeys(works(system), 0.0),
+        counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
+    )
+    if not np.any(system.drag > 0) and not system.fixed.all():
+        require_balanced(system, 0.0, x)
+        require_held(system, state, np.asarray(free_positions(system).any(axis=1)))
+        nothing, place, known = np.zeros(len(contacts)), x.copy(), None
+        if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
+            normal, _, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
+            known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
+            place[:, : x.shape[1]] = x
+        try:
+            found = balance(
+                system, contacts, newton, 0.0, 0.0, place, place.copy(), contacts.h, nothing, nothing.copy(), known
+            )
+        except (StepFailed, linear.Indefinite) as error:
+            raise IntegrationError(
+                f"at the start, with the gaps as given, the forces have no equilibrium: {why(system, state, error)}"
+            ) from None
+        state.x = found.x[:, : x.shape[1]]
+        contacts.h = found.h  # beyond the range pressed gaps follow the centres
+        if found.slid is not None:
+            contacts.T = found.slid.force
+        newton.forget()
+    state.dt = _first_step(scene, system, state)
+    state.stored0 = stored_energy(system, state)
+    return state
+
+
+def _first_step(scene: ParticleScene, system: System, state: State) -> float:
+    """A length over which no gap changes by more than a hundredth, as far as the present rates tell."""
+    overlap = overlaps(system, state)
+    values = contact_state(system, state.contacts, overlap, state.contacts.h)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
+    fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(scene.shear_rate)))
+    longest = 1e-2 * float(scene.until)
+    return min(longest, 1e-2 / fastest) if fastest > 0 else longest

@@ -1,0 +1,148 @@
+"""What stays the same over a run of many particles, and what follows from it alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles.geometry import Box, Contacts, Wall, flow, lattice
+from softdyn.particles.kernel import ContactKernel
+from softdyn.particles.surroundings import Imposed
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class System:
+    """What stays the same over a run.
+
+    Attributes
+    ----------
+    kernel : ContactKernel
+    p : array
+        Uniform parameters of the law.
+    reach : float
+        Range of the contacts; inf without one.
+    box : Box
+    walls : tuple of Wall
+    radii : array, shape (N,)
+    resistance : array, shape (N, d + rotations)
+        What resists the motion of each coordinate through the fluid: force/velocity.
+    fixed : array of bool, shape (N, d + rotations)
+        Coordinates whose velocity is given.
+    force, velocity : function of t
+        External force on each particle, and velocity of the fixed coordinates, shape (N, d + rotations).
+    rtol : float
+        Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
+    imposed : Imposed, optional
+        Stress imposed on the box.
+    wall_velocity : function of t, optional
+        Velocities of the walls, shape (walls, d).
+    """
+
+    kernel: ContactKernel
+    p: Array
+    reach: float
+    box: Box
+    walls: tuple[Wall, ...]
+    radii: Array
+    resistance: Array
+    fixed: Flags
+    force: Callable[[float], Array]
+    velocity: Callable[[float], Array]
+    rtol: float
+    imposed: Imposed | None = None
+    wall_velocity: Callable[[float], Array] | None = None
+
+    @property
+    def box_rates(self) -> Array:
+        """Rates of the box that the imposed stress makes unknown, as they are."""
+        if self.imposed is None:
+            return np.empty(0)
+        G = self.box.gradient
+        return np.array(
+            [
+                G[0, 0] if name == "pressure" else G["xyz".index(name[0]), "xyz".index(name[1])]
+                for name in self.imposed.names
+            ]
+        )
+
+    @property
+    def dimension(self) -> int:
+        """Of space."""
+        return len(self.box.lengths)
+
+    @property
+    def drag(self) -> Array:
+        """What resists the motion of each particle through the fluid, shape (N,)."""
+        return self.resistance[:, 0]
+
+    @property
+    def force_tolerance(self) -> float:
+        """Residual of the force balance, relative to the largest force, at which Newton's iteration ends."""
+        return 1e-3 * self.rtol
+
+
+#: Energy put in by external forces and by what holds fixed coordinates, by the flow, and by the moving box; energy
+#: lost in the gaps, by drag, to remote forces, and what the dependence of F_ela on h takes (the U_h term).
+WORKS = ("external", "flow", "box", "gaps", "drag", "remote", "U_h")
+#: Besides, with tangential motion: lost in sliding and in rolling, and what a change of the tangential stiffness takes.
+TANGENTIAL_WORKS = ("sliding", "rolling", "k_t")
+
+
+def works(system: System) -> tuple[str, ...]:
+    """Kinds of energy that are exchanged."""
+    return (*WORKS, *TANGENTIAL_WORKS) if system.kernel.tangential else WORKS
+
+
+def gauge_axes(system: System) -> list[int]:
+    """Axes along which nothing resists a motion of all particles together."""
+    d = system.dimension
+    if np.any(system.drag > 0) or (system.kernel.tangential and system.walls):
+        return []
+    held = [axis for axis in range(d) if system.fixed[:, axis].any()]
+    facing = [axis for axis in range(d) if any(wall.normal[axis] for wall in system.walls)]
+    return [axis for axis in range(d) if axis not in held and axis not in facing]
+
+
+def turns_freely(system: System) -> bool:
+    """Whether nothing resists a rotation of all particles together."""
+    count, d = len(system.fixed), system.dimension
+    alone = not system.fixed.any() and not system.walls and not system.box.periodic.any()
+    return alone and d > 1 and count > 1 and not np.any(system.drag > 0)
+
+
+def background(system: System, x: Array) -> Array:
+    """Velocity of the background flow, and of rotation with it, in each coordinate."""
+    d = system.dimension
+    u = flow(system.box, x[:, :d])
+    if x.shape[1] == d:
+        return u
+    rotation = np.zeros((len(x), x.shape[1] - d))
+    rotation[:, -1] = -0.5 * system.box.shear_rate * system.radii
+    return np.concatenate([u, rotation], axis=1)
+
+
+def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
+    """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d)."""
+    velocities = np.zeros(contacts.shift.shape)
+    across = np.flatnonzero(contacts.shift.any(axis=1))
+    velocities[across] = contacts.shift[across] @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
+    if system.wall_velocity is not None:
+        count = len(system.radii)
+        on = contacts.j >= count
+        velocities[on] = system.wall_velocity(t)[contacts.j[on] - count]
+    return velocities
+
+
+def contact_state(system: System, contacts: Contacts, overlap: Array, h: Array) -> dict[str, Array]:
+    """Return what the kernel says of each contact: delta, a, F, friction (w zeta), remote (w F_adh), C, ..."""
+    kernel = system.kernel
+    out = np.empty((len(kernel.outputs), len(h)))
+    reach = (system.reach,) if kernel.fading else ()
+    kernel.state(len(h), *reach, overlap, h, system.p, contacts.q.reshape(-1), out.reshape(-1))
+    return dict(zip(kernel.outputs, out, strict=True))
