@@ -358,7 +358,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
 
     declared = tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh"))
     by_name = tangential_expressions(law.tangential) if needs.tangential and law.tangential is not None else {}
-    by_name |= {f"drag {name}": expr for name, expr in drag_expressions(law.drag).items()} if needs.drag else {}
+    by_name |= {f"drag {name}": getattr(law.drag, name) for name in (symbol.name for symbol in resisting)}
     slides = tuple((name, str(expr)) for name, expr in by_name.items())
     return ContactIR(
         name=law.name,

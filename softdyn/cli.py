@@ -142,7 +142,10 @@ def _parser() -> argparse.ArgumentParser:
     generate.add_argument("law", metavar="LAW", nargs="?")
     generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel; needed unless --stock")
     generate.add_argument(
-        "--scene", type=Path, help="leave out what this scene does not need (default: leave nothing out)"
+        "--scene",
+        type=Path,
+        help="leave out what this scene does not need (default: leave nothing out); of many particles, the kernel of "
+        "their contacts",
     )
     generate.add_argument(
         "--fix",
@@ -386,19 +389,9 @@ def _generate(options: argparse.Namespace) -> int:
         return _generate_stock(options)
     if options.law is None or options.target is None or options.check:
         raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
-    from softdyn.kernels import make_manifest
-    from softdyn.laws import find
     from softdyn.results import written_whole
 
-    needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
-    if options.scene is not None:
-        from softdyn.pair.run import kernel_needs
-        from softdyn.scene import check_scene, drive_of, read_scene
-
-        scene = read_scene(options.scene)
-        check_scene(scene)
-        needs = kernel_needs(scene, drive_of(scene))
-    manifest = make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)})
+    manifest = _manifest(options)
     text = sys.stderr if options.folder is None else sys.stdout
     for rule, before, after in manifest["savings"]:
         print(f"{rule}: {before} -> {after} operations, {before - after} saved", file=text)
@@ -412,6 +405,32 @@ def _generate(options: argparse.Namespace) -> int:
         temporary.write_text(manifest["source"], encoding="utf-8")
     print(f"wrote {path}")
     return 0
+
+
+def _manifest(options: argparse.Namespace) -> dict[str, Any]:
+    """The kernel that ``generate`` asks for."""
+    from softdyn.api import read_scene
+    from softdyn.kernels import make_manifest
+    from softdyn.laws import find
+    from softdyn.scene import Scene
+
+    scene = None if options.scene is None else read_scene(options.scene)
+    needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
+    if isinstance(scene, Scene):
+        from softdyn.pair.run import kernel_needs as pair_needs
+        from softdyn.scene import check_scene, drive_of
+
+        check_scene(scene)
+        needs = pair_needs(scene, drive_of(scene))
+    elif scene is not None:
+        from softdyn.particles.kernel import contact_manifest
+        from softdyn.particles.run import kernel_needs
+        from softdyn.particles.scene import check
+
+        if options.fix:
+            raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
+        return contact_manifest(find(options.law), options.target, kernel_needs(scene, check(scene)))
+    return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)})
 
 
 def _fixed(pairs: Sequence[str]) -> dict[str, str]:

@@ -11,6 +11,8 @@ from softdyn.laws import law_of, stock_laws
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
+    from softdyn.derive.contact_kernel import ContactNeeds
+    from softdyn.derive.law import ContactLaw
     from softdyn.derive.specialise import Needs
 
 GENERATED = Path(__file__).parent / "generated"
@@ -30,15 +32,28 @@ def kinds() -> dict[str, Needs]:
     }
 
 
+def contact_needs(law: ContactLaw) -> ContactNeeds:
+    """What kernels of many contacts are shown for."""
+    from softdyn.derive.contact_kernel import ContactNeeds
+
+    slides = law.tangential is not None
+    varying = ("R", "size_ratio") if slides else ("R",)
+    return ContactNeeds(varying=varying, fading=True, tangential=slides, drag=True)
+
+
 def generated_files() -> dict[str, str]:
     """Path below ``generated/`` and text of every file that the tool writes there.
 
-    For each stock law: its derivation, the verdicts on its limits, its regimes, and kernels for two kinds of scene on
-    both targets: ``approach`` (constant compressive force) and ``general`` (any force, as a table; every output).
+    For each stock law: its derivation, the verdicts on its limits, its regimes, and kernels for three kinds of scene on
+    both targets: ``approach`` (constant compressive force), ``general`` (any force, as a table; every output), and
+    ``contacts`` (many particles of different radii in a fluid, whose contacts have a range).
     """
+    from softdyn.derive.contact_kernel import contact_ir
     from softdyn.derive.emit import TARGETS, emit, suffix
+    from softdyn.derive.emit_contacts import emit_contacts
     from softdyn.derive.films import find_films
     from softdyn.derive.kernel import kernel_ir
+    from softdyn.derive.law import is_dry, is_rigid
     from softdyn.derive.limits import check_limits
     from softdyn.derive.regimes import discover
     from softdyn.derive.typeset import as_text
@@ -55,6 +70,10 @@ def generated_files() -> dict[str, str]:
             ir = kernel_ir(law, needs)
             for target in TARGETS:
                 files[f"{name}/{kind}{suffix(target)}"] = emit(ir, target)
+        if not is_rigid(law) and not is_dry(law):
+            contacts = contact_ir(law, contact_needs(law))
+            for target in TARGETS:
+                files[f"{name}/contacts{suffix(target)}"] = emit_contacts(contacts, target)
     return files
 
 

@@ -374,3 +374,15 @@ def test_help_shows_every_command_with_examples() -> None:
     assert of_run.returncode == 0
     assert all(name in of_run.stdout for name in stock_scenes())
     assert shell("--version").stdout == f"softdyn {softdyn.__version__}\n"
+
+
+def test_generate_writes_the_contact_kernel_of_a_scene_of_many(capsys: pytest.CaptureFixture[str]) -> None:
+    """With what the scene needs: droplets of two sizes, with drag, that do not slide."""
+    from softdyn.particles.files import stock_scenes
+
+    assert main(["generate", "equal_spheres", "--target", "c", "--scene", str(stock_scenes()["emulsion"])]) == 0
+    text = capsys.readouterr().out
+    assert "equal_spheres_contacts(n, s, reach, overlaps" in text
+    assert "drag translation = 6*pi*R*eta" in text
+    assert "drag rotation" not in text
+    assert "q: R, n of each" in text

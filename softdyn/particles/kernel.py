@@ -90,6 +90,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "ranges": plain_ranges(law),
         "source": emit_contacts(ir, target),
         "suffix": suffix(target),
+        "savings": [(saving.rule, saving.before, saving.after) for saving in ir.savings],
         "depends": depends,
     }
 

@@ -94,6 +94,16 @@ def simulate_particles(
     return _result(scene, checked, system, newton, state, began)
 
 
+def kernel_needs(scene: ParticleScene, checked: Checked) -> dict[str, Any]:
+    """What a scene needs of the kernel of its contacts; the fields of ``derive.contact_kernel.ContactNeeds``."""
+    return {
+        "varying": tuple(sorted(varying_parameters(scene, checked))),
+        "fading": scene.reach is not None,
+        "tangential": bool(scene.tangential),
+        "drag": bool(scene.drag),
+    }
+
+
 def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     """Check a scene, and get its kernel.
 
@@ -102,15 +112,7 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     SceneError, LawError, CompileError
     """
     checked = check(scene)
-    varying = varying_parameters(scene, checked)
-    kernel = get_contact_kernel(
-        scene.law,
-        scene.target,
-        varying=varying,
-        fading=scene.reach is not None,
-        tangential=bool(scene.tangential),
-        drag=bool(scene.drag),
-    )
+    kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(scene, checked))
     p = uniform_values(scene, checked, kernel)
     fixed, force, velocity = checked.fixed, checked.force, checked.velocity
     if kernel.tangential:

@@ -1,0 +1,350 @@
+"""Contact law rognon_gay: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
+
+Source: Rognon & Gay, arXiv:0803.1573, eqs. 3-5
+Law b2a8534843dae832, 9fb2ccb7b9282ed1:
+    a = sqrt(2)*sqrt(R)*sqrt(R*h/(R + h) + Abs(delta))
+    F_ela = 4*E*a*delta/9
+    zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
+    F_adh = 0
+    drag translation = 6*pi*R*eta
+Left out, with the operations that each saved:
+    no remote force: 118 -> 107
+Operations, 280 in all:
+    iteration: 18 add, 58 mul, 18 div, 1 sqrt
+    tangent: 20 add, 64 mul, 20 div, 1 sqrt
+    state: 6 add, 30 mul, 10 div, 1 sqrt
+    elastic: 2 add, 11 mul, 2 div, 1 sqrt
+    weight: 3 add, 11 mul, 1 div
+    drag: 2 mul
+
+Functions: rognon_gay_contacts, rognon_gay_state, rognon_gay_energy.
+p holds E, eta; q holds R of each contact.
+"""
+
+from __future__ import annotations
+
+from math import (  # noqa: F401
+    acos, acosh, asin, asinh, atan, atanh, cos, cosh, erf, erfc, exp, expm1, fabs, inf, isfinite, log, log1p, nan, pow,
+    sin, sinh, sqrt, tan, tanh,
+)
+
+import numba
+from numpy import empty, float64, int64  # noqa: F401
+from numpy import ndarray as array  # noqa: F401
+
+# IEEE arithmetic: no fastmath, and a division by zero gives inf or nan instead of raising
+jit = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
+
+@jit
+def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: array, target: array, p: array, q: array, y: array, gap: array, force: array, slope: array) -> int:
+    """Solve y = target + s dy/dt for the gap of each of n contacts, y = (h/g - g/h)/2, at fixed distances of the centres.
+
+    overlaps: sum of the radii less the distance; start: g; y: a guess, then the solution. gap, force, slope: h, F and
+    dF/dr along the solution; the force is nan where there is none. Returns how many contacts have none.
+    """
+    E = p[0]
+    eta = p[1]
+    overlap_lane = empty(16)
+    g_lane = empty(16)
+    target_lane = empty(16)
+    y_lane = empty(16)
+    low_lane = empty(16)
+    high_lane = empty(16)
+    open_lane = empty(16)
+    h_lane = empty(16)
+    F_lane = empty(16)
+    F_r_lane = empty(16)
+    q_lane = empty(16)
+    unsolved: int = 0
+    base: int = 0
+    while base < n:
+        # the last block is filled up with copies of the last contact
+        for k in range(16):
+            i: int = base + k if base + k < n else n - 1
+            overlap_lane[k] = overlaps[i]
+            g_lane[k] = start[i]
+            target_lane[k] = target[i]
+            y_lane[k] = y[i]
+            low_lane[k] = -inf
+            high_lane[k] = inf
+            open_lane[k] = 1.0
+            q_lane[0 + k] = q[0 * n + i]
+        left = 16.0
+        round: int = 0
+        while left > 0.0 and round < 100:
+            for k in range(16):
+                overlap = overlap_lane[k]
+                g = g_lane[k]
+                y_star = target_lane[k]
+                y_now = y_lane[k]
+                size = fabs(y_now)
+                factor = size + sqrt(1.0 + y_now * y_now)
+                grown = g * factor
+                shrunk = g / factor
+                h = grown if y_now > 0.0 else shrunk
+                R = q_lane[0 + k]
+                delta = h / 2.0 + overlap / 2.0
+                x0 = fabs(delta)
+                x1 = R + h
+                a = sqrt(2.0 * R * (R * h / x1 + x0))
+                x2 = (4.0 / 9.0) * E
+                x3 = delta * x2
+                F_ela = x3 * a
+                h_p2 = h * h
+                h_p3 = h_p2 * h
+                x5 = 1.0 / h_p3
+                R_p2 = R * R
+                R_p3 = R_p2 * R
+                a_p2 = a * a
+                a_p4 = a_p2 * a_p2
+                x1_p2 = x1 * x1
+                x1_p3 = x1_p2 * x1
+                zeta = 4.71238898038469 * x5 * eta * x1_p3 * a_p4 / R_p3
+                x6 = 1.0 / a
+                dF_ddelta = x2 * (x0 * x6 * R + a)
+                x7 = 1.0 / x1_p2
+                dF_dh = x3 * x6 * x7 * R_p3
+                x8 = 1.0 / h
+                x10 = R / a_p2
+                log_zeta_h = x10 * x7 * x8 * (4.0 * h * R_p2 - 3.0 * x1 * a_p2)
+                log_zeta_delta = 4.0 * x10 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
+                x11 = 1.0 / reach
+                fading = x11 * (2.0 * reach - 2.0 * h)
+                started = (1.0 if 1.0 < fading else fading)
+                ahead = (0.0 if 0.0 > started else started)
+                x13 = 3.0 - 2.0 * ahead
+                ahead_p2 = ahead * ahead
+                w = x13 * ahead_p2
+                w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
+                film = (1.0 if delta < 0.0 else w)
+                film_h = (0.0 if delta < 0.0 else w_h)
+                x15 = 1.0 / g
+                x16 = g / 2.0
+                Y = x15 * h / 2.0 - x16 * x8
+                Y_h = x15 / 2.0 + x16 / h_p2
+                Y_hh = -x5 * g
+                x17 = 1.0 / zeta
+                rho = F_ela * x17
+                rho_h = x17 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+                x18 = rho * s
+                x19 = Y - y_star
+                H = x18 * Y_h + x19 * film
+                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x18 + film_h * x19
+                step = -H * Y_h / H_h
+                low_before = low_lane[k]
+                high_before = high_lane[k]
+                low = y_now if H < 0.0 else low_before
+                high = y_now if H > 0.0 else high_before
+                # a gap changes by a factor of a few at most in one iteration; plain selections, one at a time: C
+                # compilers vectorise no others
+                most = 1.0 + size
+                least = -most
+                above = most if step > most else step
+                bounded = least if step < least else above
+                trial = y_now + bounded
+                outward = most if H < 0.0 else least
+                aside = y_now + outward
+                middle = 0.5 * (low + high)
+                safe = middle if fabs(middle) < inf else aside
+                over = trial if low < trial else safe
+                inside = over if trial < high else safe
+                # quadratic convergence: after such a step what is left is below rounding
+                # but not across delta = 0, where the weights change over and slopes with them
+                crossed = delta * (delta + 0.5 * step / Y_h)
+                enough = 1e-14 if crossed < 0.0 else 1e-8
+                beyond = fabs(step) - enough * most
+                width = high - low - 1e-12 * most
+                unsettled = beyond if beyond < width else width
+                last = y_now + step
+                ended = last if beyond <= 0.0 else y_now
+                new_y = ended if unsettled <= 0.0 else inside
+                is_open = open_lane[k]
+                y_lane[k] = new_y if is_open > 0.0 else y_now
+                low_lane[k] = low
+                high_lane[k] = high
+                open_lane[k] = 0.0 if unsettled <= 0.0 else is_open
+            left = 0.0
+            for k in range(16):
+                left += open_lane[k]
+            round += 1
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_now = y_lane[k]
+            y_star = target_lane[k]
+            factor = fabs(y_now) + sqrt(1.0 + y_now * y_now)
+            grown = g * factor
+            shrunk = g / factor
+            h = grown if y_now > 0.0 else shrunk
+            R = q_lane[0 + k]
+            delta = h / 2.0 + overlap / 2.0
+            x0 = fabs(delta)
+            x1 = R + h
+            a = sqrt(2.0 * R * (R * h / x1 + x0))
+            x2 = (4.0 / 9.0) * E
+            x3 = delta * x2
+            F_ela = x3 * a
+            h_p2 = h * h
+            h_p3 = h_p2 * h
+            x5 = 1.0 / h_p3
+            R_p2 = R * R
+            R_p3 = R_p2 * R
+            a_p2 = a * a
+            a_p4 = a_p2 * a_p2
+            x1_p2 = x1 * x1
+            x1_p3 = x1_p2 * x1
+            zeta = 4.71238898038469 * x5 * eta * x1_p3 * a_p4 / R_p3
+            x6 = 1.0 / a
+            dF_ddelta = x2 * (x0 * x6 * R + a)
+            x7 = 1.0 / x1_p2
+            dF_dh = x3 * x6 * x7 * R_p3
+            x8 = 1.0 / h
+            x10 = R / a_p2
+            log_zeta_h = x10 * x7 * x8 * (4.0 * h * R_p2 - 3.0 * x1 * a_p2)
+            log_zeta_delta = 4.0 * x10 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
+            x11 = 1.0 / reach
+            fading = x11 * (2.0 * reach - 2.0 * h)
+            started = (1.0 if 1.0 < fading else fading)
+            ahead = (0.0 if 0.0 > started else started)
+            x13 = 3.0 - 2.0 * ahead
+            ahead_p2 = ahead * ahead
+            w = x13 * ahead_p2
+            w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
+            film = (1.0 if delta < 0.0 else w)
+            film_h = (0.0 if delta < 0.0 else w_h)
+            grip = (w if delta < 0.0 else 1.0)
+            grip_h = (w_h if delta < 0.0 else 0.0)
+            x15 = 1.0 / g
+            x16 = g / 2.0
+            Y = x15 * h / 2.0 - x16 * x8
+            Y_h = x15 / 2.0 + x16 / h_p2
+            Y_hh = -x5 * g
+            x17 = 1.0 / zeta
+            rho = F_ela * x17
+            x18 = dF_ddelta / 2.0
+            x19 = dF_dh + x18
+            rho_h = x17 * x19 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+            rho_r = log_zeta_delta * rho / 2.0 - x17 * x18
+            x20 = Y_h * s
+            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x20
+            H_r = rho_r * x20
+            h_r = -H_r / H_h
+            F = F_ela * grip
+            F_r = F_ela * grip_h * h_r + grip * (h_r * x19 - x18)
+            h_lane[k] = h
+            F_lane[k] = F if open_lane[k] == 0.0 else nan
+            F_r_lane[k] = F_r
+        count: int = 16 if base + 16 < n else n - base
+        for k in range(count):
+            i: int = base + k
+            y[i] = y_lane[k]
+            gap[i] = h_lane[k]
+            force[i] = F_lane[k]
+            slope[i] = F_r_lane[k]
+            unsolved += 0 if isfinite(F_lane[k]) and isfinite(F_r_lane[k]) else 1
+        base += 16
+    return unsolved
+
+
+@jit
+def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
+    E = p[0]
+    eta = p[1]
+    for i in range(n):
+        overlap = overlaps[i]
+        h = gap[i]
+        R = q[0 * n + i]
+        delta = h / 2.0 + overlap / 2.0
+        x0 = fabs(delta)
+        x1 = R + h
+        a = sqrt(2.0 * R * (R * h / x1 + x0))
+        x2 = (4.0 / 9.0) * E
+        x3 = delta * x2
+        F_ela = x3 * a
+        R_p2 = R * R
+        R_p3 = R_p2 * R
+        a_p2 = a * a
+        a_p4 = a_p2 * a_p2
+        h_p2 = h * h
+        h_p3 = h_p2 * h
+        x1_p2 = x1 * x1
+        x1_p3 = x1_p2 * x1
+        zeta = 4.71238898038469 * eta * x1_p3 * a_p4 / (R_p3 * h_p3)
+        x5 = 1.0 / a
+        dF_ddelta = x2 * (x0 * x5 * R + a)
+        dF_dh = x3 * x5 * R_p3 / x1_p2
+        C = dF_ddelta / 2.0
+        fading = (2.0 * reach - 2.0 * h) / reach
+        started = (1.0 if 1.0 < fading else fading)
+        ahead = (0.0 if 0.0 > started else started)
+        ahead_p2 = ahead * ahead
+        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        film = (1.0 if delta < 0.0 else w)
+        grip = (w if delta < 0.0 else 1.0)
+        rho = F_ela / zeta
+        F = F_ela * grip
+        friction = w * zeta
+        remote = 0.0
+        dh_dt = -rho / film
+        out[0 * n + i] = delta
+        out[1 * n + i] = a
+        out[2 * n + i] = F
+        out[3 * n + i] = friction
+        out[4 * n + i] = remote
+        out[5 * n + i] = C
+        out[6 * n + i] = dF_dh
+        out[7 * n + i] = dh_dt
+
+
+@jit
+def rognon_gay_energy(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, points: int, nodes: array, weights: array, out: array) -> None:
+    """Stored energy grip U and its slope in h at fixed delta, of n contacts: out[i] and out[n + i].
+
+    U = integral of 2 F_ela(a(h, d), d) dd from 0 to delta, by quadrature over the fractions nodes of delta.
+    """
+    E = p[0]
+    for i in range(n):
+        h = gap[i]
+        whole = 0.5 * (overlaps[i] + h)
+        U = 0.0
+        U_h = 0.0
+        for m in range(points):
+            delta = whole * nodes[m]
+            R = q[0 * n + i]
+            x0 = R + h
+            a = sqrt(2.0 * R * (R * h / x0 + fabs(delta)))
+            x1 = (4.0 / 9.0) * delta * E
+            F_ela = x1 * a
+            R_p2 = R * R
+            R_p3 = R_p2 * R
+            x0_p2 = x0 * x0
+            dF_dh = x1 * R_p3 / (x0_p2 * a)
+            U += 2.0 * whole * weights[m] * F_ela
+            U_h += 2.0 * whole * weights[m] * dF_dh
+        delta = whole
+        x0 = 1.0 / reach
+        fading = x0 * (2.0 * reach - 2.0 * h)
+        started = (1.0 if 1.0 < fading else fading)
+        ahead = (0.0 if 0.0 > started else started)
+        x2 = 3.0 - 2.0 * ahead
+        ahead_p2 = ahead * ahead
+        w = x2 * ahead_p2
+        w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
+        grip = (w if delta < 0.0 else 1.0)
+        grip_h = (w_h if delta < 0.0 else 0.0)
+        out[i] = grip * U
+        out[n + i] = grip * U_h + grip_h * U
+
+
+@jit
+def rognon_gay_drag(n: int, p: array, q: array, out: array) -> None:
+    """What the fluid does to n particles alone, translation: out[k*n + i] is quantity k of particle i.
+
+    In q stand the particles' own parameters, R the radius.
+    """
+    eta = p[1]
+    for i in range(n):
+        R = q[0 * n + i]
+        translation = 18.84955592153876 * R * eta
+        out[0 * n + i] = translation
