@@ -27,9 +27,10 @@ where f (film) and g (grip) are the weights of the film and of the elastic force
 half of it on, w(h) falls from 1 to 0. Where the surfaces are pressed together, f = w and g = 1: film and remote force
 fade, and gap and centres go together in the end. Where they are pulled apart, f = 1 and g = w: what they pull with
 fades, and the gap opens as if there were no range. So F = 0 at the range in either case: a contact is made and dropped
-without a jump in force; and both agree at delta = 0. (With f = w everywhere a pulled contact snaps off, since
--F/(w zeta) has no bound; with f = 1 a pair that comes fast is pressed deep before it feels a force.) A contact stores
-g U, dissipates w zeta (dh/dt)^2, takes w F_adh from remote forces, and adds g_h U to the slope in h of what it stores.
+without a jump in force; and both agree at delta = 0. H rises with h: its sign there tells which of them holds. (With
+f = w everywhere a pulled contact snaps off, since -F/(w zeta) has no bound; with f = 1 a pair that comes fast is
+pressed deep before it feels a force.) A contact stores g U, dissipates w zeta (dh/dt)^2, takes w F_adh from remote
+forces, and adds g_h U to the slope in h of what it stores.
 
 Newton's iteration solves H, and the implicit function theorem gives the consistent tangent dF/dr along it.
 """
@@ -80,6 +81,8 @@ fading, started = Symbol("fading", real=True), Symbol("started", real=True)
 # the weights of the film and of the elastic force, and their slopes
 film, film_h = Symbol("film", nonnegative=True), Symbol("film_h", real=True)
 grip, grip_h = Symbol("grip", nonnegative=True), Symbol("grip_h", real=True)
+# whether surfaces are pressed together, and H of pulled ones at delta = 0, which tells it
+pressed, side = Symbol("pressed", nonnegative=True), Symbol("side", real=True)
 # the approach rate -film dh/dt, its relative friction's slopes, and the derivatives along the contact's equation
 rho, rho_h, rho_r = (Symbol(name, real=True) for name in ("rho", "rho_h", "rho_r"))
 log_zeta_h, log_zeta_delta = Symbol("log_zeta_h", real=True), Symbol("log_zeta_delta", real=True)
@@ -147,9 +150,10 @@ class ContactIR:
         Rows of what ``contacts`` gives besides of tangential motion; empty without it.
     drag_outputs : tuple of str
         Rows of what ``drag`` gives of a particle; empty without drag.
-    iteration, tangent, state, elastic, weight, drag : ContactCode
+    iteration, tangent, state, elastic, weight, side, drag : ContactCode
         H and dH/dy; the force and its consistent tangent; the outputs; the elastic force and its slope in h; the
-        weight of what is stored, and its slope in h; the resistance of a particle alone.
+        weight of what is stored, and its slope in h; what tells pressed contacts from pulled ones; the resistance of a
+        particle alone.
     """
 
     name: str
@@ -168,6 +172,7 @@ class ContactIR:
     state: ContactCode
     elastic: ContactCode
     weight: ContactCode
+    side: ContactCode
     drag: ContactCode
     savings: tuple[Saving, ...]
     operations: dict[str, dict[str, int]]
@@ -268,10 +273,10 @@ def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbo
         ahead: Max(0, started),
         w: WEIGHT,
         w_h: diff(WEIGHT, ahead) * diff(FADING, h),
-        film: Piecewise((1, delta < 0), (w, True)),
-        film_h: Piecewise((0, delta < 0), (w_h, True)),
-        grip: Piecewise((w, delta < 0), (1, True)),
-        grip_h: Piecewise((w_h, delta < 0), (0, True)),
+        film: Piecewise((w, pressed > 0), (1, True)),
+        film_h: Piecewise((w_h, pressed > 0), (0, True)),
+        grip: Piecewise((1, pressed > 0), (w, True)),
+        grip_h: Piecewise((0, pressed > 0), (w_h, True)),
         Y: STATE,
         Y_h: diff(STATE, h),
         Y_hh: diff(STATE, h, 2),
@@ -338,12 +343,19 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         resisting = resisting if needs.tangential else {k: e for k, e in resisting.items() if k.name != "rotation"}
     outputs = (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
     without_delta = {symbol: expr for symbol, expr in definitions.items() if symbol != delta}
+    told = {pressed: Piecewise((1, delta >= 0), (0, True)), **without_delta}
+    by_delta = {delta: definitions[delta], **told}
+    undeflected = {symbol: expr.subs(delta, 0) for symbol, expr in without_delta.items()}
+    undeflected |= {side: Y - y_star - s * Y_h * F_adh / zeta if F_adh in definitions else Y - y_star}
     lines = {
         "iteration": straight_line([H, H_h, Y_h], definitions),
         "tangent": straight_line([F, F_r, *sliding], definitions),
-        "state": straight_line(outputs, definitions),
+        "state": straight_line(outputs, by_delta),
         "elastic": straight_line([F_ela, dF_dh], without_delta),
-        "weight": straight_line([grip, grip_h], without_delta) if needs.fading else [],
+        "weight": straight_line([grip, grip_h], {k: e for k, e in by_delta.items() if k != delta})
+        if needs.fading
+        else [],
+        "side": straight_line([side], undeflected) if needs.fading else [],
         "drag": straight_line(list(resisting), resisting),
     }
     lines = {part: [(name, for_lanes(text)) for name, text in code] for part, code in lines.items()}
@@ -377,6 +389,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         state=code("state"),
         elastic=code("elastic"),
         weight=code("weight"),
+        side=code("side"),
         drag=code("drag"),
         savings=tuple(savings),
         operations={part: operations(text) for part, text in lines.items()},

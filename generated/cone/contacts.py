@@ -9,12 +9,13 @@ Law 477bece85fee419c, 9fb2ccb7b9282ed1:
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
     no remote force: 128 -> 117
-Operations, 305 in all:
+Operations, 311 in all:
     iteration: 18 add, 63 mul, 19 div, 5 sqrt
     tangent: 20 add, 69 mul, 21 div, 5 sqrt
     state: 6 add, 30 mul, 10 div, 3 sqrt
     elastic: 2 add, 11 mul, 3 div, 3 sqrt
     weight: 3 add, 11 mul, 1 div
+    side: 2 add, 2 mul, 2 div
     drag: 2 mul
 
 Functions: cone_contacts, cone_state, cone_energy.
@@ -52,6 +53,7 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
     low_lane = empty(16)
     high_lane = empty(16)
     open_lane = empty(16)
+    pressed_lane = empty(16)
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
@@ -70,6 +72,15 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             high_lane[k] = inf
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
+        # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_star = target_lane[k]
+            h = -overlap if overlap < 0.0 else g
+            Y = h / (2.0 * g) - g / (2.0 * h)
+            side = Y - y_star
+            pressed_lane[k] = 1.0 if overlap >= 0.0 else (1.0 if side <= 0.0 else 0.0)
         left = 16.0
         round: int = 0
         while left > 0.0 and round < 100:
@@ -83,6 +94,7 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 grown = g * factor
                 shrunk = g / factor
                 h = grown if y_now > 0.0 else shrunk
+                pressed = pressed_lane[k]
                 R = q_lane[0 + k]
                 delta = h / 2.0 + overlap / 2.0
                 x0 = 0.3183098861837907 / own_m
@@ -119,8 +131,8 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 ahead_p2 = ahead * ahead
                 w = x13 * ahead_p2
                 w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
-                film = (1.0 if delta < 0.0 else w)
-                film_h = (0.0 if delta < 0.0 else w_h)
+                film = (w if pressed > 0.0 else 1.0)
+                film_h = (w_h if pressed > 0.0 else 0.0)
                 x15 = 1.0 / g
                 x16 = g / 2.0
                 Y = x15 * h / 2.0 - x16 / h
@@ -152,10 +164,7 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 over = trial if low < trial else safe
                 inside = over if trial < high else safe
                 # quadratic convergence: after such a step what is left is below rounding
-                # but not across delta = 0, where the weights change over and slopes with them
-                crossed = delta * (delta + 0.5 * step / Y_h)
-                enough = 1e-14 if crossed < 0.0 else 1e-8
-                beyond = fabs(step) - enough * most
+                beyond = fabs(step) - 1e-8 * most
                 width = high - low - 1e-12 * most
                 unsettled = beyond if beyond < width else width
                 last = y_now + step
@@ -179,6 +188,7 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             grown = g * factor
             shrunk = g / factor
             h = grown if y_now > 0.0 else shrunk
+            pressed = pressed_lane[k]
             R = q_lane[0 + k]
             delta = h / 2.0 + overlap / 2.0
             x0 = 0.3183098861837907 / own_m
@@ -215,10 +225,10 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             ahead_p2 = ahead * ahead
             w = x13 * ahead_p2
             w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
-            film = (1.0 if delta < 0.0 else w)
-            film_h = (0.0 if delta < 0.0 else w_h)
-            grip = (w if delta < 0.0 else 1.0)
-            grip_h = (w_h if delta < 0.0 else 0.0)
+            film = (w if pressed > 0.0 else 1.0)
+            film_h = (w_h if pressed > 0.0 else 0.0)
+            grip = (1.0 if pressed > 0.0 else w)
+            grip_h = (0.0 if pressed > 0.0 else w_h)
             x15 = 1.0 / g
             x16 = g / 2.0
             Y = x15 * h / 2.0 - x16 / h
@@ -262,6 +272,7 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         h = gap[i]
         R = q[0 * n + i]
         delta = h / 2.0 + overlap / 2.0
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 0.6366197723675814 * fabs(delta) / own_m
         x1 = 1.4142135623730951
         x2 = sqrt(h)
@@ -286,8 +297,8 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         ahead = (0.0 if 0.0 > started else started)
         ahead_p2 = ahead * ahead
         w = ahead_p2 * (3.0 - 2.0 * ahead)
-        film = (1.0 if delta < 0.0 else w)
-        grip = (w if delta < 0.0 else 1.0)
+        film = (w if pressed > 0.0 else 1.0)
+        grip = (1.0 if pressed > 0.0 else w)
         rho = F_ela / zeta
         F = F_ela * grip
         friction = w * zeta
@@ -330,6 +341,7 @@ def cone_energy(n: int, reach: float, overlaps: array, gap: array, p: array, q: 
             U += 2.0 * whole * weights[m] * F_ela
             U_h += 2.0 * whole * weights[m] * dF_dh
         delta = whole
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / reach
         fading = x0 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
@@ -338,8 +350,8 @@ def cone_energy(n: int, reach: float, overlaps: array, gap: array, p: array, q: 
         ahead_p2 = ahead * ahead
         w = x2 * ahead_p2
         w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
-        grip = (w if delta < 0.0 else 1.0)
-        grip_h = (w_h if delta < 0.0 else 0.0)
+        grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         out[i] = grip * U
         out[n + i] = grip * U_h + grip_h * U
 

@@ -12,12 +12,13 @@
  *     k_t = 2*E*a/((2 - nu)*(nu + 1))
  *     drag translation = 6*pi*R*eta
  *     drag rotation = 8*pi*R**3*eta
- * Operations, 848 in all:
+ * Operations, 910 in all:
  *     iteration: 53 add, 142 mul, 35 div, 1 sqrt, 2 call
  *     tangent: 89 add, 233 mul, 46 div, 1 sqrt, 3 call
  *     state: 36 add, 105 mul, 24 div, 1 sqrt, 3 call
  *     elastic: 12 add, 33 mul, 6 div, 1 sqrt
  *     weight: 3 add, 11 mul, 1 div
+ *     side: 11 add, 31 mul, 17 div, 1 sqrt, 2 call
  *     drag: 7 mul
  *
  * A C API that depends on math.h alone, for n contacts at given distances of their centres; see each function.
@@ -152,42 +153,45 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
     double overlap;
     double g;
     double y_star;
+    double h;
+    double R;
+    double x0;
+    double x1;
+    double x2;
+    double a;
+    double x4;
+    double R_p2;
+    double R_p3;
+    double a_p2;
+    double a_p4;
+    double a_p3;
+    double a_p6;
+    double zeta;
+    double h_p2;
+    double F_adh;
+    double x6;
+    double x7;
+    double Y;
+    double Y_h;
     double y_now;
     double factor;
     double grown;
     double shrunk;
-    double h;
-    double R;
+    double pressed;
     double delta;
-    double x0;
-    double x1;
-    double x2;
     double x3;
-    double x4;
     double x3_p2;
-    double x6;
-    double a;
     double own_nu_p2;
-    double x7;
     double x8;
     double F_ela;
-    double R_p2;
-    double R_p3;
-    double a_p2;
-    double a_p3;
-    double a_p6;
     double x3_p3;
     double x11;
     double x12;
     double x13;
     double x14;
     double x15;
-    double a_p4;
     double x17;
-    double zeta;
-    double h_p2;
     double x20;
-    double F_adh;
     double x21;
     double x22;
     double x23;
@@ -230,8 +234,6 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
     double film;
     double film_h;
     double x54;
-    double Y;
-    double Y_h;
     double Y_hh;
     double x55;
     double rho;
@@ -252,6 +254,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
     double low_lane[16];
     double high_lane[16];
     double open_lane[16];
+    double pressed_lane[16];
     double h_lane[16];
     double F_lane[16];
     double F_r_lane[16];
@@ -273,6 +276,37 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
             q_lane[0 + k] = q[0 * n + i];
             q_lane[16 + k] = q[1 * n + i];
         }
+        /* pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are */
+        for (int64_t k = 0; k < 16; k++) {
+            overlap = overlap_lane[k];
+            g = g_lane[k];
+            y_star = target_lane[k];
+            h = overlap < 0.0 ? -overlap : g;
+            R = q_lane[0 + k];
+            x0 = 1.0 / R;
+            x1 = 1.0 / h;
+            x2 = x0 + x1;
+            const double x2_p2 = x2 * x2;
+            a = sqrt(R * (1.0 / x2 + 5.0 * (x0 / 4.0 + x1 / 4.0) / x2_p2));
+            x4 = x1 * R;
+            R_p2 = R * R;
+            R_p3 = R_p2 * R;
+            a_p2 = a * a;
+            a_p4 = a_p2 * a_p2;
+            a_p3 = a_p2 * a;
+            a_p6 = a_p3 * a_p3;
+            const double x2_p3 = x2_p2 * x2;
+            zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x4 / 2.0 + 0.45 * _lane_log1p(20.0 / 9.0 * x4) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
+            h_p2 = h * h;
+            const double x5 = 1.0 / h_p2;
+            F_adh = R * (3.141592653589793 * own_Pi0 * own_ell * _lane_exp(-h / own_ell) - x5 * own_A / 12.0);
+            x6 = 1.0 / g;
+            x7 = g / 2.0;
+            Y = x6 * h / 2.0 - x1 * x7;
+            Y_h = x5 * x7 + x6 / 2.0;
+            const double side = Y - F_adh * Y_h * s / zeta - y_star;
+            pressed_lane[k] = overlap >= 0.0 ? 1.0 : (side <= 0.0 ? 1.0 : 0.0);
+        }
         double left = 16.0;
         int64_t round = 0;
         while (left > 0.0 && round < 100) {
@@ -286,6 +320,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
                 grown = g * factor;
                 shrunk = g / factor;
                 h = y_now > 0.0 ? grown : shrunk;
+                pressed = pressed_lane[k];
                 R = q_lane[0 + k];
                 delta = h / 2.0 + overlap / 2.0;
                 x0 = fabs(delta);
@@ -365,8 +400,8 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
                 ahead_p2 = ahead * ahead;
                 w = x51 * ahead_p2;
                 w_h = -2.0 * x49 * (2.0 * x51 * ahead - 2.0 * ahead_p2);
-                film = delta < 0.0 ? 1.0 : w;
-                film_h = delta < 0.0 ? 0.0 : w_h;
+                film = pressed > 0.0 ? w : 1.0;
+                film_h = pressed > 0.0 ? w_h : 0.0;
                 const double x53 = 1.0 / g;
                 x54 = g / 2.0;
                 Y = x53 * h / 2.0 - x2 * x54;
@@ -398,10 +433,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
                 const double over = low < trial ? trial : safe;
                 const double inside = trial < high ? over : safe;
                 /* quadratic convergence: after such a step what is left is below rounding */
-                /* but not across delta = 0, where the weights change over and slopes with them */
-                const double crossed = delta * (delta + 0.5 * step / Y_h);
-                const double enough = crossed < 0.0 ? 1e-14 : 1e-08;
-                const double beyond = fabs(step) - enough * most;
+                const double beyond = fabs(step) - 1e-08 * most;
                 const double width = high - low - 1e-12 * most;
                 const double unsettled = beyond < width ? beyond : width;
                 const double last = y_now + step;
@@ -428,6 +460,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
             grown = g * factor;
             shrunk = g / factor;
             h = y_now > 0.0 ? grown : shrunk;
+            pressed = pressed_lane[k];
             R = q_lane[0 + k];
             const double size_ratio = q_lane[16 + k];
             delta = h / 2.0 + overlap / 2.0;
@@ -515,10 +548,10 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
             ahead_p2 = ahead * ahead;
             w = x59 * ahead_p2;
             w_h = -2.0 * x57 * (2.0 * x59 * ahead - 2.0 * ahead_p2);
-            film = delta < 0.0 ? 1.0 : w;
-            film_h = delta < 0.0 ? 0.0 : w_h;
-            const double grip = delta < 0.0 ? w : 1.0;
-            const double grip_h = delta < 0.0 ? w_h : 0.0;
+            film = pressed > 0.0 ? w : 1.0;
+            film_h = pressed > 0.0 ? w_h : 0.0;
+            const double grip = pressed > 0.0 ? 1.0 : w;
+            const double grip_h = pressed > 0.0 ? 0.0 : w_h;
             const double x61 = 1.0 / g;
             const double x62 = g / 2.0;
             Y = x61 * h / 2.0 - x2 * x62;
@@ -639,6 +672,7 @@ void dlvo_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double R = q[0 * n + i];
         const double size_ratio = q[1 * n + i];
         const double delta = h / 2.0 + overlap / 2.0;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = fabs(delta);
         const double x1 = 1.0 / R;
         const double x2 = 1.0 / h;
@@ -687,8 +721,8 @@ void dlvo_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double ahead = 0.0 > started ? 0.0 : started;
         const double ahead_p2 = ahead * ahead;
         const double w = ahead_p2 * (3.0 - 2.0 * ahead);
-        const double film = delta < 0.0 ? 1.0 : w;
-        const double grip = delta < 0.0 ? w : 1.0;
+        const double film = pressed > 0.0 ? w : 1.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
         const double rho = (F_ela - F_adh * film) / zeta;
         const double F = F_ela * grip;
         const double friction = w * zeta;
@@ -768,6 +802,7 @@ void dlvo_energy(int64_t n, double reach, const double *restrict overlaps, const
             U_h += 2.0 * whole * weights[m] * dF_dh;
         }
         delta = whole;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         x0 = 1.0 / reach;
         const double fading = x0 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
@@ -776,8 +811,8 @@ void dlvo_energy(int64_t n, double reach, const double *restrict overlaps, const
         const double ahead_p2 = ahead * ahead;
         const double w = x2 * ahead_p2;
         const double w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2);
-        const double grip = delta < 0.0 ? w : 1.0;
-        const double grip_h = delta < 0.0 ? w_h : 0.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         out[i] = grip * U;
         out[n + i] = grip * U_h + grip_h * U;
     }

@@ -12,12 +12,13 @@ Law 9810adb843c12266, cf5d87a34f5fdf67:
     k_t = 2*E*a/((2 - nu)*(nu + 1))
     drag translation = 6*pi*R*eta
     drag rotation = 8*pi*R**3*eta
-Operations, 848 in all:
+Operations, 910 in all:
     iteration: 53 add, 142 mul, 35 div, 1 sqrt, 2 call
     tangent: 89 add, 233 mul, 46 div, 1 sqrt, 3 call
     state: 36 add, 105 mul, 24 div, 1 sqrt, 3 call
     elastic: 12 add, 33 mul, 6 div, 1 sqrt
     weight: 3 add, 11 mul, 1 div
+    side: 11 add, 31 mul, 17 div, 1 sqrt, 2 call
     drag: 7 mul
 
 Functions: dlvo_contacts, dlvo_state, dlvo_energy.
@@ -147,6 +148,7 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
     low_lane = empty(16)
     high_lane = empty(16)
     open_lane = empty(16)
+    pressed_lane = empty(16)
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
@@ -167,6 +169,36 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
             q_lane[16 + k] = q[1 * n + i]
+        # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_star = target_lane[k]
+            h = -overlap if overlap < 0.0 else g
+            R = q_lane[0 + k]
+            x0 = 1.0 / R
+            x1 = 1.0 / h
+            x2 = x0 + x1
+            x2_p2 = x2 * x2
+            a = sqrt(R * (1.0 / x2 + 5.0 * (x0 / 4.0 + x1 / 4.0) / x2_p2))
+            x4 = x1 * R
+            R_p2 = R * R
+            R_p3 = R_p2 * R
+            a_p2 = a * a
+            a_p4 = a_p2 * a_p2
+            a_p3 = a_p2 * a
+            a_p6 = a_p3 * a_p3
+            x2_p3 = x2_p2 * x2
+            zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x4 / 2.0 + 0.45 * _lane_log1p((20.0 / 9.0) * x4) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+            h_p2 = h * h
+            x5 = 1.0 / h_p2
+            F_adh = R * (3.141592653589793 * own_Pi0 * own_ell * _lane_exp(-h / own_ell) - x5 * own_A / 12.0)
+            x6 = 1.0 / g
+            x7 = g / 2.0
+            Y = x6 * h / 2.0 - x1 * x7
+            Y_h = x5 * x7 + x6 / 2.0
+            side = Y - F_adh * Y_h * s / zeta - y_star
+            pressed_lane[k] = 1.0 if overlap >= 0.0 else (1.0 if side <= 0.0 else 0.0)
         left = 16.0
         round: int = 0
         while left > 0.0 and round < 100:
@@ -180,6 +212,7 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 grown = g * factor
                 shrunk = g / factor
                 h = grown if y_now > 0.0 else shrunk
+                pressed = pressed_lane[k]
                 R = q_lane[0 + k]
                 delta = h / 2.0 + overlap / 2.0
                 x0 = fabs(delta)
@@ -259,8 +292,8 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 ahead_p2 = ahead * ahead
                 w = x51 * ahead_p2
                 w_h = -2.0 * x49 * (2.0 * x51 * ahead - 2.0 * ahead_p2)
-                film = (1.0 if delta < 0.0 else w)
-                film_h = (0.0 if delta < 0.0 else w_h)
+                film = (w if pressed > 0.0 else 1.0)
+                film_h = (w_h if pressed > 0.0 else 0.0)
                 x53 = 1.0 / g
                 x54 = g / 2.0
                 Y = x53 * h / 2.0 - x2 * x54
@@ -292,10 +325,7 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 over = trial if low < trial else safe
                 inside = over if trial < high else safe
                 # quadratic convergence: after such a step what is left is below rounding
-                # but not across delta = 0, where the weights change over and slopes with them
-                crossed = delta * (delta + 0.5 * step / Y_h)
-                enough = 1e-14 if crossed < 0.0 else 1e-8
-                beyond = fabs(step) - enough * most
+                beyond = fabs(step) - 1e-8 * most
                 width = high - low - 1e-12 * most
                 unsettled = beyond if beyond < width else width
                 last = y_now + step
@@ -319,6 +349,7 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             grown = g * factor
             shrunk = g / factor
             h = grown if y_now > 0.0 else shrunk
+            pressed = pressed_lane[k]
             R = q_lane[0 + k]
             size_ratio = q_lane[16 + k]
             delta = h / 2.0 + overlap / 2.0
@@ -406,10 +437,10 @@ def dlvo_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             ahead_p2 = ahead * ahead
             w = x59 * ahead_p2
             w_h = -2.0 * x57 * (2.0 * x59 * ahead - 2.0 * ahead_p2)
-            film = (1.0 if delta < 0.0 else w)
-            film_h = (0.0 if delta < 0.0 else w_h)
-            grip = (w if delta < 0.0 else 1.0)
-            grip_h = (w_h if delta < 0.0 else 0.0)
+            film = (w if pressed > 0.0 else 1.0)
+            film_h = (w_h if pressed > 0.0 else 0.0)
+            grip = (1.0 if pressed > 0.0 else w)
+            grip_h = (0.0 if pressed > 0.0 else w_h)
             x61 = 1.0 / g
             x62 = g / 2.0
             Y = x61 * h / 2.0 - x2 * x62
@@ -527,6 +558,7 @@ def dlvo_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         R = q[0 * n + i]
         size_ratio = q[1 * n + i]
         delta = h / 2.0 + overlap / 2.0
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = fabs(delta)
         x1 = 1.0 / R
         x2 = 1.0 / h
@@ -575,8 +607,8 @@ def dlvo_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         ahead = (0.0 if 0.0 > started else started)
         ahead_p2 = ahead * ahead
         w = ahead_p2 * (3.0 - 2.0 * ahead)
-        film = (1.0 if delta < 0.0 else w)
-        grip = (w if delta < 0.0 else 1.0)
+        film = (w if pressed > 0.0 else 1.0)
+        grip = (1.0 if pressed > 0.0 else w)
         rho = (F_ela - F_adh * film) / zeta
         F = F_ela * grip
         friction = w * zeta
@@ -652,6 +684,7 @@ def dlvo_energy(n: int, reach: float, overlaps: array, gap: array, p: array, q: 
             U += 2.0 * whole * weights[m] * F_ela
             U_h += 2.0 * whole * weights[m] * dF_dh
         delta = whole
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / reach
         fading = x0 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
@@ -660,8 +693,8 @@ def dlvo_energy(n: int, reach: float, overlaps: array, gap: array, p: array, q: 
         ahead_p2 = ahead * ahead
         w = x2 * ahead_p2
         w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
-        grip = (w if delta < 0.0 else 1.0)
-        grip_h = (w_h if delta < 0.0 else 0.0)
+        grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         out[i] = grip * U
         out[n + i] = grip * U_h + grip_h * U
 

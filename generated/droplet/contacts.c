@@ -9,12 +9,13 @@
  *     drag translation = 6*pi*R*eta
  * Left out, with the operations that each saved:
  *     no remote force: 164 -> 153
- * Operations, 358 in all:
+ * Operations, 364 in all:
  *     iteration: 31 add, 86 mul, 22 div, 1 sqrt, 1 call
  *     tangent: 33 add, 92 mul, 24 div, 1 sqrt, 1 call
  *     state: 8 add, 25 mul, 12 div, 1 sqrt, 1 call
  *     elastic: 2 mul
  *     weight: 3 add, 11 mul, 1 div
+ *     side: 2 add, 2 mul, 2 div
  *     drag: 2 mul
  *
  * A C API that depends on math.h alone, for n contacts at given distances of their centres; see each function.
@@ -116,11 +117,13 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
     double overlap;
     double g;
     double y_star;
+    double h;
+    double Y;
     double y_now;
     double factor;
     double grown;
     double shrunk;
-    double h;
+    double pressed;
     double R;
     double delta;
     double x0;
@@ -173,7 +176,6 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
     double film_h;
     double x28;
     double x29;
-    double Y;
     double Y_h;
     double h_p3;
     double Y_hh;
@@ -192,6 +194,7 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
     double low_lane[16];
     double high_lane[16];
     double open_lane[16];
+    double pressed_lane[16];
     double h_lane[16];
     double F_lane[16];
     double F_r_lane[16];
@@ -211,6 +214,16 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
             open_lane[k] = 1.0;
             q_lane[0 + k] = q[0 * n + i];
         }
+        /* pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are */
+        for (int64_t k = 0; k < 16; k++) {
+            overlap = overlap_lane[k];
+            g = g_lane[k];
+            y_star = target_lane[k];
+            h = overlap < 0.0 ? -overlap : g;
+            Y = h / (2.0 * g) - g / (2.0 * h);
+            const double side = Y - y_star;
+            pressed_lane[k] = overlap >= 0.0 ? 1.0 : (side <= 0.0 ? 1.0 : 0.0);
+        }
         double left = 16.0;
         int64_t round = 0;
         while (left > 0.0 && round < 100) {
@@ -224,6 +237,7 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
                 grown = g * factor;
                 shrunk = g / factor;
                 h = y_now > 0.0 ? grown : shrunk;
+                pressed = pressed_lane[k];
                 R = q_lane[0 + k];
                 delta = h / 2.0 + overlap / 2.0;
                 x0 = 1.0 / R;
@@ -273,8 +287,8 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
                 ahead_p2 = ahead * ahead;
                 w = x26 * ahead_p2;
                 w_h = -2.0 * x24 * (2.0 * x26 * ahead - 2.0 * ahead_p2);
-                film = delta < 0.0 ? 1.0 : w;
-                film_h = delta < 0.0 ? 0.0 : w_h;
+                film = pressed > 0.0 ? w : 1.0;
+                film_h = pressed > 0.0 ? w_h : 0.0;
                 x28 = 1.0 / g;
                 x29 = g / 2.0;
                 Y = x28 * h / 2.0 - x1 * x29;
@@ -307,10 +321,7 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
                 const double over = low < trial ? trial : safe;
                 const double inside = trial < high ? over : safe;
                 /* quadratic convergence: after such a step what is left is below rounding */
-                /* but not across delta = 0, where the weights change over and slopes with them */
-                const double crossed = delta * (delta + 0.5 * step / Y_h);
-                const double enough = crossed < 0.0 ? 1e-14 : 1e-08;
-                const double beyond = fabs(step) - enough * most;
+                const double beyond = fabs(step) - 1e-08 * most;
                 const double width = high - low - 1e-12 * most;
                 const double unsettled = beyond < width ? beyond : width;
                 const double last = y_now + step;
@@ -337,6 +348,7 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
             grown = g * factor;
             shrunk = g / factor;
             h = y_now > 0.0 ? grown : shrunk;
+            pressed = pressed_lane[k];
             R = q_lane[0 + k];
             delta = h / 2.0 + overlap / 2.0;
             x0 = 1.0 / R;
@@ -386,10 +398,10 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
             ahead_p2 = ahead * ahead;
             w = x26 * ahead_p2;
             w_h = -2.0 * x24 * (2.0 * x26 * ahead - 2.0 * ahead_p2);
-            film = delta < 0.0 ? 1.0 : w;
-            film_h = delta < 0.0 ? 0.0 : w_h;
-            const double grip = delta < 0.0 ? w : 1.0;
-            const double grip_h = delta < 0.0 ? w_h : 0.0;
+            film = pressed > 0.0 ? w : 1.0;
+            film_h = pressed > 0.0 ? w_h : 0.0;
+            const double grip = pressed > 0.0 ? 1.0 : w;
+            const double grip_h = pressed > 0.0 ? 0.0 : w_h;
             x28 = 1.0 / g;
             x29 = g / 2.0;
             Y = x28 * h / 2.0 - x1 * x29;
@@ -436,6 +448,7 @@ void droplet_state(int64_t n, double reach, const double *restrict overlaps, con
         const double h = gap[i];
         const double R = q[0 * n + i];
         const double delta = h / 2.0 + overlap / 2.0;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = 1.0 / R;
         const double x1 = 1.0 / h;
         const double x2 = x0 + x1;
@@ -456,8 +469,8 @@ void droplet_state(int64_t n, double reach, const double *restrict overlaps, con
         const double ahead = 0.0 > started ? 0.0 : started;
         const double ahead_p2 = ahead * ahead;
         const double w = ahead_p2 * (3.0 - 2.0 * ahead);
-        const double film = delta < 0.0 ? 1.0 : w;
-        const double grip = delta < 0.0 ? w : 1.0;
+        const double film = pressed > 0.0 ? w : 1.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
         const double rho = F_ela / zeta;
         const double F = F_ela * grip;
         const double friction = w * zeta;
@@ -494,6 +507,7 @@ void droplet_energy(int64_t n, double reach, const double *restrict overlaps, co
             U_h += 2.0 * whole * weights[m] * dF_dh;
         }
         delta = whole;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = 1.0 / reach;
         const double fading = x0 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
@@ -502,8 +516,8 @@ void droplet_energy(int64_t n, double reach, const double *restrict overlaps, co
         const double ahead_p2 = ahead * ahead;
         const double w = x2 * ahead_p2;
         const double w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2);
-        const double grip = delta < 0.0 ? w : 1.0;
-        const double grip_h = delta < 0.0 ? w_h : 0.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         out[i] = grip * U;
         out[n + i] = grip * U_h + grip_h * U;
     }

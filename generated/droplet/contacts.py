@@ -9,12 +9,13 @@ Law 1f749852e49be335, 9fb2ccb7b9282ed1:
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
     no remote force: 164 -> 153
-Operations, 358 in all:
+Operations, 364 in all:
     iteration: 31 add, 86 mul, 22 div, 1 sqrt, 1 call
     tangent: 33 add, 92 mul, 24 div, 1 sqrt, 1 call
     state: 8 add, 25 mul, 12 div, 1 sqrt, 1 call
     elastic: 2 mul
     weight: 3 add, 11 mul, 1 div
+    side: 2 add, 2 mul, 2 div
     drag: 2 mul
 
 Functions: droplet_contacts, droplet_state, droplet_energy.
@@ -107,6 +108,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
     low_lane = empty(16)
     high_lane = empty(16)
     open_lane = empty(16)
+    pressed_lane = empty(16)
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
@@ -125,6 +127,15 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
             high_lane[k] = inf
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
+        # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_star = target_lane[k]
+            h = -overlap if overlap < 0.0 else g
+            Y = h / (2.0 * g) - g / (2.0 * h)
+            side = Y - y_star
+            pressed_lane[k] = 1.0 if overlap >= 0.0 else (1.0 if side <= 0.0 else 0.0)
         left = 16.0
         round: int = 0
         while left > 0.0 and round < 100:
@@ -138,6 +149,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
                 grown = g * factor
                 shrunk = g / factor
                 h = grown if y_now > 0.0 else shrunk
+                pressed = pressed_lane[k]
                 R = q_lane[0 + k]
                 delta = h / 2.0 + overlap / 2.0
                 x0 = 1.0 / R
@@ -187,8 +199,8 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
                 ahead_p2 = ahead * ahead
                 w = x26 * ahead_p2
                 w_h = -2.0 * x24 * (2.0 * x26 * ahead - 2.0 * ahead_p2)
-                film = (1.0 if delta < 0.0 else w)
-                film_h = (0.0 if delta < 0.0 else w_h)
+                film = (w if pressed > 0.0 else 1.0)
+                film_h = (w_h if pressed > 0.0 else 0.0)
                 x28 = 1.0 / g
                 x29 = g / 2.0
                 Y = x28 * h / 2.0 - x1 * x29
@@ -221,10 +233,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
                 over = trial if low < trial else safe
                 inside = over if trial < high else safe
                 # quadratic convergence: after such a step what is left is below rounding
-                # but not across delta = 0, where the weights change over and slopes with them
-                crossed = delta * (delta + 0.5 * step / Y_h)
-                enough = 1e-14 if crossed < 0.0 else 1e-8
-                beyond = fabs(step) - enough * most
+                beyond = fabs(step) - 1e-8 * most
                 width = high - low - 1e-12 * most
                 unsettled = beyond if beyond < width else width
                 last = y_now + step
@@ -248,6 +257,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
             grown = g * factor
             shrunk = g / factor
             h = grown if y_now > 0.0 else shrunk
+            pressed = pressed_lane[k]
             R = q_lane[0 + k]
             delta = h / 2.0 + overlap / 2.0
             x0 = 1.0 / R
@@ -297,10 +307,10 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
             ahead_p2 = ahead * ahead
             w = x26 * ahead_p2
             w_h = -2.0 * x24 * (2.0 * x26 * ahead - 2.0 * ahead_p2)
-            film = (1.0 if delta < 0.0 else w)
-            film_h = (0.0 if delta < 0.0 else w_h)
-            grip = (w if delta < 0.0 else 1.0)
-            grip_h = (w_h if delta < 0.0 else 0.0)
+            film = (w if pressed > 0.0 else 1.0)
+            film_h = (w_h if pressed > 0.0 else 0.0)
+            grip = (1.0 if pressed > 0.0 else w)
+            grip_h = (0.0 if pressed > 0.0 else w_h)
             x28 = 1.0 / g
             x29 = g / 2.0
             Y = x28 * h / 2.0 - x1 * x29
@@ -344,6 +354,7 @@ def droplet_state(n: int, reach: float, overlaps: array, gap: array, p: array, q
         h = gap[i]
         R = q[0 * n + i]
         delta = h / 2.0 + overlap / 2.0
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / R
         x1 = 1.0 / h
         x2 = x0 + x1
@@ -364,8 +375,8 @@ def droplet_state(n: int, reach: float, overlaps: array, gap: array, p: array, q
         ahead = (0.0 if 0.0 > started else started)
         ahead_p2 = ahead * ahead
         w = ahead_p2 * (3.0 - 2.0 * ahead)
-        film = (1.0 if delta < 0.0 else w)
-        grip = (w if delta < 0.0 else 1.0)
+        film = (w if pressed > 0.0 else 1.0)
+        grip = (1.0 if pressed > 0.0 else w)
         rho = F_ela / zeta
         F = F_ela * grip
         friction = w * zeta
@@ -400,6 +411,7 @@ def droplet_energy(n: int, reach: float, overlaps: array, gap: array, p: array, 
             U += 2.0 * whole * weights[m] * F_ela
             U_h += 2.0 * whole * weights[m] * dF_dh
         delta = whole
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / reach
         fading = x0 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
@@ -408,8 +420,8 @@ def droplet_energy(n: int, reach: float, overlaps: array, gap: array, p: array, 
         ahead_p2 = ahead * ahead
         w = x2 * ahead_p2
         w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
-        grip = (w if delta < 0.0 else 1.0)
-        grip_h = (w_h if delta < 0.0 else 0.0)
+        grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         out[i] = grip * U
         out[n + i] = grip * U_h + grip_h * U
 

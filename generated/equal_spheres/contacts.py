@@ -14,12 +14,13 @@ Law 0ed9b85bd4713703, cf5d87a34f5fdf67:
     drag rotation = 8*pi*R**3*eta
 Left out, with the operations that each saved:
     no remote force: 360 -> 349
-Operations, 789 in all:
+Operations, 795 in all:
     iteration: 47 add, 131 mul, 31 div, 1 sqrt, 1 call
     tangent: 81 add, 221 mul, 42 div, 1 sqrt, 2 call
     state: 34 add, 98 mul, 22 div, 1 sqrt, 2 call
     elastic: 12 add, 33 mul, 6 div, 1 sqrt
     weight: 3 add, 11 mul, 1 div
+    side: 2 add, 2 mul, 2 div
     drag: 7 mul
 
 Functions: equal_spheres_contacts, equal_spheres_state, equal_spheres_energy.
@@ -114,6 +115,7 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
     low_lane = empty(16)
     high_lane = empty(16)
     open_lane = empty(16)
+    pressed_lane = empty(16)
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
@@ -134,6 +136,15 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
             q_lane[16 + k] = q[1 * n + i]
+        # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_star = target_lane[k]
+            h = -overlap if overlap < 0.0 else g
+            Y = h / (2.0 * g) - g / (2.0 * h)
+            side = Y - y_star
+            pressed_lane[k] = 1.0 if overlap >= 0.0 else (1.0 if side <= 0.0 else 0.0)
         left = 16.0
         round: int = 0
         while left > 0.0 and round < 100:
@@ -147,6 +158,7 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
                 grown = g * factor
                 shrunk = g / factor
                 h = grown if y_now > 0.0 else shrunk
+                pressed = pressed_lane[k]
                 R = q_lane[0 + k]
                 delta = h / 2.0 + overlap / 2.0
                 x0 = fabs(delta)
@@ -221,8 +233,8 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
                 ahead_p2 = ahead * ahead
                 w = x49 * ahead_p2
                 w_h = -2.0 * x47 * (2.0 * x49 * ahead - 2.0 * ahead_p2)
-                film = (1.0 if delta < 0.0 else w)
-                film_h = (0.0 if delta < 0.0 else w_h)
+                film = (w if pressed > 0.0 else 1.0)
+                film_h = (w_h if pressed > 0.0 else 0.0)
                 x51 = 1.0 / g
                 x52 = g / 2.0
                 Y = x51 * h / 2.0 - x2 * x52
@@ -254,10 +266,7 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
                 over = trial if low < trial else safe
                 inside = over if trial < high else safe
                 # quadratic convergence: after such a step what is left is below rounding
-                # but not across delta = 0, where the weights change over and slopes with them
-                crossed = delta * (delta + 0.5 * step / Y_h)
-                enough = 1e-14 if crossed < 0.0 else 1e-8
-                beyond = fabs(step) - enough * most
+                beyond = fabs(step) - 1e-8 * most
                 width = high - low - 1e-12 * most
                 unsettled = beyond if beyond < width else width
                 last = y_now + step
@@ -281,6 +290,7 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
             grown = g * factor
             shrunk = g / factor
             h = grown if y_now > 0.0 else shrunk
+            pressed = pressed_lane[k]
             R = q_lane[0 + k]
             size_ratio = q_lane[16 + k]
             delta = h / 2.0 + overlap / 2.0
@@ -363,10 +373,10 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
             ahead_p2 = ahead * ahead
             w = x57 * ahead_p2
             w_h = -2.0 * x55 * (2.0 * x57 * ahead - 2.0 * ahead_p2)
-            film = (1.0 if delta < 0.0 else w)
-            film_h = (0.0 if delta < 0.0 else w_h)
-            grip = (w if delta < 0.0 else 1.0)
-            grip_h = (w_h if delta < 0.0 else 0.0)
+            film = (w if pressed > 0.0 else 1.0)
+            film_h = (w_h if pressed > 0.0 else 0.0)
+            grip = (1.0 if pressed > 0.0 else w)
+            grip_h = (0.0 if pressed > 0.0 else w_h)
             x59 = 1.0 / g
             x60 = g / 2.0
             Y = x59 * h / 2.0 - x2 * x60
@@ -481,6 +491,7 @@ def equal_spheres_state(n: int, reach: float, overlaps: array, gap: array, p: ar
         R = q[0 * n + i]
         size_ratio = q[1 * n + i]
         delta = h / 2.0 + overlap / 2.0
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = fabs(delta)
         x1 = 1.0 / R
         x2 = 1.0 / h
@@ -528,8 +539,8 @@ def equal_spheres_state(n: int, reach: float, overlaps: array, gap: array, p: ar
         ahead = (0.0 if 0.0 > started else started)
         ahead_p2 = ahead * ahead
         w = ahead_p2 * (3.0 - 2.0 * ahead)
-        film = (1.0 if delta < 0.0 else w)
-        grip = (w if delta < 0.0 else 1.0)
+        film = (w if pressed > 0.0 else 1.0)
+        grip = (1.0 if pressed > 0.0 else w)
         rho = F_ela / zeta
         F = F_ela * grip
         friction = w * zeta
@@ -605,6 +616,7 @@ def equal_spheres_energy(n: int, reach: float, overlaps: array, gap: array, p: a
             U += 2.0 * whole * weights[m] * F_ela
             U_h += 2.0 * whole * weights[m] * dF_dh
         delta = whole
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / reach
         fading = x0 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
@@ -613,8 +625,8 @@ def equal_spheres_energy(n: int, reach: float, overlaps: array, gap: array, p: a
         ahead_p2 = ahead * ahead
         w = x2 * ahead_p2
         w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
-        grip = (w if delta < 0.0 else 1.0)
-        grip_h = (w_h if delta < 0.0 else 0.0)
+        grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         out[i] = grip * U
         out[n + i] = grip * U_h + grip_h * U
 

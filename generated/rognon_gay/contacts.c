@@ -9,12 +9,13 @@
  *     drag translation = 6*pi*R*eta
  * Left out, with the operations that each saved:
  *     no remote force: 118 -> 107
- * Operations, 280 in all:
+ * Operations, 286 in all:
  *     iteration: 18 add, 58 mul, 18 div, 1 sqrt
  *     tangent: 20 add, 64 mul, 20 div, 1 sqrt
  *     state: 6 add, 30 mul, 10 div, 1 sqrt
  *     elastic: 2 add, 11 mul, 2 div, 1 sqrt
  *     weight: 3 add, 11 mul, 1 div
+ *     side: 2 add, 2 mul, 2 div
  *     drag: 2 mul
  *
  * A C API that depends on math.h alone, for n contacts at given distances of their centres; see each function.
@@ -51,11 +52,13 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
     double overlap;
     double g;
     double y_star;
+    double h;
+    double Y;
     double y_now;
     double factor;
     double grown;
     double shrunk;
-    double h;
+    double pressed;
     double R;
     double delta;
     double x0;
@@ -94,7 +97,6 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
     double film_h;
     double x15;
     double x16;
-    double Y;
     double Y_h;
     double Y_hh;
     double x17;
@@ -112,6 +114,7 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
     double low_lane[16];
     double high_lane[16];
     double open_lane[16];
+    double pressed_lane[16];
     double h_lane[16];
     double F_lane[16];
     double F_r_lane[16];
@@ -131,6 +134,16 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
             open_lane[k] = 1.0;
             q_lane[0 + k] = q[0 * n + i];
         }
+        /* pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are */
+        for (int64_t k = 0; k < 16; k++) {
+            overlap = overlap_lane[k];
+            g = g_lane[k];
+            y_star = target_lane[k];
+            h = overlap < 0.0 ? -overlap : g;
+            Y = h / (2.0 * g) - g / (2.0 * h);
+            const double side = Y - y_star;
+            pressed_lane[k] = overlap >= 0.0 ? 1.0 : (side <= 0.0 ? 1.0 : 0.0);
+        }
         double left = 16.0;
         int64_t round = 0;
         while (left > 0.0 && round < 100) {
@@ -144,6 +157,7 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
                 grown = g * factor;
                 shrunk = g / factor;
                 h = y_now > 0.0 ? grown : shrunk;
+                pressed = pressed_lane[k];
                 R = q_lane[0 + k];
                 delta = h / 2.0 + overlap / 2.0;
                 x0 = fabs(delta);
@@ -178,8 +192,8 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
                 ahead_p2 = ahead * ahead;
                 w = x13 * ahead_p2;
                 w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2);
-                film = delta < 0.0 ? 1.0 : w;
-                film_h = delta < 0.0 ? 0.0 : w_h;
+                film = pressed > 0.0 ? w : 1.0;
+                film_h = pressed > 0.0 ? w_h : 0.0;
                 x15 = 1.0 / g;
                 x16 = g / 2.0;
                 Y = x15 * h / 2.0 - x16 * x8;
@@ -211,10 +225,7 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
                 const double over = low < trial ? trial : safe;
                 const double inside = trial < high ? over : safe;
                 /* quadratic convergence: after such a step what is left is below rounding */
-                /* but not across delta = 0, where the weights change over and slopes with them */
-                const double crossed = delta * (delta + 0.5 * step / Y_h);
-                const double enough = crossed < 0.0 ? 1e-14 : 1e-08;
-                const double beyond = fabs(step) - enough * most;
+                const double beyond = fabs(step) - 1e-08 * most;
                 const double width = high - low - 1e-12 * most;
                 const double unsettled = beyond < width ? beyond : width;
                 const double last = y_now + step;
@@ -241,6 +252,7 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
             grown = g * factor;
             shrunk = g / factor;
             h = y_now > 0.0 ? grown : shrunk;
+            pressed = pressed_lane[k];
             R = q_lane[0 + k];
             delta = h / 2.0 + overlap / 2.0;
             x0 = fabs(delta);
@@ -275,10 +287,10 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
             ahead_p2 = ahead * ahead;
             w = x13 * ahead_p2;
             w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2);
-            film = delta < 0.0 ? 1.0 : w;
-            film_h = delta < 0.0 ? 0.0 : w_h;
-            const double grip = delta < 0.0 ? w : 1.0;
-            const double grip_h = delta < 0.0 ? w_h : 0.0;
+            film = pressed > 0.0 ? w : 1.0;
+            film_h = pressed > 0.0 ? w_h : 0.0;
+            const double grip = pressed > 0.0 ? 1.0 : w;
+            const double grip_h = pressed > 0.0 ? 0.0 : w_h;
             x15 = 1.0 / g;
             x16 = g / 2.0;
             Y = x15 * h / 2.0 - x16 * x8;
@@ -324,6 +336,7 @@ void rognon_gay_state(int64_t n, double reach, const double *restrict overlaps, 
         const double h = gap[i];
         const double R = q[0 * n + i];
         const double delta = h / 2.0 + overlap / 2.0;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = fabs(delta);
         const double x1 = R + h;
         const double a = sqrt(2.0 * R * (R * h / x1 + x0));
@@ -348,8 +361,8 @@ void rognon_gay_state(int64_t n, double reach, const double *restrict overlaps, 
         const double ahead = 0.0 > started ? 0.0 : started;
         const double ahead_p2 = ahead * ahead;
         const double w = ahead_p2 * (3.0 - 2.0 * ahead);
-        const double film = delta < 0.0 ? 1.0 : w;
-        const double grip = delta < 0.0 ? w : 1.0;
+        const double film = pressed > 0.0 ? w : 1.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
         const double rho = F_ela / zeta;
         const double F = F_ela * grip;
         const double friction = w * zeta;
@@ -394,6 +407,7 @@ void rognon_gay_energy(int64_t n, double reach, const double *restrict overlaps,
             U_h += 2.0 * whole * weights[m] * dF_dh;
         }
         delta = whole;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         x0 = 1.0 / reach;
         const double fading = x0 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
@@ -402,8 +416,8 @@ void rognon_gay_energy(int64_t n, double reach, const double *restrict overlaps,
         const double ahead_p2 = ahead * ahead;
         const double w = x2 * ahead_p2;
         const double w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2);
-        const double grip = delta < 0.0 ? w : 1.0;
-        const double grip_h = delta < 0.0 ? w_h : 0.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         out[i] = grip * U;
         out[n + i] = grip * U_h + grip_h * U;
     }

@@ -9,12 +9,13 @@ Law b2a8534843dae832, 9fb2ccb7b9282ed1:
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
     no remote force: 118 -> 107
-Operations, 280 in all:
+Operations, 286 in all:
     iteration: 18 add, 58 mul, 18 div, 1 sqrt
     tangent: 20 add, 64 mul, 20 div, 1 sqrt
     state: 6 add, 30 mul, 10 div, 1 sqrt
     elastic: 2 add, 11 mul, 2 div, 1 sqrt
     weight: 3 add, 11 mul, 1 div
+    side: 2 add, 2 mul, 2 div
     drag: 2 mul
 
 Functions: rognon_gay_contacts, rognon_gay_state, rognon_gay_energy.
@@ -51,6 +52,7 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
     low_lane = empty(16)
     high_lane = empty(16)
     open_lane = empty(16)
+    pressed_lane = empty(16)
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
@@ -69,6 +71,15 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
             high_lane[k] = inf
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
+        # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_star = target_lane[k]
+            h = -overlap if overlap < 0.0 else g
+            Y = h / (2.0 * g) - g / (2.0 * h)
+            side = Y - y_star
+            pressed_lane[k] = 1.0 if overlap >= 0.0 else (1.0 if side <= 0.0 else 0.0)
         left = 16.0
         round: int = 0
         while left > 0.0 and round < 100:
@@ -82,6 +93,7 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
                 grown = g * factor
                 shrunk = g / factor
                 h = grown if y_now > 0.0 else shrunk
+                pressed = pressed_lane[k]
                 R = q_lane[0 + k]
                 delta = h / 2.0 + overlap / 2.0
                 x0 = fabs(delta)
@@ -116,8 +128,8 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
                 ahead_p2 = ahead * ahead
                 w = x13 * ahead_p2
                 w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
-                film = (1.0 if delta < 0.0 else w)
-                film_h = (0.0 if delta < 0.0 else w_h)
+                film = (w if pressed > 0.0 else 1.0)
+                film_h = (w_h if pressed > 0.0 else 0.0)
                 x15 = 1.0 / g
                 x16 = g / 2.0
                 Y = x15 * h / 2.0 - x16 * x8
@@ -149,10 +161,7 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
                 over = trial if low < trial else safe
                 inside = over if trial < high else safe
                 # quadratic convergence: after such a step what is left is below rounding
-                # but not across delta = 0, where the weights change over and slopes with them
-                crossed = delta * (delta + 0.5 * step / Y_h)
-                enough = 1e-14 if crossed < 0.0 else 1e-8
-                beyond = fabs(step) - enough * most
+                beyond = fabs(step) - 1e-8 * most
                 width = high - low - 1e-12 * most
                 unsettled = beyond if beyond < width else width
                 last = y_now + step
@@ -176,6 +185,7 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
             grown = g * factor
             shrunk = g / factor
             h = grown if y_now > 0.0 else shrunk
+            pressed = pressed_lane[k]
             R = q_lane[0 + k]
             delta = h / 2.0 + overlap / 2.0
             x0 = fabs(delta)
@@ -210,10 +220,10 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
             ahead_p2 = ahead * ahead
             w = x13 * ahead_p2
             w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
-            film = (1.0 if delta < 0.0 else w)
-            film_h = (0.0 if delta < 0.0 else w_h)
-            grip = (w if delta < 0.0 else 1.0)
-            grip_h = (w_h if delta < 0.0 else 0.0)
+            film = (w if pressed > 0.0 else 1.0)
+            film_h = (w_h if pressed > 0.0 else 0.0)
+            grip = (1.0 if pressed > 0.0 else w)
+            grip_h = (0.0 if pressed > 0.0 else w_h)
             x15 = 1.0 / g
             x16 = g / 2.0
             Y = x15 * h / 2.0 - x16 * x8
@@ -256,6 +266,7 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
         h = gap[i]
         R = q[0 * n + i]
         delta = h / 2.0 + overlap / 2.0
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = fabs(delta)
         x1 = R + h
         a = sqrt(2.0 * R * (R * h / x1 + x0))
@@ -280,8 +291,8 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
         ahead = (0.0 if 0.0 > started else started)
         ahead_p2 = ahead * ahead
         w = ahead_p2 * (3.0 - 2.0 * ahead)
-        film = (1.0 if delta < 0.0 else w)
-        grip = (w if delta < 0.0 else 1.0)
+        film = (w if pressed > 0.0 else 1.0)
+        grip = (1.0 if pressed > 0.0 else w)
         rho = F_ela / zeta
         F = F_ela * grip
         friction = w * zeta
@@ -323,6 +334,7 @@ def rognon_gay_energy(n: int, reach: float, overlaps: array, gap: array, p: arra
             U += 2.0 * whole * weights[m] * F_ela
             U_h += 2.0 * whole * weights[m] * dF_dh
         delta = whole
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / reach
         fading = x0 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
@@ -331,8 +343,8 @@ def rognon_gay_energy(n: int, reach: float, overlaps: array, gap: array, p: arra
         ahead_p2 = ahead * ahead
         w = x2 * ahead_p2
         w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
-        grip = (w if delta < 0.0 else 1.0)
-        grip_h = (w_h if delta < 0.0 else 0.0)
+        grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         out[i] = grip * U
         out[n + i] = grip * U_h + grip_h * U
 

@@ -7,12 +7,13 @@
  *     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
  *     F_adh = pi*Pi0*(R*ell - 2*R/(1/h + 1/R) + a**2)*exp(-h/ell)
  *     drag translation = 6*pi*R*eta
- * Operations, 438 in all:
+ * Operations, 491 in all:
  *     iteration: 41 add, 104 mul, 25 div, 1 sqrt, 2 call
  *     tangent: 45 add, 111 mul, 27 div, 1 sqrt, 2 call
  *     state: 11 add, 33 mul, 13 div, 1 sqrt, 2 call
  *     elastic: 2 mul
  *     weight: 3 add, 11 mul, 1 div
+ *     side: 10 add, 25 mul, 14 div, 2 sqrt, 2 call
  *     drag: 2 mul
  *
  * A C API that depends on math.h alone, for n contacts at given distances of their centres; see each function.
@@ -146,40 +147,43 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
     double overlap;
     double g;
     double y_star;
+    double h;
+    double R;
+    double x0;
+    double x1;
+    double x2;
+    double a;
+    double R_p2;
+    double a_p2;
+    double a_p4;
+    double x2_p2;
+    double zeta;
+    double F_adh;
+    double Y;
+    double h_p2;
+    double Y_h;
     double y_now;
     double factor;
     double grown;
     double shrunk;
-    double h;
-    double R;
+    double pressed;
     double delta;
-    double x0;
-    double x1;
-    double x2;
     double x3;
-    double a;
     double x4;
     double F_ela;
-    double a_p2;
-    double a_p4;
-    double x2_p2;
     double x8;
-    double R_p2;
     double x9;
     double x10;
     double x11;
     double x12;
     double x13;
     double x14;
-    double zeta;
     double x16;
     double x17;
     double x18;
     double x19;
-    double F_adh;
     double dF_ddelta;
     double dF_dh;
-    double h_p2;
     double x21;
     double x22;
     double x24;
@@ -212,8 +216,6 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
     double film_h;
     double x37;
     double x38;
-    double Y;
-    double Y_h;
     double h_p3;
     double Y_hh;
     double x39;
@@ -233,6 +235,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
     double low_lane[16];
     double high_lane[16];
     double open_lane[16];
+    double pressed_lane[16];
     double h_lane[16];
     double F_lane[16];
     double F_r_lane[16];
@@ -252,6 +255,32 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
             open_lane[k] = 1.0;
             q_lane[0 + k] = q[0 * n + i];
         }
+        /* pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are */
+        for (int64_t k = 0; k < 16; k++) {
+            overlap = overlap_lane[k];
+            g = g_lane[k];
+            y_star = target_lane[k];
+            h = overlap < 0.0 ? -overlap : g;
+            R = q_lane[0 + k];
+            x0 = 1.0 / R;
+            x1 = 1.0 / h;
+            x2 = x0 + x1;
+            a = sqrt(2.0 * R) / sqrt(x2);
+            const double x5 = x1 * R;
+            R_p2 = R * R;
+            a_p2 = a * a;
+            a_p4 = a_p2 * a_p2;
+            x2_p2 = x2 * x2;
+            zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * _lane_log1p(20.0 / 9.0 * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
+            F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - 2.0 * R / x2) * _lane_exp(-h / own_ell);
+            const double x6 = 1.0 / g;
+            const double x7 = g / 2.0;
+            Y = x6 * h / 2.0 - x1 * x7;
+            h_p2 = h * h;
+            Y_h = x6 / 2.0 + x7 / h_p2;
+            const double side = Y - F_adh * Y_h * s / zeta - y_star;
+            pressed_lane[k] = overlap >= 0.0 ? 1.0 : (side <= 0.0 ? 1.0 : 0.0);
+        }
         double left = 16.0;
         int64_t round = 0;
         while (left > 0.0 && round < 100) {
@@ -265,6 +294,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
                 grown = g * factor;
                 shrunk = g / factor;
                 h = y_now > 0.0 ? grown : shrunk;
+                pressed = pressed_lane[k];
                 R = q_lane[0 + k];
                 delta = h / 2.0 + overlap / 2.0;
                 x0 = 1.0 / R;
@@ -322,8 +352,8 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
                 ahead_p2 = ahead * ahead;
                 w = x35 * ahead_p2;
                 w_h = -2.0 * x33 * (2.0 * x35 * ahead - 2.0 * ahead_p2);
-                film = delta < 0.0 ? 1.0 : w;
-                film_h = delta < 0.0 ? 0.0 : w_h;
+                film = pressed > 0.0 ? w : 1.0;
+                film_h = pressed > 0.0 ? w_h : 0.0;
                 x37 = 1.0 / g;
                 x38 = g / 2.0;
                 Y = x37 * h / 2.0 - x1 * x38;
@@ -356,10 +386,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
                 const double over = low < trial ? trial : safe;
                 const double inside = trial < high ? over : safe;
                 /* quadratic convergence: after such a step what is left is below rounding */
-                /* but not across delta = 0, where the weights change over and slopes with them */
-                const double crossed = delta * (delta + 0.5 * step / Y_h);
-                const double enough = crossed < 0.0 ? 1e-14 : 1e-08;
-                const double beyond = fabs(step) - enough * most;
+                const double beyond = fabs(step) - 1e-08 * most;
                 const double width = high - low - 1e-12 * most;
                 const double unsettled = beyond < width ? beyond : width;
                 const double last = y_now + step;
@@ -386,6 +413,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
             grown = g * factor;
             shrunk = g / factor;
             h = y_now > 0.0 ? grown : shrunk;
+            pressed = pressed_lane[k];
             R = q_lane[0 + k];
             delta = h / 2.0 + overlap / 2.0;
             x0 = 1.0 / R;
@@ -443,10 +471,10 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
             ahead_p2 = ahead * ahead;
             w = x35 * ahead_p2;
             w_h = -2.0 * x33 * (2.0 * x35 * ahead - 2.0 * ahead_p2);
-            film = delta < 0.0 ? 1.0 : w;
-            film_h = delta < 0.0 ? 0.0 : w_h;
-            const double grip = delta < 0.0 ? w : 1.0;
-            const double grip_h = delta < 0.0 ? w_h : 0.0;
+            film = pressed > 0.0 ? w : 1.0;
+            film_h = pressed > 0.0 ? w_h : 0.0;
+            const double grip = pressed > 0.0 ? 1.0 : w;
+            const double grip_h = pressed > 0.0 ? 0.0 : w_h;
             x37 = 1.0 / g;
             x38 = g / 2.0;
             Y = x37 * h / 2.0 - x1 * x38;
@@ -495,6 +523,7 @@ void soap_film_state(int64_t n, double reach, const double *restrict overlaps, c
         const double h = gap[i];
         const double R = q[0 * n + i];
         const double delta = h / 2.0 + overlap / 2.0;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = 1.0 / R;
         const double x1 = 1.0 / h;
         const double x2 = x0 + x1;
@@ -517,8 +546,8 @@ void soap_film_state(int64_t n, double reach, const double *restrict overlaps, c
         const double ahead = 0.0 > started ? 0.0 : started;
         const double ahead_p2 = ahead * ahead;
         const double w = ahead_p2 * (3.0 - 2.0 * ahead);
-        const double film = delta < 0.0 ? 1.0 : w;
-        const double grip = delta < 0.0 ? w : 1.0;
+        const double film = pressed > 0.0 ? w : 1.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
         const double rho = (F_ela - F_adh * film) / zeta;
         const double F = F_ela * grip;
         const double friction = w * zeta;
@@ -555,6 +584,7 @@ void soap_film_energy(int64_t n, double reach, const double *restrict overlaps, 
             U_h += 2.0 * whole * weights[m] * dF_dh;
         }
         delta = whole;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = 1.0 / reach;
         const double fading = x0 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
@@ -563,8 +593,8 @@ void soap_film_energy(int64_t n, double reach, const double *restrict overlaps, 
         const double ahead_p2 = ahead * ahead;
         const double w = x2 * ahead_p2;
         const double w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2);
-        const double grip = delta < 0.0 ? w : 1.0;
-        const double grip_h = delta < 0.0 ? w_h : 0.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         out[i] = grip * U;
         out[n + i] = grip * U_h + grip_h * U;
     }

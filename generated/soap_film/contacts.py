@@ -7,12 +7,13 @@ Law b58da6dec597cfd2, 9fb2ccb7b9282ed1:
     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
     F_adh = pi*Pi0*(R*ell - 2*R/(1/h + 1/R) + a**2)*exp(-h/ell)
     drag translation = 6*pi*R*eta
-Operations, 438 in all:
+Operations, 491 in all:
     iteration: 41 add, 104 mul, 25 div, 1 sqrt, 2 call
     tangent: 45 add, 111 mul, 27 div, 1 sqrt, 2 call
     state: 11 add, 33 mul, 13 div, 1 sqrt, 2 call
     elastic: 2 mul
     weight: 3 add, 11 mul, 1 div
+    side: 10 add, 25 mul, 14 div, 2 sqrt, 2 call
     drag: 2 mul
 
 Functions: soap_film_contacts, soap_film_state, soap_film_energy.
@@ -139,6 +140,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
     low_lane = empty(16)
     high_lane = empty(16)
     open_lane = empty(16)
+    pressed_lane = empty(16)
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
@@ -157,6 +159,31 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
             high_lane[k] = inf
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
+        # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
+        for k in range(16):
+            overlap = overlap_lane[k]
+            g = g_lane[k]
+            y_star = target_lane[k]
+            h = -overlap if overlap < 0.0 else g
+            R = q_lane[0 + k]
+            x0 = 1.0 / R
+            x1 = 1.0 / h
+            x2 = x0 + x1
+            a = sqrt(2.0 * R) / sqrt(x2)
+            x5 = x1 * R
+            R_p2 = R * R
+            a_p2 = a * a
+            a_p4 = a_p2 * a_p2
+            x2_p2 = x2 * x2
+            zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * _lane_log1p((20.0 / 9.0) * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
+            F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - 2.0 * R / x2) * _lane_exp(-h / own_ell)
+            x6 = 1.0 / g
+            x7 = g / 2.0
+            Y = x6 * h / 2.0 - x1 * x7
+            h_p2 = h * h
+            Y_h = x6 / 2.0 + x7 / h_p2
+            side = Y - F_adh * Y_h * s / zeta - y_star
+            pressed_lane[k] = 1.0 if overlap >= 0.0 else (1.0 if side <= 0.0 else 0.0)
         left = 16.0
         round: int = 0
         while left > 0.0 and round < 100:
@@ -170,6 +197,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
                 grown = g * factor
                 shrunk = g / factor
                 h = grown if y_now > 0.0 else shrunk
+                pressed = pressed_lane[k]
                 R = q_lane[0 + k]
                 delta = h / 2.0 + overlap / 2.0
                 x0 = 1.0 / R
@@ -227,8 +255,8 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
                 ahead_p2 = ahead * ahead
                 w = x35 * ahead_p2
                 w_h = -2.0 * x33 * (2.0 * x35 * ahead - 2.0 * ahead_p2)
-                film = (1.0 if delta < 0.0 else w)
-                film_h = (0.0 if delta < 0.0 else w_h)
+                film = (w if pressed > 0.0 else 1.0)
+                film_h = (w_h if pressed > 0.0 else 0.0)
                 x37 = 1.0 / g
                 x38 = g / 2.0
                 Y = x37 * h / 2.0 - x1 * x38
@@ -261,10 +289,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
                 over = trial if low < trial else safe
                 inside = over if trial < high else safe
                 # quadratic convergence: after such a step what is left is below rounding
-                # but not across delta = 0, where the weights change over and slopes with them
-                crossed = delta * (delta + 0.5 * step / Y_h)
-                enough = 1e-14 if crossed < 0.0 else 1e-8
-                beyond = fabs(step) - enough * most
+                beyond = fabs(step) - 1e-8 * most
                 width = high - low - 1e-12 * most
                 unsettled = beyond if beyond < width else width
                 last = y_now + step
@@ -288,6 +313,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
             grown = g * factor
             shrunk = g / factor
             h = grown if y_now > 0.0 else shrunk
+            pressed = pressed_lane[k]
             R = q_lane[0 + k]
             delta = h / 2.0 + overlap / 2.0
             x0 = 1.0 / R
@@ -345,10 +371,10 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
             ahead_p2 = ahead * ahead
             w = x35 * ahead_p2
             w_h = -2.0 * x33 * (2.0 * x35 * ahead - 2.0 * ahead_p2)
-            film = (1.0 if delta < 0.0 else w)
-            film_h = (0.0 if delta < 0.0 else w_h)
-            grip = (w if delta < 0.0 else 1.0)
-            grip_h = (w_h if delta < 0.0 else 0.0)
+            film = (w if pressed > 0.0 else 1.0)
+            film_h = (w_h if pressed > 0.0 else 0.0)
+            grip = (1.0 if pressed > 0.0 else w)
+            grip_h = (0.0 if pressed > 0.0 else w_h)
             x37 = 1.0 / g
             x38 = g / 2.0
             Y = x37 * h / 2.0 - x1 * x38
@@ -394,6 +420,7 @@ def soap_film_state(n: int, reach: float, overlaps: array, gap: array, p: array,
         h = gap[i]
         R = q[0 * n + i]
         delta = h / 2.0 + overlap / 2.0
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / R
         x1 = 1.0 / h
         x2 = x0 + x1
@@ -416,8 +443,8 @@ def soap_film_state(n: int, reach: float, overlaps: array, gap: array, p: array,
         ahead = (0.0 if 0.0 > started else started)
         ahead_p2 = ahead * ahead
         w = ahead_p2 * (3.0 - 2.0 * ahead)
-        film = (1.0 if delta < 0.0 else w)
-        grip = (w if delta < 0.0 else 1.0)
+        film = (w if pressed > 0.0 else 1.0)
+        grip = (1.0 if pressed > 0.0 else w)
         rho = (F_ela - F_adh * film) / zeta
         F = F_ela * grip
         friction = w * zeta
@@ -452,6 +479,7 @@ def soap_film_energy(n: int, reach: float, overlaps: array, gap: array, p: array
             U += 2.0 * whole * weights[m] * F_ela
             U_h += 2.0 * whole * weights[m] * dF_dh
         delta = whole
+        pressed = (1.0 if delta >= 0.0 else 0.0)
         x0 = 1.0 / reach
         fading = x0 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
@@ -460,8 +488,8 @@ def soap_film_energy(n: int, reach: float, overlaps: array, gap: array, p: array
         ahead_p2 = ahead * ahead
         w = x2 * ahead_p2
         w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2)
-        grip = (w if delta < 0.0 else 1.0)
-        grip_h = (w_h if delta < 0.0 else 0.0)
+        grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         out[i] = grip * U
         out[n + i] = grip * U_h + grip_h * U
 

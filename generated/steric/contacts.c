@@ -12,12 +12,13 @@
  *     k_t = 2*E*a/((2 - nu)*(nu + 1))
  *     drag translation = 6*pi*R*eta
  *     drag rotation = 8*pi*R**3*eta
- * Operations, 924 in all:
+ * Operations, 1003 in all:
  *     iteration: 54 add, 158 mul, 36 div, 13 sqrt, 1 call
  *     tangent: 90 add, 249 mul, 47 div, 13 sqrt, 2 call
  *     state: 37 add, 115 mul, 24 div, 9 sqrt, 2 call
  *     elastic: 12 add, 33 mul, 6 div, 1 sqrt
  *     weight: 3 add, 11 mul, 1 div
+ *     side: 12 add, 40 mul, 17 div, 9 sqrt, 1 call
  *     drag: 7 mul
  *
  * A C API that depends on math.h alone, for n contacts at given distances of their centres; see each function.
@@ -120,52 +121,55 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
     double overlap;
     double g;
     double y_star;
+    double h;
+    double R;
+    double x0;
+    double x1;
+    double x2;
+    double a;
+    double x4;
+    double R_p2;
+    double R_p3;
+    double a_p2;
+    double a_p4;
+    double a_p3;
+    double a_p6;
+    double zeta;
+    double F_adh;
+    double x6;
+    double x7;
+    double Y;
+    double h_p2;
+    double Y_h;
     double y_now;
     double factor;
     double grown;
     double shrunk;
-    double h;
-    double R;
+    double pressed;
     double delta;
-    double x0;
-    double x1;
-    double x2;
     double x3;
-    double x4;
     double x3_p2;
-    double x6;
-    double a;
     double own_nu_p2;
-    double x7;
     double x8;
     double F_ela;
-    double R_p2;
-    double R_p3;
-    double a_p2;
-    double a_p3;
-    double a_p6;
     double x3_p3;
     double x11;
     double x12;
     double x13;
     double x14;
     double x15;
-    double a_p4;
     double x17;
-    double zeta;
     double x18;
     double x19;
     double x20;
     double x21;
     double x22;
-    double F_adh;
     double x25;
     double x26;
     double x27;
     double x28;
     double delta_p2;
     double x31;
-    double h_p2;
     double x33;
     double x35;
     double x36;
@@ -201,8 +205,6 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
     double film;
     double film_h;
     double x57;
-    double Y;
-    double Y_h;
     double Y_hh;
     double x59;
     double rho;
@@ -222,6 +224,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
     double low_lane[16];
     double high_lane[16];
     double open_lane[16];
+    double pressed_lane[16];
     double h_lane[16];
     double F_lane[16];
     double F_r_lane[16];
@@ -243,6 +246,37 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
             q_lane[0 + k] = q[0 * n + i];
             q_lane[16 + k] = q[1 * n + i];
         }
+        /* pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are */
+        for (int64_t k = 0; k < 16; k++) {
+            overlap = overlap_lane[k];
+            g = g_lane[k];
+            y_star = target_lane[k];
+            h = overlap < 0.0 ? -overlap : g;
+            R = q_lane[0 + k];
+            x0 = 1.0 / R;
+            x1 = 1.0 / h;
+            x2 = x0 + x1;
+            const double x2_p2 = x2 * x2;
+            a = sqrt(R * (1.0 / x2 + 5.0 * (x0 / 4.0 + x1 / 4.0) / x2_p2));
+            x4 = x1 * R;
+            R_p2 = R * R;
+            R_p3 = R_p2 * R;
+            a_p2 = a * a;
+            a_p4 = a_p2 * a_p2;
+            a_p3 = a_p2 * a;
+            a_p6 = a_p3 * a_p3;
+            const double x2_p3 = x2_p2 * x2;
+            zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x4 / 2.0 + 0.45 * _lane_log1p(20.0 / 9.0 * x4) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
+            const double x5 = 1.189207115002721;
+            F_adh = h < 2.0 * own_L ? 0.17951958020513104 * R * own_L * own_Pi0 * (5.0 * x5 * h * sqrt(h * sqrt(h)) / (own_L * sqrt(own_L * sqrt(own_L))) + 56.0 * x5 * own_L * sqrt(sqrt(own_L)) / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
+            x6 = 1.0 / g;
+            x7 = g / 2.0;
+            Y = x6 * h / 2.0 - x1 * x7;
+            h_p2 = h * h;
+            Y_h = x6 / 2.0 + x7 / h_p2;
+            const double side = Y - F_adh * Y_h * s / zeta - y_star;
+            pressed_lane[k] = overlap >= 0.0 ? 1.0 : (side <= 0.0 ? 1.0 : 0.0);
+        }
         double left = 16.0;
         int64_t round = 0;
         while (left > 0.0 && round < 100) {
@@ -256,6 +290,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
                 grown = g * factor;
                 shrunk = g / factor;
                 h = y_now > 0.0 ? grown : shrunk;
+                pressed = pressed_lane[k];
                 R = q_lane[0 + k];
                 delta = h / 2.0 + overlap / 2.0;
                 x0 = fabs(delta);
@@ -338,8 +373,8 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
                 ahead_p2 = ahead * ahead;
                 w = x55 * ahead_p2;
                 w_h = -2.0 * x53 * (2.0 * x55 * ahead - 2.0 * ahead_p2);
-                film = delta < 0.0 ? 1.0 : w;
-                film_h = delta < 0.0 ? 0.0 : w_h;
+                film = pressed > 0.0 ? w : 1.0;
+                film_h = pressed > 0.0 ? w_h : 0.0;
                 x57 = 1.0 / g;
                 const double x58 = g / 2.0;
                 Y = x57 * h / 2.0 - x2 * x58;
@@ -371,10 +406,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
                 const double over = low < trial ? trial : safe;
                 const double inside = trial < high ? over : safe;
                 /* quadratic convergence: after such a step what is left is below rounding */
-                /* but not across delta = 0, where the weights change over and slopes with them */
-                const double crossed = delta * (delta + 0.5 * step / Y_h);
-                const double enough = crossed < 0.0 ? 1e-14 : 1e-08;
-                const double beyond = fabs(step) - enough * most;
+                const double beyond = fabs(step) - 1e-08 * most;
                 const double width = high - low - 1e-12 * most;
                 const double unsettled = beyond < width ? beyond : width;
                 const double last = y_now + step;
@@ -401,6 +433,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
             grown = g * factor;
             shrunk = g / factor;
             h = y_now > 0.0 ? grown : shrunk;
+            pressed = pressed_lane[k];
             R = q_lane[0 + k];
             const double size_ratio = q_lane[16 + k];
             delta = h / 2.0 + overlap / 2.0;
@@ -491,10 +524,10 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
             ahead_p2 = ahead * ahead;
             w = x63 * ahead_p2;
             w_h = -2.0 * x61 * (2.0 * x63 * ahead - 2.0 * ahead_p2);
-            film = delta < 0.0 ? 1.0 : w;
-            film_h = delta < 0.0 ? 0.0 : w_h;
-            const double grip = delta < 0.0 ? w : 1.0;
-            const double grip_h = delta < 0.0 ? w_h : 0.0;
+            film = pressed > 0.0 ? w : 1.0;
+            film_h = pressed > 0.0 ? w_h : 0.0;
+            const double grip = pressed > 0.0 ? 1.0 : w;
+            const double grip_h = pressed > 0.0 ? 0.0 : w_h;
             const double x65 = 1.0 / g;
             const double x66 = g / 2.0;
             Y = x65 * h / 2.0 - x2 * x66;
@@ -614,6 +647,7 @@ void steric_state(int64_t n, double reach, const double *restrict overlaps, cons
         const double R = q[0 * n + i];
         const double size_ratio = q[1 * n + i];
         const double delta = h / 2.0 + overlap / 2.0;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         const double x0 = fabs(delta);
         const double x1 = 1.0 / R;
         const double x2 = 1.0 / h;
@@ -663,8 +697,8 @@ void steric_state(int64_t n, double reach, const double *restrict overlaps, cons
         const double ahead = 0.0 > started ? 0.0 : started;
         const double ahead_p2 = ahead * ahead;
         const double w = ahead_p2 * (3.0 - 2.0 * ahead);
-        const double film = delta < 0.0 ? 1.0 : w;
-        const double grip = delta < 0.0 ? w : 1.0;
+        const double film = pressed > 0.0 ? w : 1.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
         const double rho = (F_ela - F_adh * film) / zeta;
         const double F = F_ela * grip;
         const double friction = w * zeta;
@@ -744,6 +778,7 @@ void steric_energy(int64_t n, double reach, const double *restrict overlaps, con
             U_h += 2.0 * whole * weights[m] * dF_dh;
         }
         delta = whole;
+        const double pressed = delta >= 0.0 ? 1.0 : 0.0;
         x0 = 1.0 / reach;
         const double fading = x0 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
@@ -752,8 +787,8 @@ void steric_energy(int64_t n, double reach, const double *restrict overlaps, con
         const double ahead_p2 = ahead * ahead;
         const double w = x2 * ahead_p2;
         const double w_h = -2.0 * x0 * (2.0 * x2 * ahead - 2.0 * ahead_p2);
-        const double grip = delta < 0.0 ? w : 1.0;
-        const double grip_h = delta < 0.0 ? w_h : 0.0;
+        const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         out[i] = grip * U;
         out[n + i] = grip * U_h + grip_h * U;
     }
