@@ -72,6 +72,14 @@ ANIMATIONS = (".gif", ".mp4")
 Command = Callable[[argparse.Namespace], int]
 
 
+def _goes_on(options: argparse.Namespace) -> str:
+    """How an interrupted run goes on, if it left a checkpoint."""
+    output = getattr(options, "output", None)
+    if not hasattr(options, "resume") or output is None or not output.with_suffix(".checkpoint.npz").exists():
+        return ""
+    return f"; its state is in {output.with_suffix('.checkpoint.npz')}: the same command with --resume goes on from it"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; errors of the user's input end with one message on stderr and exit status 2."""
     parser = _parser()
@@ -94,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         return 2
     except KeyboardInterrupt:
-        print("softdyn: interrupted", file=sys.stderr)
+        print(f"softdyn: interrupted{_goes_on(options)}", file=sys.stderr)
         return 130
 
 

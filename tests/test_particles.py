@@ -432,7 +432,7 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"positions": [[0, 0], [1.9, 0]], "gap": None}, "particles 0 and 1 first: give the initial gap"),
         ({"positions": [[1, 1], [30, 1]], "box": [20.0, 20.0], "reach": 1.0}, "particle 1 outside of the periodic box"),
         ({"positions": [[1, 1], [3.1, np.nan]]}, "particle 1 are not finite"),
-        ({"radii": [1.0, -1.0]}, "particle 1 have others"),
+        ({"radii": [1.0, -1.0]}, "unlike that of particle 1: "),
         ({"radii": [1.0, 30.0], "positions": [[0, 0], [32, 0]]}, "factor of 30"),
         ({"box": [4.0, 4.0], "reach": 1.0, "positions": [[1, 1], [3.1, 1]]}, "too small along x, y"),
         ({"parameters": {"E": {"a": 1.0}, "eta": 1.0}}, "unknown species 'a'"),
@@ -457,10 +457,10 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"holds": [Hold([0], None)]}, "axes must be some of 'xy', not None"),
         ({"holds": [Hold([0], "x"), Hold([0], "xy")]}, "particle 0 held twice along x"),
         ({"holds": [Hold([0], "z")]}, "axes must be some of 'xy'"),
-        ({"gap": 1.0, "reach": 0.5}, "must not exceed half the range"),
+        ({"gap": 1.0, "reach": 0.5}, "must not exceed half of the range"),
         ({"shear_rate": 1.0}, "here is neither"),
         ({"rtol": 1.0}, "rtol must lie between"),
-        ({"until": -1.0}, "until must be a positive number"),
+        ({"until": -1.0}, r"\[until\] t must be a positive number"),
         ({"walls": [Wall(np.zeros(2), np.array([1.0, 0.0]))]}, "particles 0, 1 on the wrong side of wall 0"),
         ({"times": [0.0, 2e4]}, "times must increase"),
         ({"constants": {"w": 1.0}}, "does not appear"),
@@ -677,3 +677,33 @@ def test_what_is_outside_the_model_is_told() -> None:
     (warning,) = pulled.stats["warnings"]
     assert "the contact of particles 0 and 1 is pulled to a deflection of" in warning
     assert "no law of contacts holds" in warning
+
+
+def test_no_particle_passes_through_another() -> None:
+    """However hard it is pushed: the run ends by name where surfaces would be pressed by more than a radius."""
+    holds, pushes = [Hold([0], "xy")], [Push([1], [-1e3, 0.0])]
+    places = [[0.0, 0.0], [2.01, 0.0], [4.5, 0.0]]
+    with pytest.raises(
+        IntegrationError, match="the contact of particles 0 and 1 is pressed to a deflection of"
+    ) as error:
+        simulate_particles(scene(positions=places, gap=None, holds=holds, pushes=pushes, drag=1.0, until=10.0))
+    assert np.all(error.value.partial.x[:, 1, 0] > 0)
+
+
+def test_no_wall_passes_through_a_particle() -> None:
+    walls = [Wall([0.0, -1.01], [0.0, -1.0], velocity=[0.0, 1.0]), Wall([0.0, 1.01], [0.0, 1.0])]
+    with pytest.raises(IntegrationError, match=r"wall [01] is pressed to a deflection of"):
+        simulate_particles(scene(positions=[[0.0, 0.0], [2.5, 0.0]], gap=None, walls=walls, drag=1.0, until=10.0))
+
+
+def test_a_pulled_pair_without_drag_has_an_equilibrium() -> None:
+    """Overlapping at first, so that forces grow small on the way: what is left is compared, not its ratio to them."""
+    pushes = [Push([0], [-1e-4, 0.0]), Push([1], [1e-4, 0.0])]
+    result = simulate_particles(scene(positions=[[0.0, 0.0], [1.98, 0.0]], gap=0.02, pushes=pushes, until=100.0))
+    np.testing.assert_allclose(result.contacts(0)["F"], -1e-4, rtol=1e-3)
+
+
+def test_what_is_too_large_to_be_searched_for_loose_particles_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(linear, "LARGEST_FACTOR", 0)
+    (warning,) = simulate_particles(hexagons(shear_rate=1e-4, until=30.0)).stats["warnings"]
+    assert "not searched for motions that nothing resists" in warning

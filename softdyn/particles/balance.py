@@ -89,8 +89,10 @@ class Balance:
     r : array, shape (contacts,)
     reaction : array, shape (N, d + rotations)
         Residual of the balance: what holds the fixed coordinates, below tolerance elsewhere.
+    off : float
+        Largest of the others, less what rounding makes of it.
     residual : float
-        Largest of the others, relative to the largest force.
+        That relative to the largest force.
     slid : Slid or None
         Tangential forces.
     values : dict
@@ -105,6 +107,7 @@ class Balance:
     n: Array
     r: Array
     reaction: Array
+    off: float
     residual: float
     slid: sliding.Slid | None = None
     values: dict[str, Array] = field(default_factory=dict)
@@ -274,8 +277,9 @@ def balance(
         if wrong - noise > system.force_tolerance * biggest:
             noise += _uncertainty(contacts, h, F, r)
             noise += ROUNDING * largest(drag) / s * largest(x) if moving else 0.0
-        relative = max(wrong - noise, 0.0) / biggest if biggest > 0 else wrong
-        return Balance(x, y, h, F, F_r, n, r, reaction, relative, slid, values)
+        off = wrong if math.isnan(wrong) else max(wrong - noise, 0.0)
+        relative = off / biggest if biggest > 0 else wrong
+        return Balance(x, y, h, F, F_r, n, r, reaction, off, relative, slid, values)
 
     now = evaluate(x, y)
     for attempt in range(4):
@@ -307,12 +311,12 @@ def balance(
         factor = min(1.0, 0.5 * float(system.radii.min()) / size) if size > 0 else 1.0
         for _ in range(10):
             trial = evaluate(now.x + factor * change, now.y.copy())
-            better = trial.residual < now.residual or trial.residual <= target
+            better = trial.off < now.off or trial.residual <= target
             if better or not fresh:
                 break
             factor *= 0.4
         if better:
-            slow = trial.residual > CONTRACTION * now.residual
+            slow = trial.off > CONTRACTION * now.off
             now = trial
         elif fresh:
             raise StepFailed(_unbalanced(now, free))

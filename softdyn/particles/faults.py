@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear, sliding
-from softdyn.particles.balance import pair_named
+from softdyn.particles.balance import Balance, pair_named
 from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.results import Frame
 from softdyn.particles.scene import AXES, particles_named
@@ -133,19 +133,32 @@ def why(system: System, state: State, error: Exception) -> str:
     return f"{who} (floppy, or unstable under pressure); {remedy}"
 
 
+def require_shallow(system: System, state: State, at: Balance, when: float) -> None:
+    """No surfaces are pressed together by more than the smaller radius."""
+    contacts, count = state.contacts, len(state.x)
+    smaller = np.minimum(system.radii[contacts.i], np.append(system.radii, np.inf)[np.minimum(contacts.j, count)])
+    deflection = (contacts.S - at.r + at.h) / (2 * smaller)
+    if len(deflection) and deflection.max() > 1:
+        c = int(np.argmax(deflection))
+        raise IntegrationError(
+            f"at t={when:.6g} {pair_named(contacts, c, count)} is pressed to a deflection of {deflection[c]:.3g} "
+            "radii, where no law of contacts holds: use weaker forces, slower motion, or a stiffer law"
+        )
+
+
 def deep_deflection(frames: Sequence[Frame], radii: Array) -> Iterator[str]:
-    """Words of warning, if surfaces are deflected by more than a radius in any frame: no law holds there."""
+    """Words of warning, if surfaces are pulled by more than a radius in any frame: no law holds there."""
     deepest, words = 1.0, ""
     for frame in frames:
         with_walls = np.append(radii, np.inf)
         smaller = np.minimum(radii[frame.i], with_walls[np.minimum(frame.j, len(radii))])
-        relative = np.abs(frame.delta) / smaller
+        relative = -frame.delta / smaller
         if len(relative) and relative.max() > deepest:
             c = int(np.argmax(relative))
             deepest, i, j = float(relative[c]), int(frame.i[c]), int(frame.j[c])
             who = f"particles {i} and {j}" if j < len(radii) else f"particle {i} and wall {j - len(radii)}"
             words = (
-                f"the contact of {who} is {'pressed' if frame.delta[c] > 0 else 'pulled'} to a deflection of "
+                f"the contact of {who} is pulled to a deflection of "
                 f"{deepest:.3g} radii at t={frame.t:.6g}, where no law of contacts holds: use weaker forces, slower "
                 "flow, a stiffer law, or a shorter range of contacts"
             )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear
 from softdyn.particles.balance import Newton, StepFailed
-from softdyn.particles.faults import require_balanced, require_films, why
+from softdyn.particles.faults import require_balanced, require_films, require_shallow, why
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
@@ -81,6 +81,7 @@ def integrate(
             state.dt = over
             continue
         require_films(system, state, step.end.h, when)
+        require_shallow(system, state, step.end, when)
         system = _accept(system, state, step, dt, when, grow)
         grow = LARGEST_GROWTH
         if _drift(checked, system, state) > 0.5:
@@ -111,8 +112,10 @@ def _drift(
     t: float | None = None,
 ) -> float:
     """By how much surfaces have come closer, or will have at x, since contacts were listed, in units of the skin."""
-    if math.isinf(system.reach):
-        return 0.0
+    if math.isinf(system.reach):  # all are listed; but none may pass another within a step
+        moved = np.zeros_like(state.x) if x is None else x - state.x
+        moved = moved if state.walls else moved - moved.mean(axis=0)
+        return 2 * float(np.linalg.norm(moved, axis=1).max()) / state.listed.skin
     where = system if at is None else at
     farthest = 2 * float(checked.radii.max()) + system.reach + state.listed.skin
     place, when = (state.x, state.t) if x is None or t is None else (x, t)

@@ -154,6 +154,10 @@ class ParticleResult:
     energy: Mapping[str, float]
     stats: Mapping[str, Any]
 
+    def __repr__(self) -> str:
+        count, frames = len(self.radii), len(self)
+        return f"<ParticleResult of {self.law}: {count} particles, {frames} frames up to t={float(self.t[-1]):.6g}>"
+
     def __getattr__(self, name: str) -> NDArray[Any]:
         if name != "arrays" and name in self.arrays:
             return self.arrays[name]

@@ -159,6 +159,12 @@ def _result(
     if system.imposed is not None:
         stats["viscosity"] = system.imposed.viscosity
     stats["warnings"] = [*deep_deflection(state.frames, checked.radii)]
+    solver = newton.solver
+    if solver is not None and solver.certain and solver.counts["krylov"] and not solver.counts["factorisations"]:
+        stats["warnings"].append(
+            "so many particles without drag are not searched for motions that nothing resists, since the matrix is too "
+            "large to be factorised: rattlers and loose clusters may drift ([flow] drag = 1 resists them)"
+        )
     if abs(energy["imbalance"]) > IMBALANCE * system.rtol:
         stats["warnings"].append(
             f"the balance of energy is off by {energy['imbalance']:.1e} of the sum of its terms, {size:.3g}: more than "

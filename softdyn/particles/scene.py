@@ -226,17 +226,20 @@ def check(scene: ParticleScene) -> Checked:
             raise SceneError(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
     good = np.isfinite(radii) & (radii > 0)
     if not good.all():
-        raise SceneError(f"[particles] radii must be positive and finite; {_which(~good)} have others")
+        first = int(np.argmin(good))
+        raise SceneError(
+            f"[particles] radii must be positive and finite, unlike that of {_which(~good)}: {radii[first]:g}"
+        )
     if radii.max() > LARGEST_RATIO * radii.min():
         small, large = int(np.argmin(radii)), int(np.argmax(radii))
         faults.append(
             f"[particles] radii differ by a factor of {radii.max() / radii.min():.3g} (particles {small} and {large}); "
             f"up to {LARGEST_RATIO:g} a contact is that of two near half-spaces"
         )
-    for name, value in (("until", scene.until), ("rtol", scene.rtol)):
+    for name, value in (("[until] t", scene.until), ("[accuracy] rtol", scene.rtol)):
         if not _is_number(value) or not value > 0:
             faults.append(f"{name} must be a positive number, not {value!r}")
-    for name, length in (("gap", scene.gap), ("reach", scene.reach)):
+    for name, length in (("[contacts] gap", scene.gap), ("[contacts] range", scene.reach)):
         if length is not None and not (_is_number(length) and length > 0):
             faults.append(f"{name} must be a positive number, not {length!r}")
     if scene.until_strain is not None:
@@ -248,19 +251,25 @@ def check(scene: ParticleScene) -> Checked:
                 "times the shear rate"
             )
     if not _is_number(scene.drag) or scene.drag < 0:
-        faults.append(f"drag must be 0 or a positive number, not {scene.drag!r}")
+        faults.append(f"[flow] drag must be 0 or a positive number, not {scene.drag!r}")
     if not _is_number(scene.shear_rate):
-        faults.append(f"shear_rate must be a finite number, not {scene.shear_rate!r}")
+        faults.append(f"[flow] shear_rate must be a finite number, not {scene.shear_rate!r}")
     if faults:
         raise SceneError(_listed(faults))
     if not SMALLEST_RTOL * 100 <= scene.rtol <= 0.1:
-        faults.append(f"rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
+        faults.append(f"[accuracy] rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
     if scene.target not in TARGETS:
         faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
     if scene.gap is not None and scene.reach is not None and scene.gap > scene.reach / 2:
-        faults.append(f"gap = {scene.gap:g} must not exceed half the range of a contact, {scene.reach / 2:g}")
+        faults.append(
+            f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {scene.reach / 2:g}: from there on "
+            "contacts fade"
+        )
     if scene.reach is None and count > MOST_WITHOUT_RANGE:
-        faults.append(f"{count} particles need a range of their contacts, [contacts] range")
+        faults.append(
+            f"{count} particles need a range of their contacts, beyond which there are none: [contacts] range, half of "
+            f"the smallest radius or so ({radii.min() / 2:g})"
+        )
     box = _box(scene, d, faults)
     walls = _walls(scene, d, faults)
     if not isinstance(scene.tangential, (bool, np.bool_)):
@@ -276,6 +285,10 @@ def check(scene: ParticleScene) -> Checked:
         )
     if scene.shear_rate and d > 1 and box.periodic[1] and not box.periodic[0]:
         faults.append("[box] a sheared box must be periodic along x where it is along y")
+    for number, wall in enumerate(walls):
+        across = [AXES[axis] for axis in range(d) if box.periodic[axis] and wall.normal[axis]]
+        if across:
+            faults.append(f"wall {number} stands across {', '.join(across)}, along which the box is periodic")
     if faults:
         raise SceneError(_listed(faults))
     names, species = _species(scene, count)
@@ -376,6 +389,12 @@ def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
         if wall.velocity is not None and not _is_list(wall.velocity, d):
             faults.append(f"wall {number}: velocity needs {_components(d)}, one for each axis")
             continue
+        numbers = _coordinates(wall.velocity, d) if wall.velocity is not None else None
+        if numbers is not None and numbers.any() and not numbers @ normal and not scene.tangential:
+            faults.append(
+                f"wall {number} moves along itself, which nothing feels where contacts are normal only: give "
+                "[contacts] tangential = true, or a velocity along its normal"
+            )
         walls.append(Wall(point, normal / size, bool(wall.rigid), wall.velocity))
     return tuple(walls)
 
@@ -446,7 +465,13 @@ def _place_faults(x: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
     with np.errstate(invalid="ignore"):
         outside = np.asarray((box.periodic & ((x < 0) | (x > np.where(box.periodic, box.lengths, 0.0)))).any(axis=1))
     if outside.any():
-        faults.append(f"{_which(outside)} outside of the periodic box, which starts at 0")
+        first = int(np.argmax(outside))
+        place = ", ".join(f"{value:g}" for value in x[first])
+        size = ", ".join("any" if math.isinf(length) else f"0 to {length:g}" for length in box.lengths)
+        faults.append(
+            f"{_which(outside)} outside of the periodic box ({size}): particle {first} is at {place}; move it by whole "
+            "lengths of the box"
+        )
     for number, wall in enumerate(walls):
         behind = (wall.point - x) @ wall.normal <= 0
         if behind.any():
@@ -724,7 +749,9 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     for name, rule in scene.mixing.items():
         if rule not in tuple(MIXING):
             faults.append(f"[mixing] {name}: unknown rule {rule!r}{suggestion(rule, tuple(MIXING))}")
-        if name in ("R", "E", "eta"):
+        if name == "eta":
+            faults.append("[mixing] eta is the fluid's, which all particles share: leave it out")
+        elif name in ("R", "E"):
             faults.append(f"[mixing] {name} is mixed as the physics of two elastic half-spaces asks: leave it out")
         elif not isinstance(scene.parameters.get(name), Mapping):
             faults.append(f"[mixing] {name} does not depend on the species")
