@@ -127,14 +127,13 @@ def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nor does it matter that a scene has run before."""
     x, radii, box = random_packing(count=30, dimension=2, fraction=0.8, radii=[1.0, 1.4], seed=3)
     scene = ParticleScene(
-        law="equal_spheres",
-        parameters={"E": 10.0, "eta": 1.0, "nu": 0.5},
+        law="rognon_gay",
+        parameters={"E": 10.0, "eta": 1.0},
         positions=x,
         radii=radii,
         box=box.tolist(),
         gap=0.02,
         reach=0.5,
-        tangential=True,
         shear_rate=1e-2,
         drag=1.0,
         until=2.0,
