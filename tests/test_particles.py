@@ -545,6 +545,15 @@ def nearly_singular(count: int, softness: float) -> bsr_array:
     return bsr_array(matrix, blocksize=(1, 1))
 
 
+def test_a_method_that_breaks_down_gives_what_it_has() -> None:
+    """BiCGStab on a matrix for which the residual of its first iteration is orthogonal to the right-hand side."""
+    matrix = bsr_array(np.array([[1.0, 0, 1], [1, 1, -1], [0, 1, 1]]), blocksize=(3, 3))
+    b = np.array([[1.0, 0, 0]])
+    x, iterations, done = linear.stabilised(matrix, lambda v: v, b, 3, 1e-8, 100)
+    assert not done
+    assert np.linalg.norm(matrix @ x.reshape(-1) - b) < np.linalg.norm(b)
+
+
 def test_what_costs_least_solves_a_system() -> None:
     """Well-conditioned ones are not factorised, ill-conditioned ones are; a factor serves the systems that follow."""
     b = np.ones(400)

@@ -444,7 +444,7 @@ def stabilised(
         towards = precondition(direction)
         image = matrix @ towards
         along = _inner(shadow, image)
-        if along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
+        if now == 0 or along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
             break
         length = now / along
         half = residual - length * image
