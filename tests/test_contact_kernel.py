@@ -271,3 +271,13 @@ def test_pairs_are_found_in_a_sheared_box(d: int, strain: float) -> None:
     np.testing.assert_allclose(n * r[:, None], x[j] + shift @ cell.T - x[i], atol=1e-12)
     np.testing.assert_allclose(curvature, 1 / r)
     assert math.isclose(np.linalg.norm(n, axis=1).max(), 1)
+
+
+def test_contacts_span_any_number_of_boxes() -> None:
+    """Positions are never wrapped: a particle that was carried 40000 boxes further still meets those that were not."""
+    box = Box(np.array([9.0, 8.0]))
+    x = np.array([[1.0, 1.0], [3.1 + 9.0 * 40_000, 1.0]])
+    i, j, shift = find_pairs(x, np.ones(2), box, 0.0, (), 0.4)
+    assert shift.tolist() == [[-40_000, 0]]
+    contacts = Contacts(i, j, shift, np.full(1, 2.0), np.empty((0, 1)), np.zeros(1), np.zeros(1, bool))
+    assert directions(contacts, x, lattice(box, 0.0), ())[1] == pytest.approx(2.1)

@@ -17,7 +17,7 @@ import softdyn
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import bench, linear
-from softdyn.particles.balance import Newton, contact_forces
+from softdyn.particles.balance import Newton, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
@@ -76,6 +76,16 @@ def test_two_particles_are_the_pair(d: int) -> None:
     )
     np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-9)
     np.testing.assert_allclose(result.contact_delta, pair.delta, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_free_pair_in_space_may_lie_along_any_line(seed: int) -> None:
+    """Rounding puts particles beside the line through them: that tells nothing of how they are turned."""
+    along = np.random.default_rng(seed).standard_normal(3)
+    along /= np.linalg.norm(along)
+    pushes = [Push([0], list(1e-2 * along)), Push([1], list(-1e-2 * along))]
+    aslant = simulate_particles(scene(positions=[[0, 0, 0], 2.1 * along], pushes=pushes))
+    np.testing.assert_allclose(aslant.contact_h, simulate_particles(scene()).contact_h, rtol=1e-7)
 
 
 def test_two_particles_under_a_varying_force_are_the_pair() -> None:
@@ -365,6 +375,31 @@ def test_a_wall_does_not_move_along_with_all_particles() -> None:
     assert np.all(falling.contacts(-1)["h"] > 0)
     # it carries what the drag does not
     np.testing.assert_allclose(falling.contacts(-1)["F"], 0.1 + 6 * np.pi * falling.v[-1, :, 1], rtol=1e-6)
+
+
+def test_a_ring_of_four_in_a_line_is_pressed_as_one_pair() -> None:
+    """A periodic box of one dimension, which starts pressed: all gaps stay alike, each under the force F."""
+    settings: dict[str, Any] = {"positions": [[0.5], [2.5], [4.5], [6.5]], "box": [8.0], "gap": 0.1, "pushes": ()}
+    ring = simulate_particles(scene(**settings, reach=0.4, until=100.0))
+    assert len(ring.contacts(-1)["h"]) == 4
+    held = [Hold([0, 1], "xy")]
+    pair = simulate_particles(scene(positions=[[0.0, 0.0], [2.0, 0.0]], holds=held, pushes=(), until=100.0, reach=0.4))
+    for name in ("h", "F"):
+        np.testing.assert_allclose(ring.contacts(-1)[name], pair.contacts(-1)[name][0], rtol=1e-6)
+
+
+def test_what_is_held_stays_where_it_is_given_however_bad_the_guess() -> None:
+    """At a guess that is no number there are no forces: what may move comes back from it, and nothing else."""
+    checked, system = prepare(held := scene(holds=[Hold([0], "xy", [1e-3, 0.0])], pushes=(), gap=None, drag=1.0))
+    contacts = start(held, checked, system, Newton()).contacts
+    s, x_star = 1.0, checked.x
+    guess = x_star + s * system.velocity(s)
+    given = guess[0].copy()
+    guess[1] = np.nan
+    nothing = np.zeros(len(contacts))
+    found = balance(system, contacts, Newton(), s, s, x_star, guess, contacts.h, nothing, nothing.copy())
+    assert found.residual <= system.force_tolerance
+    np.testing.assert_array_equal(found.x[0], given)
 
 
 def test_pairs_beyond_the_range_have_no_part_in_the_first_equilibrium() -> None:

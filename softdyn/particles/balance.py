@@ -39,6 +39,8 @@ CONTRACTION = 0.1
 AIM, LEAST = 0.3, 0.1
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
+#: Particles are in a line that are no further from it than this part of its length: then none turns about it.
+IN_LINE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
 #: centres.
 INSTANT = 1e-100
@@ -121,7 +123,7 @@ def _turns(x: Array, radii: Array, width: int) -> Array:
         if width > d:  # about x from y to z, about y from z to x, about z from x to y
             turn[:, d if d == 2 else d + 3 - a - b] = -radii if (a, b) == (0, 2) else radii
     _, sizes, rows = np.linalg.svd(turns.reshape(len(planes), -1), full_matrices=False)
-    return rows[sizes > 1e-9 * sizes[0]].reshape(-1, count, width)  # particles in a line do not turn about it
+    return rows[sizes > IN_LINE * sizes[0]].reshape(-1, count, width)
 
 
 def _held_torque(x: Array, radii: Array, force: Array) -> Array:
@@ -139,7 +141,9 @@ def _gauge_pairs(x: Array) -> list[tuple[int, int]]:
     line = to[second] / np.linalg.norm(to[second])
     aside = np.linalg.norm(to - np.outer(to @ line, line), axis=1)
     third = int(np.argmax(aside))
-    return [(first, second), *([(first, third)] if x.shape[1] == 3 and aside[third] > 0 else [])]
+    # particles in a line do not turn about it
+    apart = x.shape[1] == 3 and aside[third] > IN_LINE * np.linalg.norm(to[second])
+    return [(first, second), *([(first, third)] if apart else [])]
 
 
 def _gauge_springs(pairs: list[tuple[int, int]], x: Array) -> list[Array]:
@@ -281,8 +285,8 @@ def balance(
     for attempt in range(4):
         if math.isfinite(now.residual):
             break
-        # the guess has gone too far: come closer to the known part
-        x = x_star + 0.25 * (x - x_star) if attempt < 3 else x_star.copy()
+        # the guess has gone too far: come closer to the known part; where a coordinate is given it stays
+        x = np.where(free, x_star + 0.25 * (x - x_star) if attempt < 3 else x_star, x)
         now = evaluate(x, y_star.copy())
     if not math.isfinite(now.residual):
         raise StepFailed(_unsolved(contacts, now, count))

@@ -217,7 +217,8 @@ def find_pairs(
         found_shift.append(np.zeros((len(near), d), dtype=np.int64))
     i, j, shift = (np.concatenate(parts) for parts in (found_i, found_j, found_shift))
     order = np.lexsort((*shift.T, j, i))
-    return i[order].astype(np.int32), j[order].astype(np.int32), shift[order].astype(np.int16)
+    small = np.int16 if np.abs(shift).max(initial=0) <= np.iinfo(np.int16).max else np.int64
+    return i[order].astype(np.int32), j[order].astype(np.int32), shift[order].astype(small)
 
 
 def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple[Integers, Integers, Integers]:
@@ -227,7 +228,7 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
     home = np.zeros((count, d), dtype=np.int64)
     reduced = cell.copy()
     if len(periodic):
-        if box.periodic[1] and d > 1 and cell[0, 1] and not box.periodic[0]:
+        if d > 1 and box.periodic[1] and cell[0, 1] and not box.periodic[0]:
             raise SceneError("a sheared periodic box must be periodic along x")
         if d > 1 and cell[0, 1]:
             reduced[0, 1] -= cell[0, 0] * round(cell[0, 1] / cell[0, 0])  # the least tilted cell of the same lattice
