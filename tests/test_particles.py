@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -616,6 +617,19 @@ def test_a_factor_is_replaced_when_it_is_worn_out() -> None:
         x = linear.solve(solver, b, 1e-6)
         assert np.linalg.norm(matrix @ x - b) <= 1.01e-6 * np.linalg.norm(b)
     assert 2 <= solver.counts["factorisations"] <= 30
+
+
+def test_a_factor_that_serves_other_matrices_keeps_not_its_own() -> None:
+    """Of many particles a matrix takes as much memory as all else."""
+    solver = linear.Solver(1, 1, certain=True)
+    first, second = (nearly_singular(50, softness) for softness in (1.0, 1.1))
+    linear.prepare(solver, first)
+    kept = weakref.ref(first)
+    solver.certain = False
+    linear.prepare(solver, second)
+    del first
+    assert "preconditioned by sparse LDL" in solver.method
+    assert kept() is None
 
 
 def test_where_nothing_else_resists_each_matrix_is_factorised() -> None:
