@@ -227,7 +227,7 @@ def test_without_drag_pairs_beyond_their_range_may_be_near(law: str) -> None:
 def test_internal_forces_and_torques_sum_to_zero() -> None:
     _, system = prepare(rhombus())
     state = start(rhombus(), prepare(rhombus())[0], system, Newton())
-    n, r, _ = directions(state.contacts, state.x, lattice(system.box, 0.0), ())
+    n, r = directions(state.contacts, state.x, lattice(system.box, 0.0), ())
     F = np.random.default_rng(0).standard_normal(len(r))
     total = contact_forces(state.contacts, F, n, 4)
     rounding = 20 * np.finfo(float).eps * np.abs(F).sum()
@@ -303,7 +303,7 @@ def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
 
     def energy(flat: Array) -> tuple[float, Array]:
         x = flat.reshape(-1, 2)
-        n, r, _ = directions(contacts, x, cell, ())
+        n, r = directions(contacts, x, cell, ())
         delta = (contacts.S - r + contacts.h) / 2
         radius = contacts.q[0]
         a = np.sqrt(2 * radius * (radius * contacts.h / (radius + contacts.h) + np.abs(delta)))
@@ -585,7 +585,7 @@ def test_a_method_that_breaks_down_gives_what_it_has() -> None:
     """BiCGStab on a matrix for which the residual of its first iteration is orthogonal to the right-hand side."""
     matrix = bsr_array(np.array([[1.0, 0, 1], [1, 1, -1], [0, 1, 1]]), blocksize=(3, 3))
     b = np.array([[1.0, 0, 0]])
-    x, iterations, done = linear.stabilised(matrix, lambda v: v, b, 3, 1e-8, 100)
+    x, _, done = linear.stabilised(matrix, lambda v: v, b, 3, 1e-8, 100)
     assert not done
     assert np.linalg.norm(matrix @ x.reshape(-1) - b) < np.linalg.norm(b)
 

@@ -188,7 +188,7 @@ def solve_at(
 
     def solve(part: slice) -> None:
         some = portion(contacts, part)
-        n[part], r[part], _ = directions(some, x, cell, system.walls)
+        n[part], r[part] = directions(some, x, cell, system.walls)
         overlap = some.S - r[part]
         h[part], F[part], F_r[part], more = solve_contacts(
             system, overlap, s or INSTANT, start[part], target[part], y[part], some.q

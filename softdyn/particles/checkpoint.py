@@ -22,7 +22,7 @@ from softdyn.particles.system import System
 from softdyn.results import written_whole
 
 FRAME = tuple(field.name for field in fields(Frame))
-CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched", "T")
+CONTACTS = tuple(field.name for field in fields(Contacts))
 
 
 def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:

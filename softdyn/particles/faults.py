@@ -101,7 +101,7 @@ def _twisted(system: System, state: State) -> NDArray[np.int64]:
     if not system.kernel.tangential or np.any(system.drag > 0):
         return np.empty(0, dtype=np.int64)
     near = np.flatnonzero(state.contacts.h < system.reach)
-    n, _, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    n, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
     torques = np.where(system.fixed, 0.0, system.force(state.t))[:, system.dimension :]
     left = sliding.unresisted(state.contacts.i[near], state.contacts.j[near], n[near], torques)
     return np.flatnonzero(np.abs(left).max(axis=1) > UNBALANCED * np.abs(torques).max())

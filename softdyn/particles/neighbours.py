@@ -13,7 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Box, Contacts, Integers, Wall, directions, find_pairs, lattice
+from softdyn.particles.geometry import (
+    ROWS,
+    Box,
+    Contacts,
+    Integers,
+    Wall,
+    bare_contacts,
+    directions,
+    find_pairs,
+    lattice,
+    some_of,
+)
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.scene import MIXING, Checked, ParticleScene
 from softdyn.particles.sliding import rotations
@@ -23,16 +34,6 @@ Array = NDArray[np.float64]
 
 #: Width of the skin, in radii.
 SKIN = 0.4
-
-
-def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Contacts:
-    """Contacts of which only the geometry is known."""
-    walls = max(0, int(j.max(initial=0)) + 1 - len(radii))
-    with_walls = np.append(radii, np.zeros(walls))
-    n = len(i)
-    none = np.empty(0)
-    touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
-    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), touched, nothing)
 
 
 def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
@@ -141,7 +142,7 @@ def find_contacts(
     contacts = bare_contacts(i, j, shift, checked.radii)
     contacts.q = mixed_parameters(scene, checked, kernel, i, j)
     cell = lattice(box, t)
-    _, r, _ = directions(contacts, x, cell, walls)
+    _, r = directions(contacts, x, cell, walls)
     listed = Listed(x.copy(), cell, np.array([wall.point for wall in walls]).reshape(len(walls), x.shape[1]), skin)
     apart = r - contacts.S
     contacts.h = apart.copy()
@@ -180,12 +181,7 @@ def common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArra
 
 def _joined(contacts: Contacts, old: Contacts, rows: NDArray[np.int64]) -> Contacts:
     """Contacts with some of the old ones, in order."""
-    i, j = (np.concatenate([getattr(contacts, name), getattr(old, name)[rows]]) for name in ("i", "j"))
-    shift = np.concatenate([contacts.shift, old.shift[rows]])
-    order = np.lexsort((*shift.T, j, i))
-    both = {
-        name: np.concatenate([getattr(contacts, name), getattr(old, name)[rows]])[order]
-        for name in ("S", "h", "touched", "T")
-    }
-    q = np.concatenate([contacts.q, old.q[:, rows]], axis=1)[:, order]
-    return Contacts(i[order], j[order], shift[order], q=np.ascontiguousarray(q), **both)
+    held = some_of(old, rows)
+    both = {name: np.concatenate([getattr(contacts, name), getattr(held, name)]) for name in ROWS}
+    every = Contacts(q=np.concatenate([contacts.q, held.q], axis=1), **both)
+    return some_of(every, np.lexsort((*every.shift.T, every.j, every.i)))

@@ -77,7 +77,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
-    n, r, _ = directions(contacts, x, cell, system.walls)
+    n, r = directions(contacts, x, cell, system.walls)
     F = forces_of(system, contacts, contacts.S - r, contacts.h)
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
     if system.kernel.tangential:

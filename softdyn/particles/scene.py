@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import FUNCTIONS, parse
 from softdyn.expression import evaluate as evaluate_expression
-from softdyn.particles.geometry import Box, Wall, find_pairs
+from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.sliding import rotations
 from softdyn.particles.surroundings import Imposed
@@ -456,14 +456,11 @@ def _place_faults(x: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
 
 def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
     """Pairs that overlap by more than the smaller radius."""
-    from softdyn.particles.geometry import directions, lattice
-    from softdyn.particles.neighbours import bare_contacts
-
     # surfaces at most touching; a box too small for these is refused by the search
     i, j, shift = find_pairs(x, radii, box, 0.0, walls, 0.0)
     contacts = bare_contacts(i, j, shift, radii)
     with np.errstate(divide="ignore", invalid="ignore"):
-        _, r, _ = directions(contacts, x, lattice(box, 0.0), walls)
+        _, r = directions(contacts, x, lattice(box, 0.0), walls)
     smaller = np.minimum(radii[i], np.append(radii, np.full(len(walls), np.inf))[j])
     deep = np.flatnonzero(contacts.S - r > smaller)
     count = len(radii)

@@ -55,7 +55,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         require_held(system, state, np.asarray(free_positions(system).any(axis=1)))
         nothing, place, known = np.zeros(len(contacts)), x.copy(), None
         if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
-            normal, _, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
+            normal, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
             known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
             place[:, : x.shape[1]] = x
         try:

@@ -107,7 +107,7 @@ def take_step(
     start = contacts.h
     sliding_start = None
     if system.kernel.tangential:
-        normal, _, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+        normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
         sliding_start = sliding.starting(contacts, system.radii, normal)
         x = with_torques(system, x)  # rotations count from here
     surround = moves(system)

@@ -74,7 +74,7 @@ def simulate_by_velocities(
 
     def rates(t: float, packed: Array) -> Array:
         x, h = packed[: count * d].reshape(count, d), packed[count * d :]
-        n, r, curvature = directions(contacts, x, lattice(system.box, t), ())
+        n, r = directions(contacts, x, lattice(system.box, t), ())
         delta = (contacts.S - r + h) / 2
         out = np.empty((len(outputs), len(h)))
         inputs = {"F": np.zeros(len(h)), "dF_dt": np.zeros(len(h))}
@@ -86,7 +86,7 @@ def simulate_by_velocities(
             v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.drag[:, None]
         else:
             pull = value["C"] / value["D"] * (F - value["F_adh"])
-            v = _velocities(contacts.i, contacts.j, n, value["C"], F * curvature, pull, _rate_of(system.force, t))
+            v = _velocities(contacts.i, contacts.j, n, value["C"], F / r, pull, _rate_of(system.force, t))
         return np.concatenate([v.reshape(-1), gap_rate])
 
     first = np.concatenate([state.x.reshape(-1), contacts.h])
