@@ -250,10 +250,9 @@ def balance(
     """
     count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
-    gauge = gauge_axes(system)
     drag = system.resistance
     images = s * image_velocities(system, contacts, t) if known is not None else None
-    moving = bool(np.any(system.drag > 0)) and s > 0
+    moving = system.dragged and s > 0
     free = ~system.fixed
     turning = turns_freely(system)
 
@@ -296,10 +295,10 @@ def balance(
     fresh = False
     for _ in range(MOST_ITERATIONS):
         if now.residual <= target:
-            return _in_gauge(now, gauge, x_star)
+            return _in_gauge(system, now, x_star)
         newton.counts["iterations"] += 1
         if newton.s == 0 or newton.solver is None:
-            _linearise(system, contacts, newton, now, s, moving, gauge, known)
+            _linearise(system, contacts, newton, now, s, known)
             newton.s, fresh = s, True
         assert newton.solver is not None
         wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
@@ -342,9 +341,9 @@ def largest(values: Array) -> float:
     return float(np.abs(values).max()) if values.size else 0.0
 
 
-def _in_gauge(found: Balance, gauge: list[int], x_star: Array) -> Balance:
+def _in_gauge(system: System, found: Balance, x_star: Array) -> Balance:
     """Take away the mean motion along axes where nothing resists it; no force changes."""
-    for axis in gauge:
+    for axis in gauge_axes(system):
         found.x[:, axis] -= np.mean(found.x[:, axis] - x_star[:, axis])
     return found
 
@@ -355,8 +354,6 @@ def _linearise(
     newton: Newton,
     now: Balance,
     s: float,
-    moving: bool,
-    gauge: list[int],
     known: sliding.Known | None,
 ) -> None:
     """Prepare Newton's matrix at the present positions."""
@@ -370,8 +367,7 @@ def _linearise(
             i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
         newton.pattern = linear.pattern_of(count, i, j)
     if newton.solver is None:
-        certain = not np.any(system.drag > 0)
-        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=certain)
+        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=not system.dragged)
     newton.solver.matrix = None  # not two at a time
     curvature = curvatures(contacts, now.r, count)
     across = now.F * curvature
@@ -384,8 +380,8 @@ def _linearise(
             block -= across
         return np.append(block, [scale * spring[a, b] for spring in springs]) if springs else block
 
-    diagonal = system.resistance / s if moving else np.zeros((count, width))
-    for axis in gauge:
+    diagonal = system.resistance / s if system.dragged and s > 0 else np.zeros((count, width))
+    for axis in gauge_axes(system):
         diagonal[0, axis] += scale
     newton.counts["matrices"] += 1
     slid = now.slid

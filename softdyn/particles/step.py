@@ -47,7 +47,7 @@ class Step:
     y_rate : array, shape (contacts,)
         Rates at the end.
     work : dict
-        Energy of each kind, exchanged over the step; see :data:`WORKS`.
+        Energy of each kind, exchanged over the step; see :func:`softdyn.particles.system.works`.
     system : System
         With the box and the walls as they are at the end.
     first_v : array, shape (N, d + rotations)

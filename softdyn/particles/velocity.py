@@ -70,7 +70,6 @@ def simulate_by_velocities(
     values_of = dict(zip(system.kernel.uniform, system.p, strict=True))
     p = np.array([values_of[name] for name in kernel.parameters])
     count, d = state.x.shape
-    dragged = bool(np.any(system.drag > 0))
 
     def rates(t: float, packed: Array) -> Array:
         x, h = packed[: count * d].reshape(count, d), packed[count * d :]
@@ -82,7 +81,7 @@ def simulate_by_velocities(
         value = dict(zip(outputs, out, strict=True))
         F = value["F_ela"]
         gap_rate = -(F - value["F_adh"]) / value["zeta"]
-        if dragged:
+        if system.dragged:
             v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.drag[:, None]
         else:
             pull = value["C"] / value["D"] * (F - value["F_adh"])
