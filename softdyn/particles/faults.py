@@ -14,9 +14,9 @@ from softdyn.particles import linear, sliding
 from softdyn.particles.balance import pair_named
 from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.results import Frame
-from softdyn.particles.scene import AXES, particles_named
 from softdyn.particles.state import State, free_positions
 from softdyn.particles.system import System, gauge_axes, turns_freely
+from softdyn.particles.words import AXES, particles_named
 
 Array = NDArray[np.float64]
 

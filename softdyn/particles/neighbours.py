@@ -7,7 +7,6 @@ on whether a pair is listed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,6 @@ from softdyn.particles.geometry import (
     ROWS,
     Box,
     Contacts,
-    Integers,
     Wall,
     bare_contacts,
     directions,
@@ -26,57 +24,14 @@ from softdyn.particles.geometry import (
     some_of,
 )
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.scene import MIXING, Checked, ParticleScene
-from softdyn.particles.sliding import rotations
+from softdyn.particles.parameters import mixed_parameters
+from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.surroundings import moved_walls
 
 Array = NDArray[np.float64]
 
 #: Width of the skin, in radii.
 SKIN = 0.4
-
-
-def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
-    """Varying parameters of the law for each contact, shape (parameters, n).
-
-    R is 2 R1 R2/(R1 + R2) and E the harmonic mean: see :mod:`softdyn.derive.contact_kernel`, where walls are derived.
-    """
-    count = len(checked.radii)
-    wall = j >= count
-    partner = np.where(wall, i, j)
-    rigid = np.array([w.rigid for w in checked.walls] or [False])
-    hard = np.zeros(len(i), dtype=bool)
-    hard[wall] = rigid[j[wall] - count]
-    rows = np.empty((len(kernel.varying), len(i)))
-    for row, name in zip(rows, kernel.varying, strict=True):
-        if name == "R":
-            row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
-            row[wall] = 2 * checked.radii[i[wall]]
-            continue
-        if name == "size_ratio":
-            row[:] = checked.radii[i] * checked.radii[partner] / (checked.radii[i] + checked.radii[partner]) ** 2
-            row[wall] = 0.0
-            continue
-        given = scene.parameters[name]
-        values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
-        of = values[checked.species] if isinstance(given, Mapping) else np.full(count, values[0])
-        row[:] = MIXING["harmonic" if name == "E" else scene.mixing.get(name, "arithmetic")](of[i], of[partner])
-        if name == "E":
-            row[hard] *= 2  # a rigid wall gives in by nothing
-    return rows
-
-
-def resistances(scene: ParticleScene, checked: Checked, kernel: ContactKernel, p: Array) -> Array:
-    """What resists each coordinate of the particles by themselves, (x, R theta), shape (N, d + rotations)."""
-    count, d = checked.x.shape
-    resistance = np.zeros((count, d + (rotations(d) if kernel.tangential else 0)))
-    if kernel.drag is not None:
-        own = np.arange(count)
-        out = np.empty((2 if kernel.tangential else 1, count))
-        kernel.drag(count, p, mixed_parameters(scene, checked, kernel, own, own).reshape(-1), out.reshape(-1))
-        resistance[:, :d] = float(scene.drag) * out[0][:, None]
-        resistance[:, d:] = float(scene.drag) * (out[-1] / checked.radii**2)[:, None]
-    return resistance
 
 
 @dataclass(frozen=True)
