@@ -500,6 +500,7 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"walls": [Wall(np.zeros(2), np.array([1.0, 0.0]))]}, "particles 0, 1 on the wrong side of wall 0"),
         ({"times": [0.0, 2e4]}, "times must increase"),
         ({"constants": {"w": 1.0}}, "does not appear"),
+        ({"walls": [Wall([0, -0.9], [0, -1])], "gap": None}, "first the contact of particle 0 and wall 0"),
         ({"positions": np.random.default_rng(0).uniform(0, 500, (65, 2))}, "range of their contacts"),
     ],
 )

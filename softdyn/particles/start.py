@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear, sliding
-from softdyn.particles.balance import Newton, StepFailed, balance
+from softdyn.particles.balance import Newton, StepFailed, balance, pair_named
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.neighbours import find_contacts
@@ -34,8 +34,8 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     if len(closed):
         c = int(closed[0])
         raise SceneError(
-            f"{len(closed)} pairs overlap, particles {contacts.i[c]} and {contacts.j[c]} first: give the initial gap "
-            "of pressed particles, [contacts] gap"
+            f"{len(closed)} contacts overlap, first {pair_named(contacts, c, len(x))}: give the initial gap of pressed "
+            "particles, [contacts] gap"
         )
     state = State(
         t=0.0,
