@@ -38,8 +38,6 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     faults, varying = [], []
     if np.ptp(checked.radii) > 0 or checked.walls:
         varying += ["R", "size_ratio"] if scene.tangential else ["R"]
-    if not isinstance(scene.parameters, Mapping):
-        raise SceneError(f"[parameters] must map names to numbers, not {scene.parameters!r}")
     faults += [
         f"[parameters] {name} follows from the radii of the particles: leave it out"
         for name in ("R", "size_ratio")

@@ -213,6 +213,11 @@ def check(scene: ParticleScene) -> Checked:
         entries = getattr(scene, name)
         if not isinstance(entries, (list, tuple)) or not all(isinstance(entry, kind) for entry in entries):
             raise SceneError(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
+    for name in ("parameters", "mixing", "stress", "constants"):
+        if not isinstance(getattr(scene, name), Mapping):
+            raise SceneError(f"[{name}] must map names to values, not {getattr(scene, name)!r}")
+    if scene.box is not None and not isinstance(scene.box, (list, tuple, np.ndarray)):
+        raise SceneError(f"[box] must be a list of lengths, one for each axis, not {scene.box!r}")
     good = np.isfinite(radii) & (radii > 0)
     if not good.all():
         raise SceneError(f"[particles] radii must be positive and finite; {which(~good)} have others")
@@ -231,7 +236,7 @@ def check(scene: ParticleScene) -> Checked:
     if scene.until_strain is not None:
         if not is_number(scene.until_strain) or not scene.until_strain:
             faults.append(f"until_strain must be a number other than 0, not {scene.until_strain!r}")
-        elif not isinstance(scene.stress, Mapping) or "xy" not in scene.stress:
+        elif "xy" not in scene.stress:
             faults.append(
                 "until_strain ends a run under an imposed shear stress, [stress] xy; elsewhere the strain is the time "
                 "times the shear rate"
