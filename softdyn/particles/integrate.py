@@ -8,7 +8,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from types import FrameType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,17 +39,18 @@ STRAINED = 1e-9
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Hold an interrupt back until the state is whole again: a checkpoint of half a step is none to go on from."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # interrupts come to the main thread alone
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is None or threading.current_thread() is not threading.main_thread():
+        yield  # interrupts come to the main thread alone, and to Python's handlers
         return
-    came: list[tuple[int, FrameType | None]] = []
-    usual = signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    came: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, usual)
-    if came and callable(usual):
-        usual(*came[0])
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def integrate(
