@@ -20,7 +20,7 @@ from softdyn.derive.emit_contacts import emit_contacts
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.one_sided import rigid
 from softdyn.errors import LawError
-from softdyn.particles.geometry import Box, Contacts, directions, find_pairs, lattice
+from softdyn.particles.geometry import Box, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.kernel import ContactKernel, get_contact_kernel
 from softdyn.particles.method import ERROR, NODES, STAGES, WEIGHTS
 
@@ -267,7 +267,15 @@ def test_pairs_are_found_in_a_sheared_box(d: int, strain: float) -> None:
             near = tree.query_ball_point(x[one] - x[other], radii[one] + radii[other] + 0.4)
             expected |= {(one, other, *map(int, images[k])) for k in near}
     assert found == expected
-    n, r, curvature = directions(Contacts(i, j, shift, radii[i], radii[None, i], radii[i], radii[i] > 0), x, cell, ())
+    n, r = directions(bare_contacts(i, j, shift, radii), x, cell, ())
     np.testing.assert_allclose(n * r[:, None], x[j] + shift @ cell.T - x[i], atol=1e-12)
-    np.testing.assert_allclose(curvature, 1 / r)
     assert math.isclose(np.linalg.norm(n, axis=1).max(), 1)
+
+
+def test_contacts_span_any_number_of_boxes() -> None:
+    """Positions are never wrapped: a particle that was carried 40000 boxes further still meets those that were not."""
+    box = Box(np.array([9.0, 8.0]))
+    x = np.array([[1.0, 1.0], [3.1 + 9.0 * 40_000, 1.0]])
+    contacts = bare_contacts(*find_pairs(x, np.ones(2), box, 0.0, (), 0.4), np.ones(2))
+    assert contacts.shift.tolist() == [[-40_000, 0]]
+    assert directions(contacts, x, lattice(box, 0.0), ())[1] == pytest.approx(2.1)

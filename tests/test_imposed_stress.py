@@ -169,7 +169,7 @@ def test_the_condensed_matrix_is_the_derivative_of_the_stress(names: tuple[str, 
     here, found = at(guess, state.x)
     newton.forget()  # and factorise next to the balance
     here, found = at(guess, found.x + 1e-5 * np.sin(np.arange(found.x.size)).reshape(found.x.shape))
-    S, _ = condensed(here, state.contacts, newton, found, s, drag > 0)
+    S, _ = condensed(here, state.contacts, newton, found, s)
     step = 1e-6
     for k in range(len(names)):
         ends = []

@@ -230,6 +230,25 @@ def test_a_run_resumes_where_it_was_interrupted(tmp_path: Path, monkeypatch: pyt
         simulate_particles(scene, None, checkpoint, resume=True)
 
 
+def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while the last frame is made, when the state is there already: the frame is not lost."""
+    scene = read_particle_scene(written(tmp_path, EMULSION))
+    whole = simulate_particles(scene)
+    made = integrate.frame_now
+
+    def interrupted(system: Any, state: Any) -> Any:
+        if state.t == whole.t[-1]:
+            os.kill(os.getpid(), signal.SIGINT)
+        return made(system, state)
+
+    monkeypatch.setattr(integrate, "frame_now", interrupted)
+    checkpoint = tmp_path / "a.checkpoint.npz"
+    with pytest.raises(KeyboardInterrupt):
+        simulate_particles(scene, None, checkpoint)
+    monkeypatch.undo()
+    assert np.array_equal(simulate_particles(scene, None, checkpoint, resume=True).t, whole.t)
+
+
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
     """SIGKILL in the middle; the last checkpoint is whole."""
     path = written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1.0"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import softdyn
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import bench, linear
-from softdyn.particles.balance import Newton, contact_forces
+from softdyn.particles.balance import Newton, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
@@ -76,6 +77,16 @@ def test_two_particles_are_the_pair(d: int) -> None:
     )
     np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-9)
     np.testing.assert_allclose(result.contact_delta, pair.delta, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_free_pair_in_space_may_lie_along_any_line(seed: int) -> None:
+    """Rounding puts particles beside the line through them: that tells nothing of how they are turned."""
+    along = np.random.default_rng(seed).standard_normal(3)
+    along /= np.linalg.norm(along)
+    pushes = [Push([0], list(1e-2 * along)), Push([1], list(-1e-2 * along))]
+    aslant = simulate_particles(scene(positions=[[0, 0, 0], 2.1 * along], pushes=pushes))
+    np.testing.assert_allclose(aslant.contact_h, simulate_particles(scene()).contact_h, rtol=1e-7)
 
 
 def test_two_particles_under_a_varying_force_are_the_pair() -> None:
@@ -216,7 +227,7 @@ def test_without_drag_pairs_beyond_their_range_may_be_near(law: str) -> None:
 def test_internal_forces_and_torques_sum_to_zero() -> None:
     _, system = prepare(rhombus())
     state = start(rhombus(), prepare(rhombus())[0], system, Newton())
-    n, r, _ = directions(state.contacts, state.x, lattice(system.box, 0.0), ())
+    n, r = directions(state.contacts, state.x, lattice(system.box, 0.0), ())
     F = np.random.default_rng(0).standard_normal(len(r))
     total = contact_forces(state.contacts, F, n, 4)
     rounding = 20 * np.finfo(float).eps * np.abs(F).sum()
@@ -292,7 +303,7 @@ def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
 
     def energy(flat: Array) -> tuple[float, Array]:
         x = flat.reshape(-1, 2)
-        n, r, _ = directions(contacts, x, cell, ())
+        n, r = directions(contacts, x, cell, ())
         delta = (contacts.S - r + contacts.h) / 2
         radius = contacts.q[0]
         a = np.sqrt(2 * radius * (radius * contacts.h / (radius + contacts.h) + np.abs(delta)))
@@ -367,6 +378,31 @@ def test_a_wall_does_not_move_along_with_all_particles() -> None:
     np.testing.assert_allclose(falling.contacts(-1)["F"], 0.1 + 6 * np.pi * falling.v[-1, :, 1], rtol=1e-6)
 
 
+def test_a_ring_of_four_in_a_line_is_pressed_as_one_pair() -> None:
+    """A periodic box of one dimension, which starts pressed: all gaps stay alike, each under the force F."""
+    settings: dict[str, Any] = {"positions": [[0.5], [2.5], [4.5], [6.5]], "box": [8.0], "gap": 0.1, "pushes": ()}
+    ring = simulate_particles(scene(**settings, reach=0.4, until=100.0))
+    assert len(ring.contacts(-1)["h"]) == 4
+    held = [Hold([0, 1], "xy")]
+    pair = simulate_particles(scene(positions=[[0.0, 0.0], [2.0, 0.0]], holds=held, pushes=(), until=100.0, reach=0.4))
+    for name in ("h", "F"):
+        np.testing.assert_allclose(ring.contacts(-1)[name], pair.contacts(-1)[name][0], rtol=1e-6)
+
+
+def test_what_is_held_stays_where_it_is_given_however_bad_the_guess() -> None:
+    """At a guess that is no number there are no forces: what may move comes back from it, and nothing else."""
+    checked, system = prepare(held := scene(holds=[Hold([0], "xy", [1e-3, 0.0])], pushes=(), gap=None, drag=1.0))
+    contacts = start(held, checked, system, Newton()).contacts
+    s, x_star = 1.0, checked.x
+    guess = x_star + s * system.velocity(s)
+    given = guess[0].copy()
+    guess[1] = np.nan
+    nothing = np.zeros(len(contacts))
+    found = balance(system, contacts, Newton(), s, s, x_star, guess, contacts.h, nothing, nothing.copy())
+    assert found.residual <= system.force_tolerance
+    np.testing.assert_array_equal(found.x[0], given)
+
+
 def test_pairs_beyond_the_range_have_no_part_in_the_first_equilibrium() -> None:
     """A disturbed crystal, whose second neighbours are listed but out of range: their gaps follow the centres."""
     cell = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]]) * 1.9 / np.sqrt(2)
@@ -429,7 +465,7 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
     ("changes", "words"),
     [
         ({"positions": [[0, 0], [0.9, 0]]}, "particle 0 and particle 1 overlap by 1.1, more than the radius 1"),
-        ({"positions": [[0, 0], [1.9, 0]], "gap": None}, "particles 0 and 1 first: give the initial gap"),
+        ({"positions": [[0, 0], [1.9, 0]], "gap": None}, "particles 0 and 1: give the initial gap"),
         ({"positions": [[1, 1], [30, 1]], "box": [20.0, 20.0], "reach": 1.0}, "particle 1 outside of the periodic box"),
         ({"positions": [[1, 1], [3.1, np.nan]]}, "particle 1 are not finite"),
         ({"radii": [1.0, -1.0]}, "unlike that of particle 1: "),
@@ -464,6 +500,12 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"walls": [Wall(np.zeros(2), np.array([1.0, 0.0]))]}, "particles 0, 1 on the wrong side of wall 0"),
         ({"times": [0.0, 2e4]}, "times must increase"),
         ({"constants": {"w": 1.0}}, "does not appear"),
+        ({"parameters": None, "box": [9.0, 9.0], "stress": {"xy": 1.0}}, r"\[parameters\] must map names"),
+        ({"mixing": ["E"]}, r"\[mixing\] must map names"),
+        ({"stress": 5}, r"\[stress\] must map names"),
+        ({"constants": ["w"]}, r"\[constants\] must map names"),
+        ({"box": 9.0}, "list of lengths"),
+        ({"walls": [Wall([0, -0.9], [0, -1])], "gap": None}, "first the contact of particle 0 and wall 0"),
         ({"positions": np.random.default_rng(0).uniform(0, 500, (65, 2))}, "range of their contacts"),
     ],
 )
@@ -545,6 +587,15 @@ def nearly_singular(count: int, softness: float) -> bsr_array:
     return bsr_array(matrix, blocksize=(1, 1))
 
 
+def test_a_method_that_breaks_down_gives_what_it_has() -> None:
+    """BiCGStab on a matrix for which the residual of its first iteration is orthogonal to the right-hand side."""
+    matrix = bsr_array(np.array([[1.0, 0, 1], [1, 1, -1], [0, 1, 1]]), blocksize=(3, 3))
+    b = np.array([[1.0, 0, 0]])
+    x, _, done = linear.stabilised(matrix, lambda v: v, b, 3, 1e-8, 100)
+    assert not done
+    assert np.linalg.norm(matrix @ x.reshape(-1) - b) < np.linalg.norm(b)
+
+
 def test_what_costs_least_solves_a_system() -> None:
     """Well-conditioned ones are not factorised, ill-conditioned ones are; a factor serves the systems that follow."""
     b = np.ones(400)
@@ -572,6 +623,19 @@ def test_a_factor_is_replaced_when_it_is_worn_out() -> None:
         x = linear.solve(solver, b, 1e-6)
         assert np.linalg.norm(matrix @ x - b) <= 1.01e-6 * np.linalg.norm(b)
     assert 2 <= solver.counts["factorisations"] <= 30
+
+
+def test_a_factor_that_serves_other_matrices_keeps_not_its_own() -> None:
+    """Of many particles a matrix takes as much memory as all else."""
+    solver = linear.Solver(1, 1, certain=True)
+    first, second = (nearly_singular(50, softness) for softness in (1.0, 1.1))
+    linear.prepare(solver, first)
+    kept = weakref.ref(first)
+    solver.certain = False
+    linear.prepare(solver, second)
+    del first
+    assert "preconditioned by sparse LDL" in solver.method
+    assert kept() is None
 
 
 def test_where_nothing_else_resists_each_matrix_is_factorised() -> None:

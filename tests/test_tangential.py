@@ -28,7 +28,7 @@ from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Newton, solve_contacts
 from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from, stock_scenes
-from softdyn.particles.geometry import Wall, directions, lattice
+from softdyn.particles.geometry import Wall, curvatures, directions, lattice
 from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
@@ -77,7 +77,7 @@ def stirred(
     checked, system = prepare(problem)
     state = start(problem, checked, system, Newton())
     draw = np.random.default_rng(seed)
-    n, _, _ = directions(state.contacts, state.x, lattice(system.box, 0.0), system.walls)
+    n, _ = directions(state.contacts, state.x, lattice(system.box, 0.0), system.walls)
     T = draw.standard_normal(n.shape) * 1e-2
     state.contacts.T = T - sliding.dot(T, n)[:, None] * n
     known = sliding.starting(state.contacts, system.radii, n)
@@ -87,7 +87,8 @@ def stirred(
 def slid_at(system: System, state: Any, known: sliding.Known, moved: Array, s: float) -> tuple[sliding.Slid, Array]:
     d = system.dimension
     contacts = state.contacts
-    n, r, curvature = directions(contacts, state.x + moved[:, :d], lattice(system.box, 0.0), system.walls)
+    n, r = directions(contacts, state.x + moved[:, :d], lattice(system.box, 0.0), system.walls)
+    curvature = curvatures(contacts, r, len(state.x))
     nothing = np.zeros(len(r))
     *_, values = solve_contacts(system, contacts.S - r, s, contacts.h, nothing, nothing.copy(), contacts.q)
     images = s * image_velocities(system, contacts, 0.0)
@@ -236,7 +237,8 @@ def test_a_rigid_motion_neither_slides_nor_rolls(d: int, seed: int) -> None:
     spread = np.repeat(turn[None], len(state.x), axis=0)
     moved = np.concatenate([sliding.turning(spread, state.x) + shift, system.radii[:, None] * spread], axis=1)
     contacts = state.contacts
-    n, r, curvature = directions(contacts, state.x, lattice(system.box, 0.0), ())
+    n, r = directions(contacts, state.x, lattice(system.box, 0.0), ())
+    curvature = curvatures(contacts, r, len(state.x))
     nothing = np.zeros(len(r))
     *_, values = solve_contacts(system, contacts.S - r, s, contacts.h, nothing, nothing.copy(), contacts.q)
     slid = sliding.slide(known, contacts, values, n, r, curvature, moved, np.zeros_like(n), s)
@@ -408,7 +410,8 @@ def test_the_tangent_is_the_derivative_of_the_forces(d: int) -> None:
         slid, n = slid_at(system, state, known, moved, s)
         return sliding.reactions(contacts, known, slid, n, count).reshape(-1)
 
-    n, r, curvature = directions(contacts, state.x, lattice(system.box, 0.0), ())
+    n, r = directions(contacts, state.x, lattice(system.box, 0.0), ())
+    curvature = curvatures(contacts, r, len(state.x))
     *_, values = solve_contacts(system, contacts.S - r, s, contacts.h, nothing, nothing.copy(), contacts.q)
     # a state that has slid, but has not turned: the tangent is exact there
     moved = np.zeros(system.fixed.shape)

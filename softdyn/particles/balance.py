@@ -39,6 +39,8 @@ CONTRACTION = 0.1
 AIM, LEAST = 0.3, 0.1
 #: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
 IDLE = 1e-9
+#: Particles are in a line that are no further from it than this part of its length: then none turns about it.
+IN_LINE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
 #: centres.
 INSTANT = 1e-100
@@ -124,7 +126,7 @@ def _turns(x: Array, radii: Array, width: int) -> Array:
         if width > d:  # about x from y to z, about y from z to x, about z from x to y
             turn[:, d if d == 2 else d + 3 - a - b] = -radii if (a, b) == (0, 2) else radii
     _, sizes, rows = np.linalg.svd(turns.reshape(len(planes), -1), full_matrices=False)
-    return rows[sizes > 1e-9 * sizes[0]].reshape(-1, count, width)  # particles in a line do not turn about it
+    return rows[sizes > IN_LINE * sizes[0]].reshape(-1, count, width)
 
 
 def _held_torque(x: Array, radii: Array, force: Array) -> Array:
@@ -142,7 +144,9 @@ def _gauge_pairs(x: Array) -> list[tuple[int, int]]:
     line = to[second] / np.linalg.norm(to[second])
     aside = np.linalg.norm(to - np.outer(to @ line, line), axis=1)
     third = int(np.argmax(aside))
-    return [(first, second), *([(first, third)] if x.shape[1] == 3 and aside[third] > 0 else [])]
+    # particles in a line do not turn about it
+    apart = x.shape[1] == 3 and aside[third] > IN_LINE * np.linalg.norm(to[second])
+    return [(first, second), *([(first, third)] if apart else [])]
 
 
 def _gauge_springs(pairs: list[tuple[int, int]], x: Array) -> list[Array]:
@@ -187,7 +191,7 @@ def solve_at(
 
     def solve(part: slice) -> None:
         some = portion(contacts, part)
-        n[part], r[part], _ = directions(some, x, cell, system.walls)
+        n[part], r[part] = directions(some, x, cell, system.walls)
         overlap = some.S - r[part]
         h[part], F[part], F_r[part], more = solve_contacts(
             system, overlap, s or INSTANT, start[part], target[part], y[part], some.q
@@ -249,10 +253,9 @@ def balance(
     """
     count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
-    gauge = gauge_axes(system)
     drag = system.resistance
     images = s * image_velocities(system, contacts, t) if known is not None else None
-    moving = bool(np.any(system.drag > 0)) and s > 0
+    moving = system.dragged and s > 0
     free = ~system.fixed
     turning = turns_freely(system)
 
@@ -285,8 +288,8 @@ def balance(
     for attempt in range(4):
         if math.isfinite(now.residual):
             break
-        # the guess has gone too far: come closer to the known part
-        x = x_star + 0.25 * (x - x_star) if attempt < 3 else x_star.copy()
+        # the guess has gone too far: come closer to the known part; where a coordinate is given it stays
+        x = np.where(free, x_star + 0.25 * (x - x_star) if attempt < 3 else x_star, x)
         now = evaluate(x, y_star.copy())
     if not math.isfinite(now.residual):
         raise StepFailed(_unsolved(contacts, now, count))
@@ -296,10 +299,10 @@ def balance(
     fresh = False
     for _ in range(MOST_ITERATIONS):
         if now.residual <= target:
-            return _in_gauge(now, gauge, x_star)
+            return _in_gauge(system, now, x_star)
         newton.counts["iterations"] += 1
         if newton.s == 0 or newton.solver is None:
-            _linearise(system, contacts, newton, now, s, moving, gauge, known)
+            _linearise(system, contacts, newton, now, s, known)
             newton.s, fresh = s, True
         assert newton.solver is not None
         wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
@@ -342,9 +345,9 @@ def largest(values: Array) -> float:
     return float(np.abs(values).max()) if values.size else 0.0
 
 
-def _in_gauge(found: Balance, gauge: list[int], x_star: Array) -> Balance:
+def _in_gauge(system: System, found: Balance, x_star: Array) -> Balance:
     """Take away the mean motion along axes where nothing resists it; no force changes."""
-    for axis in gauge:
+    for axis in gauge_axes(system):
         found.x[:, axis] -= np.mean(found.x[:, axis] - x_star[:, axis])
     return found
 
@@ -355,8 +358,6 @@ def _linearise(
     newton: Newton,
     now: Balance,
     s: float,
-    moving: bool,
-    gauge: list[int],
     known: sliding.Known | None,
 ) -> None:
     """Prepare Newton's matrix at the present positions."""
@@ -370,8 +371,7 @@ def _linearise(
             i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
         newton.pattern = linear.pattern_of(count, i, j)
     if newton.solver is None:
-        certain = not np.any(system.drag > 0)
-        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=certain)
+        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=not system.dragged)
     newton.solver.matrix = None  # not two at a time
     curvature = curvatures(contacts, now.r, count)
     across = now.F * curvature
@@ -384,8 +384,8 @@ def _linearise(
             block -= across
         return np.append(block, [scale * spring[a, b] for spring in springs]) if springs else block
 
-    diagonal = system.resistance / s if moving else np.zeros((count, width))
-    for axis in gauge:
+    diagonal = system.resistance / s if system.dragged and s > 0 else np.zeros((count, width))
+    for axis in gauge_axes(system):
         diagonal[0, axis] += scale
     newton.counts["matrices"] += 1
     slid = now.slid

@@ -185,7 +185,7 @@ def time_explicit(shear_rate: float, strain: float = 0.01) -> dict[str, float]:
     allowed = float(np.abs(found - expected).max())
 
     def rates(t: float, x: Array, h: Array) -> tuple[Array, Array]:
-        n, r, _ = directions(contacts, x, lattice(system.box, t), ())
+        n, r = directions(contacts, x, lattice(system.box, t), ())
         values = contact_state(system, contacts, contacts.S - r, h)
         forces = contact_forces(contacts, values["F"], n, len(x))
         return flow(system.box, x) - forces / system.drag[:, None], values["dh_dt"]

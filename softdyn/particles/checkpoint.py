@@ -15,14 +15,17 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.neighbours import Listed
-from softdyn.particles.results import Frame
+from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State
 from softdyn.particles.system import System
 from softdyn.results import written_whole
 
+#: Arrays of a state, by the names they have there.
+STATE = ("x", "v", "y_rate")
+LISTED = ("x", "cell", "walls")
 FRAME = tuple(field.name for field in fields(Frame))
-CONTACTS = ("i", "j", "shift", "S", "q", "h", "touched", "T")
+CONTACTS = tuple(field.name for field in fields(Contacts))
 
 
 def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
@@ -74,16 +77,12 @@ def save(path: Path, state: State, key: str) -> None:
                 }
             )
         ),
-        "x": state.x,
-        "v": state.v,
-        "y_rate": state.y_rate,
-        "history": np.array(state.history, dtype=float).reshape(-1, 5),
-        "listed_x": state.listed.x,
-        "listed_cell": state.listed.cell,
-        "listed_walls": state.listed.walls,
+        "history": np.array(state.history, dtype=float).reshape(-1, len(HISTORY)),
         "box_lengths": state.box.lengths,
         "box_stretch": np.zeros_like(state.box.lengths) if state.box.stretch is None else state.box.stretch,
         "wall_point": np.array([wall.point for wall in state.walls]),
+        **{name: getattr(state, name) for name in STATE},
+        **{f"listed_{name}": getattr(state.listed, name) for name in LISTED},
         **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
     }
     for number, frame in enumerate(state.frames):
@@ -126,11 +125,9 @@ def load(path: Path, key: str, checked: Checked) -> State:
         return State(
             t=float(about["t"]),
             dt=float(about["dt"]),
-            x=arrays["x"],
-            v=arrays["v"],
-            y_rate=arrays["y_rate"],
+            **{name: arrays[name] for name in STATE},
             contacts=Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS}),
-            listed=Listed(arrays["listed_x"], arrays["listed_cell"], arrays["listed_walls"], float(about["skin"])),
+            listed=Listed(**{name: arrays[f"listed_{name}"] for name in LISTED}, skin=float(about["skin"])),
             box=box,
             walls=tuple(walls),
             work={name: float(value) for name, value in about["work"].items()},

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, y_rate: Array) -> dict[str, float]:
-    """Power of each kind in :data:`WORKS`, at one stage."""
+    """Power of each kind of :func:`softdyn.particles.system.works`, at one stage."""
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * y_rate / np.sqrt(1 + at.y**2)
     images = image_velocities(system, contacts, t)

@@ -14,9 +14,9 @@ from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Balance, pair_named
 from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.results import Frame
-from softdyn.particles.scene import AXES, particles_named
 from softdyn.particles.state import State, free_positions
 from softdyn.particles.system import System, gauge_axes, turns_freely
+from softdyn.particles.words import AXES, particles_named
 
 Array = NDArray[np.float64]
 
@@ -28,15 +28,16 @@ UNBALANCED = 1e-9
 UNTURNED = 1e-4
 
 
-def require_held(system: System, state: State, free: NDArray[np.bool_]) -> None:
-    """Without drag: every particle needs a contact, and all of them one cluster, under forces that balance."""
+def require_held(system: System, state: State) -> None:
+    """Without drag: every particle that may move needs a contact, and all of them are one cluster, or held."""
     contacts, count = state.contacts, len(state.x)
     active = contacts.h < system.reach
     touched = np.zeros(count, bool)
     pair = active & (contacts.j < count)
     touched[contacts.i[active]] = True
     touched[contacts.j[pair]] = True
-    alone = np.flatnonzero(free & ~touched)
+    free = free_positions(system)
+    alone = np.flatnonzero(free.any(axis=1) & ~touched)
     remedy = "give the particles a drag ([flow] drag = 1), or hold them"
     if len(alone):
         raise IntegrationError(
@@ -45,7 +46,7 @@ def require_held(system: System, state: State, free: NDArray[np.bool_]) -> None:
         )
     links = coo_array((np.ones(int(pair.sum())), (contacts.i[pair], contacts.j[pair])), shape=(count, count))
     clusters, label = connected_components(links, directed=False)
-    anchored = set(label[~free_positions(system).all(axis=1)]) | set(label[contacts.i[active & (contacts.j >= count)]])
+    anchored = set(label[~free.all(axis=1)]) | set(label[contacts.i[active & (contacts.j >= count)]])
     loose = [k for k in range(clusters) if k not in anchored]
     if len(loose) > 1 or (loose and anchored):
         sizes = [np.flatnonzero(label == k) for k in loose]
@@ -98,10 +99,10 @@ def require_films(system: System, state: State, h: Array, when: float) -> None:
 
 def _twisted(system: System, state: State) -> NDArray[np.int64]:
     """Particles with an external torque that neither drag nor any contact resists."""
-    if not system.kernel.tangential or np.any(system.drag > 0):
+    if not system.kernel.tangential or system.dragged:
         return np.empty(0, dtype=np.int64)
     near = np.flatnonzero(state.contacts.h < system.reach)
-    n, _, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    n, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
     torques = np.where(system.fixed, 0.0, system.force(state.t))[:, system.dimension :]
     left = sliding.unresisted(state.contacts.i[near], state.contacts.j[near], n[near], torques)
     return np.flatnonzero(np.abs(left).max(axis=1) > UNBALANCED * np.abs(torques).max())
@@ -117,14 +118,14 @@ def why(system: System, state: State, error: Exception) -> str:
         )
     if not isinstance(error, linear.Indefinite):
         return str(error)
-    if not np.any(system.drag > 0):
-        require_held(system, state, np.asarray(free_positions(system).any(axis=1)))
+    if not system.dragged:
+        require_held(system, state)
     size = np.linalg.norm(error.direction(), axis=1)
     worst = np.flatnonzero(size > 0.3 * size.max())
     worst = worst[np.argsort(-size[worst], kind="stable")]
     remedy = (
         "a shorter step does not help; the forces pull or press it over"
-        if np.any(system.drag > 0)
+        if system.dragged
         else "without drag such a motion has no resistance: give the particles a drag ([flow] drag = 1), hold them, or "
         "add contacts"
     )

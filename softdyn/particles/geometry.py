@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -110,10 +110,29 @@ class Contacts:
     q: Array
     h: Array
     touched: NDArray[np.bool_]
-    T: Array = field(default_factory=lambda: np.empty((0, 0)))
+    T: Array
 
     def __len__(self) -> int:
         return len(self.i)
+
+
+#: What has a row for each contact; q has a column.
+ROWS = tuple(field.name for field in fields(Contacts) if field.name != "q")
+
+
+def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Contacts:
+    """Contacts of which only the geometry is known."""
+    walls = max(0, int(j.max(initial=0)) + 1 - len(radii))
+    with_walls = np.append(radii, np.zeros(walls))
+    n = len(i)
+    touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
+    return Contacts(i, j, shift, radii[i] + with_walls[j], np.empty((0, n)), np.full(n, np.nan), touched, nothing)
+
+
+def some_of(contacts: Contacts, which: slice | NDArray[np.int64]) -> Contacts:
+    """Some of the contacts; of a slice, all arrays but q are parts of the whole ones."""
+    rows = {name: getattr(contacts, name)[which] for name in ROWS}
+    return Contacts(q=np.ascontiguousarray(contacts.q[:, which]), **rows)
 
 
 def lattice(box: Box, t: float) -> Array:
@@ -136,7 +155,7 @@ def flow(box: Box, x: Array) -> Array:
     return u
 
 
-def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...]) -> tuple[Array, Array, Array]:
+def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...]) -> tuple[Array, Array]:
     """Directions and distances of the contacts.
 
     Parameters
@@ -152,14 +171,12 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
         Unit vectors from particle i to particle j, or into the wall.
     r : array
         Distances of the centres, or of the centre from the wall.
-    curvature : array
-        See :func:`curvatures`.
     """
     count = len(x)
     if not walls:
         along = _along(x, contacts.i, contacts.j, contacts.shift, cell)
         r = np.sqrt(np.einsum("ij,ij->i", along, along))
-        return along / r[:, None], r, 1 / r
+        return along / r[:, None], r
     pair = contacts.j < count
     along = np.ones((len(contacts), x.shape[1]))
     along[pair] = _along(x, contacts.i[pair], contacts.j[pair], contacts.shift[pair], cell)
@@ -170,7 +187,7 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     n = along / np.where(pair, r, 1.0)[:, None]
     for w, wall in enumerate(walls):
         n[contacts.j == count + w] = wall.normal
-    return n, r, np.where(pair, 1 / np.where(pair, r, 1.0), 0.0)
+    return n, r
 
 
 def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
@@ -217,7 +234,8 @@ def find_pairs(
         found_shift.append(np.zeros((len(near), d), dtype=np.int64))
     i, j, shift = (np.concatenate(parts) for parts in (found_i, found_j, found_shift))
     order = np.lexsort((*shift.T, j, i))
-    return i[order].astype(np.int32), j[order].astype(np.int32), shift[order].astype(np.int16)
+    small = np.int16 if np.abs(shift).max(initial=0) <= np.iinfo(np.int16).max else np.int64
+    return i[order].astype(np.int32), j[order].astype(np.int32), shift[order].astype(small)
 
 
 def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple[Integers, Integers, Integers]:
@@ -227,7 +245,7 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
     home = np.zeros((count, d), dtype=np.int64)
     reduced = cell.copy()
     if len(periodic):
-        if box.periodic[1] and d > 1 and cell[0, 1] and not box.periodic[0]:
+        if d > 1 and box.periodic[1] and cell[0, 1] and not box.periodic[0]:
             raise SceneError("a sheared periodic box must be periodic along x")
         if d > 1 and cell[0, 1]:
             reduced[0, 1] -= cell[0, 0] * round(cell[0, 1] / cell[0, 0])  # the least tilted cell of the same lattice

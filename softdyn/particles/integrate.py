@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +14,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear
-from softdyn.particles.balance import Newton, StepFailed
+from softdyn.particles.balance import Newton, StepFailed, pair_named
 from softdyn.particles.faults import require_balanced, require_films, require_shallow, why
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
@@ -33,6 +36,23 @@ SAFETY = 0.8
 LARGEST_GROWTH = 3.0
 #: A strain is reached to this fraction of it.
 STRAINED = 1e-9
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold an interrupt back until the state is whole again: a checkpoint of half a step is none to go on from."""
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is None or threading.current_thread() is not threading.main_thread():
+        yield  # interrupts come to the main thread alone, and to Python's handlers
+        return
+    came: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def integrate(
@@ -82,12 +102,13 @@ def integrate(
             continue
         require_films(system, state, step.end.h, when)
         require_shallow(system, state, step.end, when)
-        system = _accept(system, state, step, dt, when, grow)
+        with undisturbed():
+            system = _accept(system, state, step, dt, when, grow)
+            if _drift(checked, system, state) > 0.5:
+                _list_again(scene, checked, system, newton, state)
+            if state.t in checked.times or _has_strained(scene, state):
+                state.frames.append(frame_now(system, state))
         grow = LARGEST_GROWTH
-        if _drift(checked, system, state) > 0.5:
-            _list_again(scene, checked, system, newton, state)
-        if state.t in checked.times or _has_strained(scene, state):
-            state.frames.append(frame_now(system, state))
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:
@@ -205,24 +226,31 @@ def _beyond(scene: ParticleScene, state: State, step: Step, when: float) -> floa
     return (when - state.t) * (goal - start) / (end - start)
 
 
+@undisturbed()
 def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:
-    """Look for contacts at the present positions; gaps, guesses and forces stay."""
-    old = state.contacts
-    state.contacts, state.listed, _, dropped = find_contacts(
-        scene, checked, system.kernel, state.x, state.t, old, system.box, system.walls
+    """Look for contacts at the present positions; gaps, guesses and forces stay.
+
+    Raises
+    ------
+    IntegrationError
+        If a pair that was not listed is past its range; the state is as it was.
+    """
+    contacts, listed, _, dropped = find_contacts(
+        scene, checked, system.kernel, state.x, state.t, state.contacts, system.box, system.walls
     )
-    new, known = common(state.contacts, old)
-    y_rate, state.y_rate = state.y_rate, np.zeros(len(state.contacts))
-    state.y_rate[new] = y_rate[known]
-    closed = np.flatnonzero(~(state.contacts.h > 0))
+    closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
+        who = pair_named(contacts, c, len(state.x))
         raise IntegrationError(
-            f"particles {state.contacts.i[c]} and {state.contacts.j[c]} have passed through each other's range within "
-            f"one step at t={state.t:.6g}: ask for a smaller rtol"
+            f"{who} was passed through within one step at t={state.t:.6g}, before it was found: ask for a smaller rtol"
         )
-    fresh = (state.contacts.h < system.reach) & ~state.contacts.touched
-    state.contacts.touched |= fresh
+    new, known = common(contacts, state.contacts)
+    y_rate = np.zeros(len(contacts))
+    y_rate[new] = state.y_rate[known]
+    fresh = (contacts.h < system.reach) & ~contacts.touched
+    contacts.touched |= fresh
+    state.contacts, state.listed, state.y_rate = contacts, listed, y_rate
     state.counts["made"] += int(fresh.sum())
     state.counts["dropped"] += dropped
     state.counts["listings"] += 1

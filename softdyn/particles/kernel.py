@@ -188,6 +188,8 @@ def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tupl
     contacts(0, 0.0, *reach, none, none, none, p, *[none] * (6 if manifest["tangential"] else 5))
     state(0, *reach, none, none, p, none, none)
     energy(0, *reach, none, none, p, none, 0, none, none, none)
+    if drag is not None:
+        drag(0, p, none, none)
     return contacts, state, energy, drag
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array
-from scipy.sparse.linalg import LinearOperator, splu
+from scipy.sparse.linalg import LinearOperator, lobpcg, splu
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.signedinteger[Any]]
@@ -19,7 +19,8 @@ Integers = NDArray[np.signedinteger[Any]]
 #: What Krylov's methods leave of a residual, where nothing else is asked: Newton's iteration corrects it.
 TOLERANCE = 1e-2
 MOST_ITERATIONS = 2000
-#: Nonzeros of a factor beyond which there is none: 1 GB.
+#: Nonzeros of a factor beyond which there is none: 1 GB, and as much again for the copy that scipy keeps of it, once
+#: its pivots are looked at.
 LARGEST_FACTOR = 40_000_000
 #: Nanoseconds of some machine for each nonzero or multiplication: what is chosen must not depend on a clock, since the
 #: same scene gives the same result; ratios matter, and to a factor of two at most.
@@ -159,7 +160,6 @@ class Factor:
 
     Attributes
     ----------
-    matrix : bsr_array
     solve : function of a right-hand side
     nonzeros : int
         Of L.
@@ -167,7 +167,6 @@ class Factor:
         Multiplications that it took.
     """
 
-    matrix: bsr_array
     solve: Callable[[Array], Array]
     nonzeros: int
     products: float
@@ -202,6 +201,8 @@ class Solver:
     matrix : bsr_array or None
         The present one.
     factor : Factor or None
+    exact : bool
+        Whether the factor is that of the present matrix, not of an earlier one.
     by_blocks : float
         Cost of the last solution without a factor; 0 before there is any.
     spent, solutions, last : float, int, float
@@ -216,6 +217,7 @@ class Solver:
     certain: bool = False
     matrix: bsr_array | None = None
     factor: Factor | None = None
+    exact: bool = False
     by_blocks: float = 0.0
     spent: float = 0.0
     solutions: int = 0
@@ -230,7 +232,7 @@ class Solver:
         if self.factor is None:
             return f"{krylov}, preconditioned by blocks on the diagonal" if self.by_blocks else ""
         direct = "sparse LDL^T" if self.symmetric else "sparse LU"
-        return direct if self.factor.matrix is self.matrix else f"{krylov}, preconditioned by {direct}"
+        return direct if self.exact else f"{krylov}, preconditioned by {direct}"
 
 
 def prepare(solver: Solver, matrix: bsr_array) -> None:
@@ -241,7 +243,7 @@ def prepare(solver: Solver, matrix: bsr_array) -> None:
     Indefinite
         Where a factorisation, or a block on the diagonal, shows a direction along which nothing resists.
     """
-    solver.matrix, solver._precondition = matrix, None
+    solver.matrix, solver.exact, solver._precondition = matrix, False, None
     if _is_worth_a_factor(solver):
         _factorise(solver)
 
@@ -255,7 +257,7 @@ def solve(solver: Solver, b: Array, tolerance: float = TOLERANCE) -> Array:
         As :func:`prepare`, and where conjugate gradients meet a direction of negative curvature.
     """
     assert solver.matrix is not None
-    if solver.factor is not None and solver.factor.matrix is solver.matrix:
+    if solver.factor is not None and solver.exact:
         _count(solver, solver.factor.cost_of_solution)
         return solver.factor.solve(b)
     iterate = conjugate_gradients if solver.symmetric else stabilised
@@ -297,7 +299,7 @@ def _expected(solver: Solver) -> Factor:
     # blocks in a row of L
     blocks = {1: 3.0, 2: max(3.0, 2.75 * math.log2(count) - 5), 3: max(3.0, count ** (2 / 3))}[solver.d]
     row = solver.width * blocks
-    return Factor(solver.matrix, lambda b: b, int(size * row), 2.3 * size * row**2)
+    return Factor(lambda b: b, int(size * row), 2.3 * size * row**2)
 
 
 def _is_worth_a_factor(solver: Solver) -> bool:
@@ -322,6 +324,7 @@ def _factorise(solver: Solver) -> None:
     assert solver.matrix is not None
     solver.factor = None  # not two at a time
     solver.factor = direct(solver.matrix, solver.width)
+    solver.exact = True
     solver.counts["factorisations"] += 1
     solver.spent, solver.solutions, solver.last = solver.factor.cost, 0, 0.0
 
@@ -354,7 +357,7 @@ def direct(matrix: bsr_array, width: int) -> Factor:
     def solve(b: Array) -> Array:
         return factor.solve(b.reshape(size)).reshape(b.shape)
 
-    return Factor(matrix, solve, upper.nnz, float(columns @ columns))
+    return Factor(solve, upper.nnz, float(columns @ columns))
 
 
 def _softest(matrix: bsr_array) -> Array:
@@ -362,8 +365,6 @@ def _softest(matrix: bsr_array) -> Array:
     size = matrix.shape[0]
     if size <= 600:
         return np.linalg.eigh(matrix.toarray())[1][:, 0]
-    from scipy.sparse.linalg import lobpcg
-
     start = np.random.default_rng(0).standard_normal((size, 1))
     diagonal = np.abs(matrix.diagonal())
     scaled = LinearOperator((size, size), matvec=lambda v: v.reshape(-1) / np.maximum(diagonal, 1e-300))
@@ -444,7 +445,7 @@ def stabilised(
         towards = precondition(direction)
         image = matrix @ towards
         along = _inner(shadow, image)
-        if along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
+        if now == 0 or along == 0:  # broken down: Newton's iteration corrects what is left, or says that it cannot
             break
         length = now / along
         half = residual - length * image

@@ -7,75 +7,31 @@ on whether a pair is listed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Box, Contacts, Integers, Wall, directions, find_pairs, lattice
+from softdyn.particles.geometry import (
+    ROWS,
+    Box,
+    Contacts,
+    Wall,
+    bare_contacts,
+    directions,
+    find_pairs,
+    lattice,
+    some_of,
+)
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.scene import MIXING, Checked, ParticleScene
-from softdyn.particles.sliding import rotations
+from softdyn.particles.parameters import mixed_parameters
+from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.surroundings import moved_walls
 
 Array = NDArray[np.float64]
 
 #: Width of the skin, in radii.
 SKIN = 0.4
-
-
-def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Contacts:
-    """Contacts of which only the geometry is known."""
-    walls = max(0, int(j.max(initial=0)) + 1 - len(radii))
-    with_walls = np.append(radii, np.zeros(walls))
-    n = len(i)
-    none = np.empty(0)
-    touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
-    return Contacts(i, j, shift, radii[i] + with_walls[j], none.reshape(0, n), np.full(n, np.nan), touched, nothing)
-
-
-def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
-    """Varying parameters of the law for each contact, shape (parameters, n).
-
-    R is 2 R1 R2/(R1 + R2) and E the harmonic mean: see :mod:`softdyn.derive.contact_kernel`, where walls are derived.
-    """
-    count = len(checked.radii)
-    wall = j >= count
-    partner = np.where(wall, i, j)
-    rigid = np.array([w.rigid for w in checked.walls] or [False])
-    hard = np.zeros(len(i), dtype=bool)
-    hard[wall] = rigid[j[wall] - count]
-    rows = np.empty((len(kernel.varying), len(i)))
-    for row, name in zip(rows, kernel.varying, strict=True):
-        if name == "R":
-            row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
-            row[wall] = 2 * checked.radii[i[wall]]
-            continue
-        if name == "size_ratio":
-            row[:] = checked.radii[i] * checked.radii[partner] / (checked.radii[i] + checked.radii[partner]) ** 2
-            row[wall] = 0.0
-            continue
-        given = scene.parameters[name]
-        values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
-        of = values[checked.species] if isinstance(given, Mapping) else np.full(count, values[0])
-        row[:] = MIXING["harmonic" if name == "E" else scene.mixing.get(name, "arithmetic")](of[i], of[partner])
-        if name == "E":
-            row[hard] *= 2  # a rigid wall gives in by nothing
-    return rows
-
-
-def resistances(scene: ParticleScene, checked: Checked, kernel: ContactKernel, p: Array) -> Array:
-    """What resists each coordinate of the particles by themselves, (x, R theta), shape (N, d + rotations)."""
-    count, d = checked.x.shape
-    resistance = np.zeros((count, d + (rotations(d) if kernel.tangential else 0)))
-    if kernel.drag is not None:
-        own = np.arange(count)
-        out = np.empty((2 if kernel.tangential else 1, count))
-        kernel.drag(count, p, mixed_parameters(scene, checked, kernel, own, own).reshape(-1), out.reshape(-1))
-        resistance[:, :d] = float(scene.drag) * out[0][:, None]
-        resistance[:, d:] = float(scene.drag) * (out[-1] / checked.radii**2)[:, None]
-    return resistance
 
 
 @dataclass(frozen=True)
@@ -141,7 +97,7 @@ def find_contacts(
     contacts = bare_contacts(i, j, shift, checked.radii)
     contacts.q = mixed_parameters(scene, checked, kernel, i, j)
     cell = lattice(box, t)
-    _, r, _ = directions(contacts, x, cell, walls)
+    _, r = directions(contacts, x, cell, walls)
     listed = Listed(x.copy(), cell, np.array([wall.point for wall in walls]).reshape(len(walls), x.shape[1]), skin)
     apart = r - contacts.S
     contacts.h = apart.copy()
@@ -180,12 +136,7 @@ def common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArra
 
 def _joined(contacts: Contacts, old: Contacts, rows: NDArray[np.int64]) -> Contacts:
     """Contacts with some of the old ones, in order."""
-    i, j = (np.concatenate([getattr(contacts, name), getattr(old, name)[rows]]) for name in ("i", "j"))
-    shift = np.concatenate([contacts.shift, old.shift[rows]])
-    order = np.lexsort((*shift.T, j, i))
-    both = {
-        name: np.concatenate([getattr(contacts, name), getattr(old, name)[rows]])[order]
-        for name in ("S", "h", "touched", "T")
-    }
-    q = np.concatenate([contacts.q, old.q[:, rows]], axis=1)[:, order]
-    return Contacts(i[order], j[order], shift[order], q=np.ascontiguousarray(q), **both)
+    held = some_of(old, rows)
+    both = {name: np.concatenate([getattr(contacts, name), getattr(held, name)]) for name in ROWS}
+    every = Contacts(q=np.concatenate([contacts.q, held.q], axis=1), **both)
+    return some_of(every, np.lexsort((*every.shift.T, every.j, every.i)))

@@ -1,6 +1,7 @@
 """Work on many contacts, in portions that a processor's cache holds; threads share them.
 
-What is computed of a contact depends on no other, so that results do not depend on portions or threads, to the bit.
+What is computed of a contact depends on no other, and sums are taken in the order of the portions: results do not
+depend on threads, to the bit.
 """
 
 from __future__ import annotations
@@ -10,9 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-import numpy as np
-
-from softdyn.particles.geometry import Contacts
+from softdyn.particles.geometry import Contacts, some_of
 
 Result = TypeVar("Result")
 
@@ -37,9 +36,5 @@ def in_portions(work: Callable[[slice], Result], count: int) -> list[Result]:
 
 
 def portion(contacts: Contacts, part: slice) -> Contacts:
-    """Some of the contacts; their arrays are parts of the whole ones, but for q."""
-    if part == slice(0, len(contacts)):
-        return contacts
-    names = ("i", "j", "shift", "S", "h", "touched", "T")
-    arrays = {name: getattr(contacts, name)[part] for name in names}
-    return Contacts(q=np.ascontiguousarray(contacts.q[:, part]), **arrays)
+    """Contacts of one portion; all of them, and no copy, where there is only one."""
+    return contacts if part == slice(0, len(contacts)) else some_of(contacts, part)

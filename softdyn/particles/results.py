@@ -48,7 +48,7 @@ class Frame:
     gradient : array, shape (d, d)
         Velocity gradient of the background flow.
     energy : array
-        Exchanged since the start: see :func:`softdyn.particles.step.works`; and what is stored elastically.
+        Exchanged since the start: see :func:`softdyn.particles.system.works`; and what is stored elastically.
     T : array, shape (contacts, d)
         Tangential forces, from i to j; of no columns without tangential motion.
     spin : array, shape (N, rotations)
@@ -77,12 +77,12 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
-    n, r, _ = directions(contacts, x, cell, system.walls)
+    n, r = directions(contacts, x, cell, system.walls)
     F = forces_of(system, contacts, contacts.S - r, contacts.h)
     stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
     if system.kernel.tangential:
         stress -= np.einsum("c,ca,cb->ab", r, contacts.T, n)
-    if np.any(system.drag > 0) and not system.box.periodic.any():
+    if system.dragged and not system.box.periodic.any():
         resisting = system.drag[:, None] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
     if system.box.periodic.all():

@@ -16,9 +16,10 @@ from softdyn.particles.balance import Newton
 from softdyn.particles.faults import deep_deflection
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
-from softdyn.particles.neighbours import resistances
+from softdyn.particles.loads import with_rotations
+from softdyn.particles.parameters import resistances, uniform_values, varying_parameters
 from softdyn.particles.results import ParticleResult, gather
-from softdyn.particles.scene import Checked, ParticleScene, check, uniform_values, varying_parameters, with_rotations
+from softdyn.particles.scene import Checked, ParticleScene, check
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import TANGENTIAL_WORKS, System, works

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear, sliding
-from softdyn.particles.balance import Newton, StepFailed, balance
+from softdyn.particles.balance import Newton, StepFailed, balance, pair_named
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.neighbours import find_contacts
 from softdyn.particles.scene import Checked, ParticleScene
-from softdyn.particles.state import State, free_positions, overlaps, stored_energy
+from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
 
 Array = NDArray[np.float64]
@@ -34,8 +34,8 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     if len(closed):
         c = int(closed[0])
         raise SceneError(
-            f"{len(closed)} pairs overlap, particles {contacts.i[c]} and {contacts.j[c]} first: give the initial gap "
-            "of pressed particles, [contacts] gap"
+            f"{len(closed)} contacts overlap, first {pair_named(contacts, c, len(x))}: give the initial gap of pressed "
+            "particles, [contacts] gap"
         )
     state = State(
         t=0.0,
@@ -50,12 +50,12 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         work=dict.fromkeys(works(system), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
-    if not np.any(system.drag > 0) and not system.fixed.all():
+    if not system.dragged and not system.fixed.all():
         require_balanced(system, 0.0, x)
-        require_held(system, state, np.asarray(free_positions(system).any(axis=1)))
+        require_held(system, state)
         nothing, place, known = np.zeros(len(contacts)), x.copy(), None
         if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
-            normal, _, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
+            normal, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
             known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
             place[:, : x.shape[1]] = x
         try:

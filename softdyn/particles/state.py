@@ -64,7 +64,7 @@ class State:
 
 
 def overlaps(system: System, state: State) -> Array:
-    _, r, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
+    _, r = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
     return state.contacts.S - r
 
 

@@ -47,7 +47,7 @@ class Step:
     y_rate : array, shape (contacts,)
         Rates at the end.
     work : dict
-        Energy of each kind, exchanged over the step; see :data:`WORKS`.
+        Energy of each kind, exchanged over the step; see :func:`softdyn.particles.system.works`.
     system : System
         With the box and the walls as they are at the end.
     first_v : array, shape (N, d + rotations)
@@ -66,6 +66,31 @@ class Step:
     first_v: Array
     outputs: tuple[Output, ...]
     power: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A step as it begins: what all its stages start from.
+
+    Attributes
+    ----------
+    t, dt : float
+    x : array, shape (N, d + rotations)
+        Positions; rotations count from here.
+    z : array
+        Coordinates of box and walls, if they move otherwise than by a given shear rate; else empty.
+    known : Known or None
+        What is known of the tangential forces.
+    """
+
+    system: System
+    contacts: Contacts
+    newton: Newton
+    t: float
+    dt: float
+    x: Array
+    z: Array
+    known: sliding.Known | None
 
 
 @dataclass(frozen=True)
@@ -103,77 +128,24 @@ def take_step(
     ------
     StepFailed, softdyn.particles.linear.Indefinite
     """
-    s = GAMMA * dt
-    start = contacts.h
-    sliding_start = None
-    if system.kernel.tangential:
-        normal, _, _ = directions(contacts, x, lattice(system.box, t), system.walls)
-        sliding_start = sliding.starting(contacts, system.radii, normal)
-        x = with_torques(system, x)  # rotations count from here
-    surround = moves(system)
-    z = coordinates(system, t) if surround else np.empty(0)
-    z_rate = placed(system, t, 0.0, z, system.box_rates)[1] if surround else z
+    begun = _begin(system, contacts, newton, t, x, dt)
+    z_rate = placed(system, t, 0.0, begun.z, system.box_rates)[1] if begun.z.size else begun.z
     # at the start, and at each stage: of positions, of gaps, of box and walls, of tangential forces and their frames
-    still = np.zeros_like(contacts.T), np.zeros(len(start) if system.kernel.tangential else 0)
-    rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *still)]
-
-    def combined(weights: Array, which: int) -> Array:
-        total = np.zeros_like(rates[0][which])
-        for weight, of_stage in zip(weights, rates, strict=False):
-            if weight:
-                total += weight * of_stage[which]
-        return total
-
-    def stage(
-        row: Array, when: float, guess_x: Array, guess_y: Array, box_rates: Array, sliding_row: Array | None = None
-    ) -> _Stage:
-        x_star, y_star = x + dt * combined(row, 0), dt * combined(row, 1)
-        first = x_star + s * guess_x
-        if system.fixed.any():
-            first = np.where(system.fixed, x_star + s * system.velocity(when), first)
-        known = None
-        if sliding_start is not None:
-            own = row if sliding_row is None else sliding_row
-            T_star, angle_star = contacts.T + dt * combined(own, 3), dt * combined(own, 4)
-            known = replace(sliding_start, force=T_star, angle=angle_star)
-        here, at_z, guess = system, z_rate, y_star + s * guess_y
-
-        def solve(here: System, x: Array) -> Balance:
-            return balance(here, contacts, newton, when, s, x_star, x, start, y_star, guess, known)
-
-        if surround:
-            z_star = z + dt * combined(row, 2)
-            here, at_z = placed(system, when, s, z_star, box_rates)
-        if system.imposed is None:
-            found = solve(here, first)
-        else:
-            found, here, at_z, box_rates = balance_under_stress(
-                system, contacts, newton, when, s, z_star, box_rates, solve, first
-            )
-        turned = still
-        if known is not None and found.slid is not None:
-            turned = (found.slid.turned - known.force) / s, (found.slid.angle - known.angle) / s
-        return _Stage(found, here, ((found.x - x_star) / s, (found.y - y_star) / s, at_z, *turned), box_rates)
-
+    rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *_still(contacts))]
     guess_x, guess_y, box_rates = v, y_rate, system.box_rates
     spent = [power or dict.fromkeys(works(system), 0.0)]
     at: _Stage | None = None
     for row, node in zip(ROWS, NODES, strict=True):
         at = None  # many numbers that the next stage has no use for
-        at = stage(row, t + node * dt, guess_x, guess_y, box_rates)
+        at = _stage(begun, rates, row, row, t + node * dt, guess_x, guess_y, box_rates)
         rates.append(at.rates)
         guess_x, guess_y, box_rates = at.rates[0], at.rates[1], at.box_rates
         spent.append(powers(at.system, contacts, at.found, t + node * dt, guess_x, guess_y))
-
     assert at is not None
 
-    def work(weights: Sequence[float], last: dict[str, float]) -> dict[str, float]:
-        pairs = list(zip(weights, [*spent, last], strict=True))
-        return {name: dt * sum(float(w) * powers[name] for w, powers in pairs) for name in last}
-
-    x_error, y_error, z_error, T_error = (dt * combined(np.array([0.0, *ERROR]), k) for k in range(4))
+    x_error, y_error, z_error, T_error = (dt * _combined(rates, np.array([0.0, *ERROR]), k) for k in range(4))
     error = _error(system, at.found, y_error, x_error, T_error)
-    if surround and system.imposed is not None:
+    if system.imposed is not None:
         # errors of the strains of the box, as of positions
         error = max(error, largest(z_error[: system.dimension + 1]) / system.rtol)
     between = []
@@ -182,12 +154,96 @@ def take_step(
         near = np.array([0.0, *rate_weights(theta)])
         row = dense_row(theta, power is not None)
         # the rates of tangential forces at the start are not known
-        other = stage(row, when, combined(near, 0), combined(near, 1), box_rates, dense_row(theta, False))
+        guess_x, guess_y = _combined(rates, near, 0), _combined(rates, near, 1)
+        other = _stage(begun, rates, row, dense_row(theta, False), when, guess_x, guess_y, box_rates)
         own = powers(other.system, contacts, other.found, when, *other.rates[:2])
-        between.append(Output(float(when), other.found, other.rates[0], work([*row, GAMMA], own), other.system))
-    first_v = combined(np.array([0.0, *rate_weights(0.0)]), 0)
-    whole = work([*ROWS[-1], 0.0], spent[-1])
+        work = _work(dt, [*row, GAMMA], [*spent, own])
+        between.append(Output(float(when), other.found, other.rates[0], work, other.system))
+    first_v = _combined(rates, np.array([0.0, *rate_weights(0.0)]), 0)
+    whole = _work(dt, ROWS[-1], spent)
     return Step(at.found, error, at.rates[0], at.rates[1], whole, at.system, first_v, tuple(between), spent[-1])
+
+
+def _begin(system: System, contacts: Contacts, newton: Newton, t: float, x: Array, dt: float) -> _Begun:
+    known = None
+    if system.kernel.tangential:
+        normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+        known, x = sliding.starting(contacts, system.radii, normal), with_torques(system, x)
+    z = coordinates(system, t) if moves(system) else np.empty(0)
+    return _Begun(system, contacts, newton, t, dt, x, z, known)
+
+
+def _still(contacts: Contacts) -> tuple[Array, Array]:
+    """Rates of tangential forces and of their frames, where there are none or they are not known."""
+    return np.zeros_like(contacts.T), np.zeros(len(contacts) if contacts.T.size else 0)
+
+
+def _combined(rates: Sequence[tuple[Array, ...]], weights: Array, which: int) -> Array:
+    """Weighted sum of one of the rates over the start and the stages."""
+    total = np.zeros_like(rates[0][which])
+    for weight, of_stage in zip(weights, rates, strict=False):
+        if weight:
+            total += weight * of_stage[which]
+    return total
+
+
+def _work(dt: float, weights: Sequence[float] | Array, spent: Sequence[dict[str, float]]) -> dict[str, float]:
+    """Energy of each kind, from the powers at the start and at the stages."""
+    pairs = list(zip(weights, spent, strict=True))
+    return {name: dt * sum(float(w) * powers[name] for w, powers in pairs) for name in spent[-1]}
+
+
+def _stage(
+    begun: _Begun,
+    rates: Sequence[tuple[Array, ...]],
+    row: Array,
+    sliding_row: Array,
+    when: float,
+    guess_x: Array,
+    guess_y: Array,
+    box_rates: Array,
+) -> _Stage:
+    """Solve one implicit stage.
+
+    Parameters
+    ----------
+    rates : sequence of tuple of array
+        At the start, and at the stages before.
+    row, sliding_row : array
+        Weights of these; and for tangential forces, whose rates at the start are not known.
+    when : float
+        Time of the stage.
+    guess_x, guess_y, box_rates : array
+        Guesses of the rates.
+    """
+    system, contacts, newton, dt = begun.system, begun.contacts, begun.newton, begun.dt
+    s = GAMMA * dt
+    x_star, y_star = begun.x + dt * _combined(rates, row, 0), dt * _combined(rates, row, 1)
+    first = x_star + s * guess_x
+    if system.fixed.any():
+        first = np.where(system.fixed, x_star + s * system.velocity(when), first)
+    known = begun.known
+    if known is not None:
+        T_star, angle_star = (dt * _combined(rates, sliding_row, which) for which in (3, 4))
+        known = replace(known, force=contacts.T + T_star, angle=angle_star)
+    here, at_z, guess = system, np.empty(0), y_star + s * guess_y
+
+    def solve(here: System, x: Array) -> Balance:
+        return balance(here, contacts, newton, when, s, x_star, x, contacts.h, y_star, guess, known)
+
+    z_star = begun.z + dt * _combined(rates, row, 2)
+    if system.imposed is not None:
+        found, here, at_z, box_rates = balance_under_stress(
+            system, contacts, newton, when, s, z_star, box_rates, solve, first
+        )
+    else:
+        if begun.z.size:
+            here, at_z = placed(system, when, s, z_star, box_rates)
+        found = solve(here, first)
+    turned = _still(contacts)
+    if known is not None and found.slid is not None:
+        turned = (found.slid.turned - known.force) / s, (found.slid.angle - known.angle) / s
+    return _Stage(found, here, ((found.x - x_star) / s, (found.y - y_star) / s, at_z, *turned), box_rates)
 
 
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:

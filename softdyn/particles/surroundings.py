@@ -94,7 +94,7 @@ class Imposed:
 
 
 def moves(system: System) -> bool:
-    """Whether anything has to be done."""
+    """Whether box or walls move otherwise than by a given shear rate."""
     return system.imposed is not None or system.wall_velocity is not None
 
 
@@ -176,9 +176,7 @@ def _relative(system: System, at: Balance, wrong: Array, t: float) -> float:
     return float(np.abs(wrong).max()) / scale if scale > 0 else 0.0
 
 
-def condensed(
-    system: System, contacts: Contacts, newton: Newton, at: Balance, s: float, moving: bool
-) -> tuple[Array, Array]:
+def condensed(system: System, contacts: Contacts, newton: Newton, at: Balance, s: float) -> tuple[Array, Array]:
     """Derivatives of the stress by the unknown rates, forces in balance: S and dx/dg, shape (names, N, d)."""
     imposed, d = system.imposed, len(system.box.lengths)
     assert imposed is not None
@@ -196,7 +194,7 @@ def condensed(
         column = np.zeros_like(at.x)
         np.add.at(column[:, :d], contacts.i, force[k])
         np.add.at(column[:, :d], contacts.j, -force[k])
-        if moving:
+        if system.dragged:
             column[:, :d] -= system.drag[:, None] * (at.x[:, :d] @ G[k].T)
             if at.x.shape[1] > d:  # rotations follow the flow's, -g/2
                 column[:, -1] += system.resistance[:, -1] * G[k, 0, 1] / 2 * system.radii
@@ -253,11 +251,10 @@ def balance_under_stress(
 
     imposed = system.imposed
     assert imposed is not None
-    moving = bool(np.any(system.drag > 0))
     here, z_rate = placed(system, t, s, z_star, rates)
     found = solve(here, x)
     wrong = excess(here, contacts, found, t)
-    S, moved = condensed(here, contacts, newton, found, s, moving)
+    S, moved = condensed(here, contacts, newton, found, s)
     for _ in range(MOST_TRIALS):
         off = _relative(here, found, wrong, t)
         if off <= 10 * system.force_tolerance:

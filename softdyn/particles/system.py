@@ -64,12 +64,8 @@ class System:
         if self.imposed is None:
             return np.empty(0)
         G = self.box.gradient
-        return np.array(
-            [
-                G[0, 0] if name == "pressure" else G["xyz".index(name[0]), "xyz".index(name[1])]
-                for name in self.imposed.names
-            ]
-        )
+        places = ["xx" if name == "pressure" else name for name in self.imposed.names]
+        return np.array([G["xyz".index(place[0]), "xyz".index(place[1])] for place in places])
 
     @property
     def dimension(self) -> int:
@@ -80,6 +76,11 @@ class System:
     def drag(self) -> Array:
         """What resists the motion of each particle through the fluid, shape (N,)."""
         return self.resistance[:, 0]
+
+    @property
+    def dragged(self) -> bool:
+        """Whether the fluid resists any particle by itself; if not, positions are in elastic equilibrium."""
+        return bool(np.any(self.drag > 0))
 
     @property
     def force_tolerance(self) -> float:
@@ -102,7 +103,7 @@ def works(system: System) -> tuple[str, ...]:
 def gauge_axes(system: System) -> list[int]:
     """Axes along which nothing resists a motion of all particles together."""
     d = system.dimension
-    if np.any(system.drag > 0) or (system.kernel.tangential and system.walls):
+    if system.dragged or (system.kernel.tangential and system.walls):
         return []
     held = [axis for axis in range(d) if system.fixed[:, axis].any()]
     facing = [axis for axis in range(d) if any(wall.normal[axis] for wall in system.walls)]
@@ -113,7 +114,7 @@ def turns_freely(system: System) -> bool:
     """Whether nothing resists a rotation of all particles together."""
     count, d = len(system.fixed), system.dimension
     alone = not system.fixed.any() and not system.walls and not system.box.periodic.any()
-    return alone and d > 1 and count > 1 and not np.any(system.drag > 0)
+    return alone and d > 1 and count > 1 and not system.dragged
 
 
 def background(system: System, x: Array) -> Array:

@@ -70,11 +70,10 @@ def simulate_by_velocities(
     values_of = dict(zip(system.kernel.uniform, system.p, strict=True))
     p = np.array([values_of[name] for name in kernel.parameters])
     count, d = state.x.shape
-    dragged = bool(np.any(system.drag > 0))
 
     def rates(t: float, packed: Array) -> Array:
         x, h = packed[: count * d].reshape(count, d), packed[count * d :]
-        n, r, curvature = directions(contacts, x, lattice(system.box, t), ())
+        n, r = directions(contacts, x, lattice(system.box, t), ())
         delta = (contacts.S - r + h) / 2
         out = np.empty((len(outputs), len(h)))
         inputs = {"F": np.zeros(len(h)), "dF_dt": np.zeros(len(h))}
@@ -82,11 +81,11 @@ def simulate_by_velocities(
         value = dict(zip(outputs, out, strict=True))
         F = value["F_ela"]
         gap_rate = -(F - value["F_adh"]) / value["zeta"]
-        if dragged:
+        if system.dragged:
             v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.drag[:, None]
         else:
             pull = value["C"] / value["D"] * (F - value["F_adh"])
-            v = _velocities(contacts.i, contacts.j, n, value["C"], F * curvature, pull, _rate_of(system.force, t))
+            v = _velocities(contacts.i, contacts.j, n, value["C"], F / r, pull, _rate_of(system.force, t))
         return np.concatenate([v.reshape(-1), gap_rate])
 
     first = np.concatenate([state.x.reshape(-1), contacts.h])

@@ -1,0 +1,159 @@
+"""Parameters of the law as a kernel takes them: one value of each, or one for each contact, mixed from two species.
+
+In come a checked scene and, once it is known which parameters vary, their kernel; out go arrays in the kernel's order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.particles.geometry import Integers
+from softdyn.particles.kernel import ContactKernel
+from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.sliding import rotations
+from softdyn.particles.words import is_number, listed
+from softdyn.scene import range_fault, suggestion
+
+Array = NDArray[np.float64]
+
+MIXING: dict[str, Callable[[Array, Array], Array]] = {
+    "arithmetic": lambda one, other: (one + other) / 2,
+    "geometric": lambda one, other: np.sqrt(one * other),
+    "harmonic": lambda one, other: 2 * one * other / (one + other),
+}
+
+
+def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...]:
+    """Names of the parameters that differ from contact to contact.
+
+    Raises
+    ------
+    SceneError
+        If a parameter depends on species that there are not, or without a rule of mixing.
+    """
+    faults, varying = [], []
+    if np.ptp(checked.radii) > 0 or checked.walls:
+        varying += ["R", "size_ratio"] if scene.tangential else ["R"]
+    faults += [
+        f"[parameters] {name} follows from the radii of the particles: leave it out"
+        for name in ("R", "size_ratio")
+        if name in scene.parameters
+    ]
+    for name, value in scene.parameters.items():
+        if not isinstance(value, Mapping):
+            if not is_number(value):
+                faults.append(f"[parameters] {name} must be a finite number, not {value!r}")
+            continue
+        unknown = [key for key in value if key not in checked.names]
+        missing = [key for key in checked.names if key not in value]
+        known = ", ".join(repr(key) for key in checked.names)
+        if unknown:
+            faults.append(f"[parameters] {name}: unknown species {', '.join(map(repr, unknown))}; there are {known}")
+        if missing:
+            faults.append(f"[parameters] {name} has no value for species {', '.join(map(repr, missing))}")
+        if not all(is_number(number) for number in value.values()):
+            faults.append(f"[parameters] {name}: all values must be finite numbers")
+        if name == "eta":
+            faults.append("[parameters] eta is the fluid's, and cannot depend on the species")
+        elif name != "E" and name not in scene.mixing:
+            faults.append(
+                f"[parameters] {name} depends on the species: say how two of them mix, [mixing] {name} = one of "
+                f"{', '.join(MIXING)}"
+            )
+        varying.append(name)
+    if "E" in scene.parameters and "E" not in varying and any(wall.rigid for wall in checked.walls):
+        varying.append("E")
+    for name, rule in scene.mixing.items():
+        if rule not in tuple(MIXING):
+            faults.append(f"[mixing] {name}: unknown rule {rule!r}{suggestion(rule, tuple(MIXING))}")
+        if name == "eta":
+            faults.append("[mixing] eta is the fluid's, which all particles share: leave it out")
+        elif name in ("R", "E"):
+            faults.append(f"[mixing] {name} is mixed as the physics of two elastic half-spaces asks: leave it out")
+        elif not isinstance(scene.parameters.get(name), Mapping):
+            faults.append(f"[mixing] {name} does not depend on the species")
+    if faults:
+        raise SceneError(listed(faults))
+    return tuple(varying)
+
+
+def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel) -> Array:
+    """Values of the uniform parameters, in the kernel's order; checks those that vary, too.
+
+    Raises
+    ------
+    SceneError
+        Listing missing, unknown, non-positive and out-of-range parameters.
+    """
+    names = (*kernel.uniform, *kernel.varying)
+    given = {"R": float(checked.radii[0]), **scene.parameters}
+    faults = [
+        f"[parameters] {name!r} is not a parameter of the law{suggestion(name, [n for n in names if n != 'R'])}"
+        for name in given
+        if name not in names and name != "R" and not (name == "eta" and scene.drag)
+    ]
+    for name in names:
+        if name == "size_ratio":
+            continue
+        if name not in given:
+            faults.append(f"[parameters] {name} is missing")
+            continue
+        value = given[name]
+        for number in value.values() if isinstance(value, Mapping) else [value]:
+            if name in kernel.ranges and (fault := range_fault(name, number, kernel.ranges[name])):
+                faults.append(fault)
+            elif name in kernel.positive and not number > 0:
+                faults.append(f"[parameters] {name} must be positive, not {number!r}")
+    eta = given.get("eta")
+    if scene.drag and (isinstance(eta, Mapping) or not is_number(eta) or not float(eta or 0) > 0):
+        faults.append("[parameters] eta is missing, and the drag on a particle is 6 pi eta R")
+    if faults:
+        raise SceneError(listed(faults))
+    return np.array([float(given[name]) for name in kernel.uniform])  # type: ignore[arg-type]
+
+
+def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
+    """Varying parameters of the law for each contact, shape (parameters, n).
+
+    R is 2 R1 R2/(R1 + R2) and E the harmonic mean: see :mod:`softdyn.derive.contact_kernel`, where walls are derived.
+    """
+    count = len(checked.radii)
+    wall = j >= count
+    partner = np.where(wall, i, j)
+    rigid = np.array([w.rigid for w in checked.walls] or [False])
+    hard = np.zeros(len(i), dtype=bool)
+    hard[wall] = rigid[j[wall] - count]
+    rows = np.empty((len(kernel.varying), len(i)))
+    for row, name in zip(rows, kernel.varying, strict=True):
+        if name == "R":
+            row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
+            row[wall] = 2 * checked.radii[i[wall]]
+            continue
+        if name == "size_ratio":
+            row[:] = checked.radii[i] * checked.radii[partner] / (checked.radii[i] + checked.radii[partner]) ** 2
+            row[wall] = 0.0
+            continue
+        given = scene.parameters[name]
+        values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
+        of = values[checked.species] if isinstance(given, Mapping) else np.full(count, values[0])
+        row[:] = MIXING["harmonic" if name == "E" else scene.mixing.get(name, "arithmetic")](of[i], of[partner])
+        if name == "E":
+            row[hard] *= 2  # a rigid wall gives in by nothing
+    return rows
+
+
+def resistances(scene: ParticleScene, checked: Checked, kernel: ContactKernel, p: Array) -> Array:
+    """What resists each coordinate of the particles by themselves, (x, R theta), shape (N, d + rotations)."""
+    count, d = checked.x.shape
+    resistance = np.zeros((count, d + (rotations(d) if kernel.tangential else 0)))
+    if kernel.drag is not None:
+        own = np.arange(count)
+        out = np.empty((2 if kernel.tangential else 1, count))
+        kernel.drag(count, p, mixed_parameters(scene, checked, kernel, own, own).reshape(-1), out.reshape(-1))
+        resistance[:, :d] = float(scene.drag) * out[0][:, None]
+        resistance[:, d:] = float(scene.drag) * (out[-1] / checked.radii**2)[:, None]
+    return resistance

@@ -1,0 +1,47 @@
+"""Words and kinds that all checks of a scene share: lists of faults, names of particles and axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+AXES = "xyz"
+#: Stands for all particles where some are named.
+ALL = "all"
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number, and no bool."""
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    return number and math.isfinite(value)
+
+
+def is_list(values: Any, size: int) -> bool:
+    """Whether values are a list of that many."""
+    return isinstance(values, (list, tuple, np.ndarray)) and len(values) == size
+
+
+def listed(faults: Sequence[str]) -> str:
+    """One fault as it is, more than one a line each."""
+    return faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults)
+
+
+def components(size: int) -> str:
+    """Words for how many numbers are wanted."""
+    return f"{size} component{'s' if size > 1 else ''}"
+
+
+def which(flags: NDArray[np.bool_]) -> str:
+    """Words for the particles that are flagged."""
+    return particles_named(np.flatnonzero(flags))
+
+
+def particles_named(numbers: Sequence[int] | NDArray[np.int64]) -> str:
+    """Words for some particles: their numbers, or the first ten of them."""
+    shown = ", ".join(str(int(number)) for number in numbers[:10])
+    more = f" and {len(numbers) - 10} more" if len(numbers) > 10 else ""
+    return f"particle{'s' if len(numbers) > 1 else ''} {shown}{more}"
