@@ -771,3 +771,27 @@ def test_what_is_too_large_to_be_searched_for_loose_particles_is_told(monkeypatc
     monkeypatch.setattr(linear, "LARGEST_FACTOR", 0)
     (warning,) = simulate_particles(hexagons(shear_rate=1e-4, until=30.0)).stats["warnings"]
     assert "not searched for motions that nothing resists" in warning
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+def test_velocities_without_drag_are_rates_of_the_positions(rtol: float) -> None:
+    """Of a pushed pair, half of dX/dt of the pair engine at the run's own gap, whatever the tolerance of its steps."""
+    pushes = [Push([0], ["1e-2*(1 + 0.5*sin(1e-3*t))", 0.0]), Push([1], ["-1e-2*(1 + 0.5*sin(1e-3*t))", 0.0])]
+    result = simulate_particles(scene(pushes=pushes, until=1e4, times=9, rtol=rtol))
+    pair = softdyn.simulate(
+        law="rognon_gay", parameters={"R": 1.0, "E": 1.0, "eta": 1.0}, h=float(result.contacts(0)["h"][0]),
+        force="1e-2*(1 + 0.5*sin(1e-3*t))", until_t=1e4, times=9, quantities=("dX_dt",), rtol=1e-10,
+    )  # fmt: skip
+    found = result.v[:, 1, 0] - result.v[:, 0, 0]
+    # the rates depend on the gap, whose error is a few tolerances
+    np.testing.assert_allclose(found, pair.dX_dt, atol=20 * rtol * np.abs(pair.dX_dt).max() + 1e-12)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_velocities_without_drag_are_the_changes_of_positions(held: bool) -> None:
+    """Of a sheared box, and with a driven particle, between two close outputs."""
+    changes = {"holds": [Hold([0], "xy", [1e-5, 2e-5])]} if held else {}
+    result = simulate_particles(hexagons(shear_rate=1e-4, until=60.0, times=[29.9, 30.0, 30.1], rtol=1e-6, **changes))
+    change = (result.x[2] - result.x[0]) / (result.t[2] - result.t[0])
+    size = np.abs(change).max()
+    np.testing.assert_allclose(result.v[1], change - (0 if held else np.mean(change, axis=0)), atol=1e-3 * size)

@@ -302,7 +302,7 @@ def balance(
             return _in_gauge(system, now, x_star)
         newton.counts["iterations"] += 1
         if newton.s == 0 or newton.solver is None:
-            _linearise(system, contacts, newton, now, s, known)
+            linearise(system, contacts, newton, now, s, known)
             newton.s, fresh = s, True
         assert newton.solver is not None
         wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
@@ -352,7 +352,7 @@ def _in_gauge(system: System, found: Balance, x_star: Array) -> Balance:
     return found
 
 
-def _linearise(
+def linearise(
     system: System,
     contacts: Contacts,
     newton: Newton,

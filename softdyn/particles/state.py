@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.particles import linear
+from softdyn.particles.equilibrium import velocities
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.neighbours import Listed
@@ -94,7 +97,13 @@ def exchanged(system: System, state: State) -> Array:
 
 
 def frame_now(system: System, state: State) -> Frame:
-    return frame_of(system, state.t, state.x, state.v, state.contacts, exchanged(system, state))
+    """Frame of the present state."""
+    v = state.v
+    if not system.dragged and not system.kernel.tangential:
+        # of these the rates of a step are no velocities; where there are none, the next step says why
+        with suppress(linear.Indefinite):
+            v = velocities(system, state.contacts, state.x, state.t, state.dt)
+    return frame_of(system, state.t, state.x, v, state.contacts, exchanged(system, state))
 
 
 def frame_within(output: Output, state: State) -> Frame:
