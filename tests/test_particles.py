@@ -795,3 +795,13 @@ def test_velocities_without_drag_are_the_changes_of_positions(held: bool) -> Non
     change = (result.x[2] - result.x[0]) / (result.t[2] - result.t[0])
     size = np.abs(change).max()
     np.testing.assert_allclose(result.v[1], change - (0 if held else np.mean(change, axis=0)), atol=1e-3 * size)
+
+
+def test_particles_that_go_with_the_flow_and_touch_nothing_have_no_warning() -> None:
+    """All terms of their balance of energy are rounding, of which no part is much."""
+    places = [[1.0, 1.0], [6.0, 2.5], [2.0, 7.0]]
+    result = simulate_particles(
+        scene(positions=places, gap=None, box=[10.0, 10.0], reach=0.5, shear_rate=1e-2, drag=1.0, until=50.0, pushes=[])
+    )
+    assert result.stats["warnings"] == []
+    np.testing.assert_allclose(result.v[-1, :, 0], 1e-2 * result.x[-1, :, 1], rtol=1e-9)

@@ -166,7 +166,9 @@ def _result(
             "so many particles without drag are not searched for motions that nothing resists, since the matrix is too "
             "large to be factorised: rattlers and loose clusters may drift ([flow] drag = 1 resists them)"
         )
-    if abs(energy["imbalance"]) > IMBALANCE * system.rtol:
+    # where particles go with the flow and touch nothing, all terms are rounding of this
+    carried = float(np.sum(system.resistance * state.v**2)) * state.t
+    if abs(energy["imbalance"]) > IMBALANCE * system.rtol and size > 1e-12 * carried:
         stats["warnings"].append(
             f"the balance of energy is off by {energy['imbalance']:.1e} of the sum of its terms, {size:.3g}: more than "
             f"{IMBALANCE:g} rtol"
