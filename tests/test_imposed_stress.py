@@ -15,6 +15,7 @@ from softdyn.expression import evaluate, parse
 from softdyn.particles.balance import Balance, Newton, balance
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
+from softdyn.particles.observables import strain
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.scene import Hold, ParticleScene
@@ -341,3 +342,32 @@ def test_a_run_under_an_imposed_shear_stress_ends_at_a_strain() -> None:
 def test_a_strain_that_is_no_end_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         simulate_particles(packing(drag=1.0, **changes))
+
+
+def test_a_shear_rate_that_changes_is_followed() -> None:
+    """The box leans by the integral of its rate, energy is in balance; a constant may be given as text."""
+    swings = packing(shear_rate="g*w*cos(w*t)", constants={"g": 0.05, "w": 0.02}, drag=1.0, until=500.0, times=26)
+    result = simulate_particles(swings)
+    np.testing.assert_allclose(strain(result), 0.05 * np.sin(0.02 * result.t), atol=50 * 1e-4 * 0.05)
+    np.testing.assert_allclose(result.gradient[:, 0, 1], 1e-3 * np.cos(0.02 * result.t), rtol=1e-9, atol=1e-12)
+    finer = simulate_particles(replace(swings, rtol=1e-5))
+    assert abs(finer.energy["imbalance"]) < abs(result.energy["imbalance"]) / 4 < 2.5e-4
+    number, text = (simulate_particles(packing(shear_rate=rate, drag=1.0)) for rate in (1e-4, "1e-4"))
+    np.testing.assert_allclose(text.x, number.x, atol=1e-4)
+
+
+def test_a_lone_particle_goes_with_a_flow_that_changes() -> None:
+    """X = x0 + y times the strain, in a flow without a box."""
+    flow = ParticleScene(
+        law="rognon_gay", parameters={"E": 1.0, "eta": ETA}, positions=[[0.0, 0.0], [0.0, 9.0]], radii=1.0, reach=0.5,
+        shear_rate="1e-2*sin(0.1*t)", drag=1.0, until=60.0, times=7, rtol=1e-5,
+    )  # fmt: skip
+    result = simulate_particles(flow)
+    np.testing.assert_allclose(result.x[:, 1, 0], 9 * 0.1 * (1 - np.cos(0.1 * result.t)), atol=1e-3)
+
+
+def test_a_shear_rate_that_is_no_expression_is_refused() -> None:
+    with pytest.raises(SceneError, match="is not part of the grammar"):
+        simulate_particles(packing(shear_rate="__import__('os')", drag=1.0))
+    with pytest.raises(SceneError, match=r"\[flow\] shear_rate must be a finite number or an expression"):
+        simulate_particles(packing(shear_rate=[1.0], drag=1.0))

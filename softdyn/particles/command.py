@@ -89,7 +89,8 @@ def _progress_bar(scene: ParticleScene) -> Iterator[Progress | None]:
 
         def update(t: float, steps: int, iterations: int) -> None:
             bar.n = min(1.0, t / scene.until)
-            where = f"strain={t * abs(scene.shear_rate):.4g}" if scene.shear_rate else f"t={t:.4g}"
+            rate = 0.0 if isinstance(scene.shear_rate, str) else abs(scene.shear_rate)
+            where = f"strain={t * rate:.4g}" if rate else f"t={t:.4g}"
             draw(f"{where} step {steps}, {iterations / max(steps, 1):.1f} iterations each")
 
         yield update

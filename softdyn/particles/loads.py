@@ -94,6 +94,7 @@ def require_used(scene: ParticleScene) -> None:
     given += [wall.velocity for wall in scene.walls]
     given += [list(scene.stress.values())]
     texts = [value for values in given if values is not None for value in values if isinstance(value, str)]
+    texts += [scene.shear_rate] if isinstance(scene.shear_rate, str) else []
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
@@ -217,6 +218,13 @@ def wall_velocity(scene: ParticleScene, d: int) -> Callable[[float], Array] | No
             labels = [f"wall {number}: velocity along {axis}" for axis in AXES[:d]]
             terms += _terms(scene, np.array([number]), range(d), wall.velocity, labels)
     return _sum_of(terms, len(scene.walls), d) if terms else None
+
+
+def shear_flow(scene: ParticleScene) -> Callable[[float], float] | None:
+    """The shear rate as a function of t; None where it is a number."""
+    if not isinstance(scene.shear_rate, str):
+        return None
+    return _function(scene, scene.shear_rate, "[flow] shear_rate")
 
 
 def imposed_stress(scene: ParticleScene, box: Box) -> Imposed | None:

@@ -37,8 +37,10 @@ def strain(result: ParticleResult) -> Array:
     if np.isfinite(result.box[1]):
         lean: Array = result.cell[:, 0, 1] / result.cell[:, 1, 1]
         return lean
-    rate: Array = result.gradient[:, 0, 1] * result.t
-    return rate
+    rate = result.gradient[:, 0, 1]
+    steps = np.diff(result.t, prepend=0.0)
+    mean: Array = (rate + np.concatenate([rate[:1], rate[:-1]])) / 2
+    return np.cumsum(mean * steps)
 
 
 def has_viscosity(result: ParticleResult) -> bool:

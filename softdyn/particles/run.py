@@ -132,6 +132,7 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
         rtol=float(scene.rtol),
         imposed=checked.imposed,
         wall_velocity=checked.wall_velocity,
+        shear=checked.shear,
     )
     return checked, system
 

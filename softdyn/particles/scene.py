@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
-from softdyn.particles.loads import holds, imposed_stress, numbers_of, pushes, require_used, spins, wall_velocity
+from softdyn.particles.loads import (
+    holds,
+    imposed_stress,
+    numbers_of,
+    pushes,
+    require_used,
+    shear_flow,
+    spins,
+    wall_velocity,
+)
 from softdyn.particles.surroundings import Imposed
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, which
 from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
@@ -94,8 +103,8 @@ class ParticleScene:
     box : sequence of float or None, optional
         Edges of the periodic box; None along an axis that is not periodic.
     walls : sequence of Wall
-    shear_rate : float
-        Background flow u = shear_rate y along x; a periodic box is sheared with it.
+    shear_rate : float or str
+        Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, or an expression of t.
     stress : mapping from str to (float or str)
         Imposed on a box that is periodic along all axes, which then shears or stretches as it must: "xy", the shear
         stress, instead of a shear rate; "xx", "yy", "zz", along an axis, > 0 in tension; or "pressure", minus a third
@@ -133,7 +142,7 @@ class ParticleScene:
     tangential: bool = False
     box: Sequence[float | None] | None = None
     walls: Sequence[Wall] = ()
-    shear_rate: float = 0.0
+    shear_rate: float | str = 0.0
     stress: Mapping[str, float | str] = field(default_factory=dict)
     stress_viscosity: float | None = None
     drag: float = 0.0
@@ -170,6 +179,8 @@ class Checked:
     imposed : Imposed, optional
     wall_velocity : function of t, optional
         Velocities of the walls, shape (walls, d), if any of them moves.
+    shear : function of t, optional
+        The shear rate, if it changes.
     """
 
     x: Array
@@ -187,6 +198,7 @@ class Checked:
     spin: Callable[[float], Array]
     imposed: Imposed | None
     wall_velocity: Callable[[float], Array] | None
+    shear: Callable[[float], float] | None
 
 
 def check(scene: ParticleScene) -> Checked:
@@ -246,8 +258,8 @@ def check(scene: ParticleScene) -> Checked:
             )
     if not is_number(scene.drag) or scene.drag < 0:
         faults.append(f"[flow] drag must be 0 or a positive number, not {scene.drag!r}")
-    if not is_number(scene.shear_rate):
-        faults.append(f"[flow] shear_rate must be a finite number, not {scene.shear_rate!r}")
+    if not is_number(scene.shear_rate) and not isinstance(scene.shear_rate, str):
+        faults.append(f"[flow] shear_rate must be a finite number or an expression of t, not {scene.shear_rate!r}")
     if faults:
         raise SceneError(listed(faults))
     if not SMALLEST_RTOL * 100 <= scene.rtol <= 0.1:
@@ -311,6 +323,7 @@ def check(scene: ParticleScene) -> Checked:
         spin=spin,
         imposed=imposed_stress(scene, box),
         wall_velocity=wall_velocity(scene, d),
+        shear=shear_flow(scene),
         times=_times(scene),
     )
 
@@ -336,7 +349,8 @@ def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
                     faults.append(f"[box] the length along {AXES[axis]} must be positive, not {length!r}")
                 else:
                     lengths[axis] = float(length)
-    return Box(lengths, float(scene.shear_rate))
+    rate = shear_flow(scene)
+    return Box(lengths, float(scene.shear_rate) if rate is None else rate(0.0))
 
 
 def _coordinates(values: Any, d: int) -> Array | None:

@@ -82,6 +82,6 @@ def _first_step(scene: ParticleScene, system: System, state: State) -> float:
     values = contact_state(system, state.contacts, overlap, state.contacts.h)
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
-    fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(scene.shear_rate)))
+    fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(system.box.shear_rate)))
     longest = 1e-2 * float(scene.until)
     return min(longest, 1e-2 / fastest) if fastest > 0 else longest

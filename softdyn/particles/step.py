@@ -145,7 +145,7 @@ def take_step(
 
     x_error, y_error, z_error, T_error = (dt * _combined(rates, np.array([0.0, *ERROR]), k) for k in range(4))
     error = _error(system, at.found, y_error, x_error, T_error)
-    if system.imposed is not None:
+    if system.imposed is not None or system.shear is not None:
         # errors of the strains of the box, as of positions
         error = max(error, largest(z_error[: system.dimension + 1]) / system.rtol)
     between = []

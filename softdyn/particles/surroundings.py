@@ -94,8 +94,8 @@ class Imposed:
 
 
 def moves(system: System) -> bool:
-    """Whether box or walls move otherwise than by a given shear rate."""
-    return system.imposed is not None or system.wall_velocity is not None
+    """Whether box or walls move otherwise than by a constant shear rate."""
+    return system.imposed is not None or system.wall_velocity is not None or system.shear is not None
 
 
 def coordinates(system: System, t: float) -> Array:
@@ -120,7 +120,7 @@ def placed(system: System, t: float, s: float, z_star: Array, rates: Array) -> t
     """
     box, d = system.box, len(system.box.lengths)
     z_rate = np.zeros_like(z_star)
-    shear, stretch = box.shear_rate, np.zeros(d)
+    shear, stretch = box.shear_rate if system.shear is None else system.shear(t), np.zeros(d)
     if system.imposed is not None:
         G = np.tensordot(rates, system.imposed.gradients(d), 1)
         stretch = np.diag(G).copy()
@@ -136,9 +136,9 @@ def placed(system: System, t: float, s: float, z_star: Array, rates: Array) -> t
     z = z_star + s * z_rate
     if system.wall_velocity is not None:
         walls = tuple(replace(wall, point=point) for wall, point in zip(walls, z[d + 1 :].reshape(-1, d), strict=True))
-    if system.imposed is not None:
+    if system.imposed is not None or system.shear is not None:
         tilt = float(z[d] * edges[0]) if d > 1 else 0.0
-        box = Box(np.where(box.periodic, edges, math.inf), shear, tilt, t, stretch)
+        box = Box(np.where(box.periodic, edges, math.inf), shear, tilt, t, stretch if stretch.any() else None)
     return replace(system, box=box, walls=walls), z_rate
 
 

@@ -40,6 +40,8 @@ class System:
         Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
     imposed : Imposed, optional
         Stress imposed on the box.
+    shear : function of t, optional
+        The shear rate, if it changes.
     wall_velocity : function of t, optional
         Velocities of the walls, shape (walls, d).
     """
@@ -57,6 +59,7 @@ class System:
     rtol: float
     imposed: Imposed | None = None
     wall_velocity: Callable[[float], Array] | None = None
+    shear: Callable[[float], float] | None = None
 
     @property
     def box_rates(self) -> Array:
