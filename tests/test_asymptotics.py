@@ -131,6 +131,7 @@ def test_a_series_converges_at_the_rate_of_its_remainder(expr: Expr, cone: Cone)
     converges(expr, cone)
 
 
+@pytest.mark.slow
 @relaxed
 @given(expressions(branches=True), st.sampled_from(CONES))
 def test_a_series_of_branches_and_functions_does_too(expr: Expr, cone: Cone) -> None:

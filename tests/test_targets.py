@@ -127,6 +127,7 @@ def outputs_of(law: Any, target: str, states: States) -> dict[str, Array]:
     return dict(zip(OUTPUTS, out.reshape(len(OUTPUTS), -1), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_every_output_is_accurate_to_the_roundings_of_its_formula(target: str) -> None:
     worst = dict.fromkeys(OUTPUTS, 0.0)
