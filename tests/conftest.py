@@ -7,6 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import Phase, settings
+
+# an example that fails is told without being run a few hundred times more, traced: slow ones would take hours
+settings.register_profile("untraced", phases=set(Phase) - {Phase.explain})
+settings.load_profile("untraced")
 
 
 @pytest.fixture(autouse=True, scope="session")

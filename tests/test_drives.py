@@ -138,6 +138,17 @@ def test_a_soft_spring_far_away_is_a_constant_force(law: str) -> None:
     np.testing.assert_allclose(held.delta, pushed.delta, rtol=1e-7)
 
 
+@pytest.mark.parametrize("v", [1e-280, -1e-300, 1e-306, -2.2e-308, 7e-309, -1e-310, 2e-313, 5e-324])
+def test_a_velocity_of_any_smallness_deflects_in_proportion(v: float) -> None:
+    """To the digits that such numbers have: below 2.2e-308 they are multiples of 5e-324."""
+    asked: dict[str, Any] = {"h": 3.0, "until_t": 3e5, "times": 11, "rtol": 1e-11}
+    tiny, known = run(velocity=v, **asked), run(velocity=1e-20, **asked)
+    # what the deflection is made of are as many roundings as evaluations
+    digits = 1e-9 + 200 * 5e-324 / abs(v)
+    np.testing.assert_allclose(tiny.delta / v, known.delta / 1e-20, rtol=digits)
+    assert tiny.stats["steps"] < 2 * known.stats["steps"]
+
+
 def test_a_slow_approach_stays_in_balance_however_stiff_it_is() -> None:
     """At a crawl the friction force is -zeta V: delta relaxes in lam << h/V, and explicit steps would be hopeless."""
     result = run(velocity=-1e-10, until_t=5e9, times=5, quantities=("F", "zeta", "dh_dt"), rtol=1e-8)
