@@ -186,7 +186,8 @@ def solve_at(
 ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
     """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
     count, d = len(contacts), x.shape[1]
-    n, (r, h, F, F_r) = np.empty((count, d)), np.empty((4, count))
+    n = np.empty((count, d))
+    r, h, F, F_r = (np.empty(count) for _ in range(4))  # each by itself: h outlives the others
     values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
 
     def solve(part: slice) -> None:
@@ -205,14 +206,14 @@ def solve_at(
 
 def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
     """Sum of F n over the contacts of each particle: the force that it exerts through them, shape (N, d)."""
-    total = np.empty((count, n.shape[1]))
+    total = np.zeros((count, n.shape[1]))
     pair = contacts.j < count
     every = bool(pair.all())
-    i, j = contacts.i.astype(np.intp), (contacts.j if every else contacts.j[pair]).astype(np.intp)
+    j = contacts.j if every else contacts.j[pair]
     for axis in range(n.shape[1]):
         along = F * n[:, axis]
-        total[:, axis] = np.bincount(i, along, minlength=count)
-        total[:, axis] -= np.bincount(j, along if every else along[pair], minlength=count)
+        np.add.at(total[:, axis], contacts.i, along)
+        np.subtract.at(total[:, axis], j, along if every else along[pair])
     return total
 
 
@@ -312,16 +313,18 @@ def balance(
             raise StepFailed(f"the linear system has no finite solution at t={t:.6g}")
         # half of the smallest radius is further than any contact's force is nearly linear
         factor = min(1.0, 0.5 * float(system.radii.min()) / size) if size > 0 else 1.0
+        x, y, off = now.x, now.y, now.off
+        del now  # not two at a time
         for _ in range(10):
-            trial = evaluate(now.x + factor * change, now.y.copy())
-            better = trial.off < now.off or trial.residual <= target
+            trial = evaluate(x + factor * change, y.copy())
+            better = trial.off < off or trial.residual <= target
             if better or not fresh:
                 break
             factor *= 0.4
-        if better:
-            slow = trial.off > CONTRACTION * now.off
-            now = trial
-        elif fresh:
+        slow = trial.off > CONTRACTION * off
+        now = trial if better else evaluate(x, y)
+        del trial
+        if not better and fresh:
             raise StepFailed(_unbalanced(now, free))
         if not better or slow:
             newton.s, fresh = 0.0, False

@@ -1,4 +1,4 @@
-"""Power of each kind at a stage, and forces, of all contacts."""
+"""Power of each kind at a stage."""
 
 from __future__ import annotations
 
@@ -46,15 +46,6 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, 
         "U_h": U_h,
         **more,
     }
-
-
-def forces_of(system: System, contacts: Contacts, overlap: Array, h: Array) -> Array:
-    """Force of each contact."""
-
-    def of(part: slice) -> Array:
-        return contact_state(system, portion(contacts, part), overlap[part], h[part])["F"]
-
-    return np.concatenate(in_portions(of, len(h)))
 
 
 def _gap_powers(system: System, contacts: Contacts, at: Balance, h_rate: Array) -> tuple[float, float, float]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,6 @@ from softdyn.errors import IntegrationError
 from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Balance, pair_named
 from softdyn.particles.geometry import directions, lattice
-from softdyn.particles.results import Frame
 from softdyn.particles.state import State, free_positions
 from softdyn.particles.system import System, gauge_axes, turns_freely
 from softdyn.particles.words import AXES, particles_named
@@ -147,21 +147,17 @@ def require_shallow(system: System, state: State, at: Balance, when: float) -> N
         )
 
 
-def deep_deflection(frames: Sequence[Frame], radii: Array) -> Iterator[str]:
-    """Words of warning, if surfaces are pulled by more than a radius in any frame: no law holds there."""
-    deepest, words = 1.0, ""
-    for frame in frames:
-        with_walls = np.append(radii, np.inf)
-        smaller = np.minimum(radii[frame.i], with_walls[np.minimum(frame.j, len(radii))])
-        relative = -frame.delta / smaller
-        if len(relative) and relative.max() > deepest:
-            c = int(np.argmax(relative))
-            deepest, i, j = float(relative[c]), int(frame.i[c]), int(frame.j[c])
-            who = f"particles {i} and {j}" if j < len(radii) else f"particle {i} and wall {j - len(radii)}"
-            words = (
-                f"the contact of {who} is pulled to a deflection of "
-                f"{deepest:.3g} radii at t={frame.t:.6g}, where no law of contacts holds: use weaker forces, slower "
-                "flow, a stiffer law, or a shorter range of contacts"
-            )
-    if words:
-        yield words
+def deep_deflection(arrays: Mapping[str, NDArray[Any]]) -> Iterator[str]:
+    """Words of warning, if surfaces are pulled by more than a radius in any frame of a result: no law holds there."""
+    radii, i, j = arrays["radii"], arrays["contact_i"], arrays["contact_j"]
+    smaller = np.minimum(radii[i], np.append(radii, np.inf)[np.minimum(j, len(radii))])
+    relative = -arrays["contact_delta"] / smaller
+    if not len(relative) or not relative.max() > 1.0:
+        return
+    c = int(np.argmax(relative))
+    frame = int(np.searchsorted(arrays["contact_start"], c, side="right")) - 1
+    who = f"particles {i[c]} and {j[c]}" if j[c] < len(radii) else f"particle {i[c]} and wall {j[c] - len(radii)}"
+    yield (
+        f"the contact of {who} is pulled to a deflection of {relative[c]:.3g} radii at t={arrays['t'][frame]:.6g}, "
+        "where no law of contacts holds: use weaker forces, slower flow, a stiffer law, or a shorter range of contacts"
+    )

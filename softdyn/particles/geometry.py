@@ -176,7 +176,8 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     if not walls:
         along = _along(x, contacts.i, contacts.j, contacts.shift, cell)
         r = np.sqrt(np.einsum("ij,ij->i", along, along))
-        return along / r[:, None], r
+        along /= r[:, None]
+        return along, r
     pair = contacts.j < count
     along = np.ones((len(contacts), x.shape[1]))
     along[pair] = _along(x, contacts.i[pair], contacts.j[pair], contacts.shift[pair], cell)
@@ -184,10 +185,10 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     for w, wall in enumerate(walls):
         mine = contacts.j == count + w
         r[mine] = (wall.point - x[contacts.i[mine]]) @ wall.normal
-    n = along / np.where(pair, r, 1.0)[:, None]
+    along /= np.where(pair, r, 1.0)[:, None]
     for w, wall in enumerate(walls):
-        n[contacts.j == count + w] = wall.normal
-    return n, r
+        along[contacts.j == count + w] = wall.normal
+    return along, r
 
 
 def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
@@ -197,7 +198,8 @@ def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
 
 def _along(x: Array, i: Integers, j: Integers, shift: Integers, cell: Array) -> Array:
     """Vectors from particle i to the image of particle j; few contacts reach across the faces of the box."""
-    along = x.take(j, axis=0) - x.take(i, axis=0)
+    along = x.take(j, axis=0)
+    along -= x.take(i, axis=0)
     across = np.flatnonzero(shift.any(axis=1))
     along[across] += np.einsum("cb,ab->ca", shift[across], cell)
     return along

@@ -75,7 +75,9 @@ def integrate(
     until, grow = float(scene.until), LARGEST_GROWTH
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
+    step: Step | None = None
     while state.t < until and not _has_strained(scene, state):
+        step = None  # many numbers that the next one has no use for
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
         require_balanced(system, state.t, state.x)

@@ -106,20 +106,21 @@ def assemble(
         Unknowns that are none: their rows and columns become those of the unit matrix, scaled.
     """
     d = diagonal.shape[1]
-    data = np.empty((len(pattern.indices), d, d))
+    data = np.zeros((len(pattern.indices), d, d))
     every = bool(pattern.pair.all())
     j = pattern.j if every else pattern.j[pattern.pair]
     for a in range(d):
         for b in range(a, d):
-            values = component(a, b)
+            values, place = component(a, b), data[:, a, b]
             between = values if every else values[pattern.pair]
             # two contacts between the same particles, through different images, share a place
-            column = np.zeros(len(data))
-            column -= np.bincount(pattern.upper, between, minlength=len(data))
-            column -= np.bincount(pattern.lower, between, minlength=len(data))
-            own = np.bincount(pattern.i, values, minlength=pattern.count)
-            column[pattern.diagonal] = own + np.bincount(j, between, minlength=pattern.count)
-            data[:, a, b] = data[:, b, a] = column
+            np.subtract.at(place, pattern.upper, between)
+            np.subtract.at(place, pattern.lower, between)
+            own = np.zeros(pattern.count)
+            np.add.at(own, pattern.i, values)
+            np.add.at(own, j, between)
+            place[pattern.diagonal] = own
+            data[:, b, a] = place
         data[pattern.diagonal, a, a] += diagonal[:, a]
     return _finished(pattern, data, fixed)
 
@@ -148,7 +149,7 @@ def assemble_quarters(
         given = block if number == 0 else block[pattern.pair]
         for a in range(width):
             for b in range(width):
-                data[:, a, b] += np.bincount(place, given[:, a, b], minlength=len(data))
+                np.add.at(data[:, a, b], place, given[:, a, b])
     for a in range(width):
         data[pattern.diagonal, a, a] += diagonal[:, a]
     return _finished(pattern, data, fixed)

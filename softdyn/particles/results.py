@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.energy import forces_of
-from softdyn.particles.geometry import Contacts, directions, flow, lattice
+from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice
+from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
-from softdyn.particles.system import TANGENTIAL_WORKS, WORKS, System, works
+from softdyn.particles.system import TANGENTIAL_WORKS, WORKS, System, contact_state, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -36,8 +36,10 @@ class Frame:
     t : float
     x, v : array, shape (N, d)
     i, j : array of int, shape (contacts,)
-    h, delta, F : array, shape (contacts,)
-    n : array, shape (contacts, d)
+    shift : array of int, shape (contacts, d)
+        The lattice vector by which particle j is displaced. Directions and deflections follow from it, and wait until
+        the result is put together: frames are many, and kept in memory.
+    h, F : array, shape (contacts,)
     stress : array, shape (d, d)
         > 0 in tension; of the force along the first axis on a plane normal to the second. In a periodic box that of the
         contacts, force/length^(d-1); otherwise the virial of contacts and drag, force times length.
@@ -60,10 +62,9 @@ class Frame:
     v: Array
     i: NDArray[np.int64]
     j: NDArray[np.int64]
+    shift: NDArray[np.int64]
     h: Array
-    delta: Array
     F: Array
-    n: Array
     stress: Array
     cell: Array
     walls: Array
@@ -77,11 +78,18 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
-    n, r = directions(contacts, x, cell, system.walls)
-    F = forces_of(system, contacts, contacts.S - r, contacts.h)
-    stress = -np.einsum("c,ca,cb->ab", F * r, n, n)
-    if system.kernel.tangential:
-        stress -= np.einsum("c,ca,cb->ab", r, contacts.T, n)
+
+    def pull(part: slice) -> tuple[Array, Array]:
+        some = portion(contacts, part)
+        n, r = directions(some, x, cell, system.walls)
+        F = contact_state(system, some, some.S - r, some.h)["F"]
+        virial = np.einsum("c,ca,cb->ab", F * r, n, n)
+        if system.kernel.tangential:
+            virial += np.einsum("c,ca,cb->ab", r, some.T, n)
+        return F, virial
+
+    F, virials = zip(*in_portions(pull, len(contacts)), strict=True)
+    stress = -sum(virials)
     if system.dragged and not system.box.periodic.any():
         resisting = system.drag[:, None] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
@@ -94,10 +102,9 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         v.copy(),
         contacts.i[near],
         contacts.j[near],
+        contacts.shift[near],
         contacts.h[near],
-        ((contacts.S - r + contacts.h) / 2)[near],
-        F[near],
-        n[near],
+        np.concatenate(F)[near],
         stress,
         cell,
         np.array([wall.point for wall in system.walls]).reshape(len(system.walls), x.shape[1]),
@@ -106,6 +113,14 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         contacts.T[near],
         spin,
     )
+
+
+def _geometry(frame: Frame, checked: Checked) -> tuple[Array, Array]:
+    """Direction of each contact of a frame, and the deflection of its surfaces."""
+    contacts = bare_contacts(frame.i, frame.j, frame.shift, checked.radii)
+    walls = tuple(replace(wall, point=point) for wall, point in zip(checked.walls, frame.walls, strict=True))
+    n, r = directions(contacts, frame.x, frame.cell, walls)
+    return n, (contacts.S - r + frame.h) / 2
 
 
 @dataclass(frozen=True)
@@ -262,9 +277,13 @@ def gather(
     if system.kernel.tangential:
         arrays["spin"] = np.array([frame.spin for frame in frames]).reshape(-1, count, rotations(d))
         arrays["contact_T"] = np.concatenate([np.empty((0, d)), *(frame.T for frame in frames)])
-    for name in ("i", "j", "h", "delta", "F", "n"):
-        empty = np.empty((0, d) if name == "n" else 0, dtype=np.int64 if name in "ij" else float)
+    for name in ("i", "j", "h", "F"):
+        empty = np.empty(0, dtype=np.int64 if name in "ij" else float)
         arrays[f"contact_{name}"] = np.concatenate([empty, *(getattr(frame, name) for frame in frames)])
+    start = arrays["contact_start"]
+    arrays["contact_n"], arrays["contact_delta"] = np.empty((start[-1], d)), np.empty(start[-1])
+    for frame, *ends in zip(frames, start[:-1], start[1:], strict=True):
+        arrays["contact_n"][slice(*ends)], arrays["contact_delta"][slice(*ends)] = _geometry(frame, checked)
     energies = (*works(system), "stored")
     arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(energies)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))

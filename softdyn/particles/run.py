@@ -160,7 +160,7 @@ def _result(
     energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
     if system.imposed is not None:
         stats["viscosity"] = system.imposed.viscosity
-    stats["warnings"] = [*deep_deflection(state.frames, checked.radii)]
+    stats["warnings"] = []
     solver = newton.solver
     if solver is not None and solver.certain and solver.counts["krylov"] and not solver.counts["factorisations"]:
         stats["warnings"].append(
@@ -174,4 +174,6 @@ def _result(
             f"the balance of energy is off by {energy['imbalance']:.1e} of the sum of its terms, {size:.3g}: more than "
             f"{IMBALANCE:g} rtol"
         )
-    return gather(scene, checked, system, state.frames, state.history, energy, stats)
+    result = gather(scene, checked, system, state.frames, state.history, energy, stats)
+    stats["warnings"] += deep_deflection(result.arrays)
+    return result

@@ -13,6 +13,7 @@ from softdyn.particles.equilibrium import velocities
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.neighbours import Listed
+from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.results import Frame, frame_of
 from softdyn.particles.step import Output
 from softdyn.particles.system import System, contact_state, works
@@ -72,13 +73,20 @@ def overlaps(system: System, state: State) -> Array:
 
 
 def stored_energy(system: System, state: State) -> float:
-    contacts, overlap = state.contacts, overlaps(system, state)
-    U, _ = energies(system.kernel, system.reach, overlap, contacts.h, system.p, contacts.q.reshape(-1))
-    stored = float(U.sum())
-    if system.kernel.tangential:
-        k_t = contact_state(system, contacts, overlap, contacts.h)["k_t"]
-        stored += float(np.sum(contacts.T**2 / (2 * k_t[:, None])))
-    return stored
+    contacts, cell = state.contacts, lattice(system.box, state.t)
+
+    def of(part: slice) -> float:
+        some = portion(contacts, part)
+        _, r = directions(some, state.x, cell, system.walls)
+        overlap = some.S - r
+        U, _ = energies(system.kernel, system.reach, overlap, some.h, system.p, some.q.reshape(-1))
+        stored = float(U.sum())
+        if system.kernel.tangential:
+            k_t = contact_state(system, some, overlap, some.h)["k_t"]
+            stored += float(np.sum(some.T**2 / (2 * k_t[:, None])))
+        return stored
+
+    return sum(in_portions(of, len(contacts)))
 
 
 def free_positions(system: System) -> NDArray[np.bool_]:
