@@ -243,8 +243,12 @@ def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(tmp_path: Path, mon
 
     monkeypatch.setattr(integrate, "frame_now", interrupted)
     checkpoint = tmp_path / "a.checkpoint.npz"
-    with pytest.raises(KeyboardInterrupt):
-        simulate_particles(scene, None, checkpoint)
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests run in the background ignore interrupts
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            simulate_particles(scene, None, checkpoint)
+    finally:
+        signal.signal(signal.SIGINT, usual)
     monkeypatch.undo()
     assert np.array_equal(simulate_particles(scene, None, checkpoint, resume=True).t, whole.t)
 

@@ -743,9 +743,13 @@ def test_what_is_outside_the_model_is_told() -> None:
     assert "no law of contacts holds" in warning
 
 
-def test_no_particle_passes_through_another() -> None:
-    """However hard it is pushed: the run ends by name where surfaces would be pressed by more than a radius."""
-    holds, pushes = [Hold([0], "xy")], [Push([1], [-1e3, 0.0])]
+@pytest.mark.parametrize("push", [3e1, 1e2, 1e3, 3e3, 1e4, 1e6])
+def test_no_particle_passes_through_another(push: float) -> None:
+    """However hard it is pushed: the run ends by name where surfaces would be pressed by more than a radius.
+
+    Or where the centres pass one another within a step, far from that on both sides of it.
+    """
+    holds, pushes = [Hold([0], "xy")], [Push([1], [-push, 0.0])]
     places = [[0.0, 0.0], [2.01, 0.0], [4.5, 0.0]]
     with pytest.raises(
         IntegrationError, match="the contact of particles 0 and 1 is pressed to a deflection of"

@@ -10,7 +10,7 @@ from softdyn.particles.balance import Balance
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.kernel import energies
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import System, background, contact_state, image_velocities
+from softdyn.particles.system import System, background, contact_state, image_velocities, moving_images
 
 Array = NDArray[np.float64]
 
@@ -19,19 +19,18 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, v: Array, 
     """Power of each kind of :func:`softdyn.particles.system.works`, at one stage."""
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * y_rate / np.sqrt(1 + at.y**2)
-    images = image_velocities(system, contacts, t)
     more = {}
     if at.slid is not None:
+        images = image_velocities(system, contacts, t)
         values = contact_state(system, contacts, contacts.S - at.r, at.h)
         more = tangential_powers(system, contacts, at, values, v, images, h_rate)
-        del values
-    moved = np.flatnonzero(images.any(axis=1))
+        del images, values
+    moved, velocities = moving_images(system, contacts, t)
     pushed = at.F[moved, None] * at.n[moved]
     if at.slid is not None:
         pushed = pushed + at.slid.force[moved]
-    carried = -np.sum(pushed * images[moved], axis=1)
+    carried = -np.sum(pushed * velocities, axis=1)
     box = contacts.j[moved] < len(v)
-    del images, pushed
     u = background(system, at.x)
     resisting = system.resistance * (v - u)
     held = np.where(system.fixed, at.reaction, 0.0)

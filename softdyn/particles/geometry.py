@@ -196,11 +196,19 @@ def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
     return np.where(contacts.j < count, 1 / r, 0.0)
 
 
+def crossing(shift: Integers) -> NDArray[np.int64]:
+    """Contacts that reach across the faces of the box; ``any(axis=1)`` of so few columns takes four times as long."""
+    moved = shift[:, 0].copy()
+    for axis in range(1, shift.shape[1]):
+        moved |= shift[:, axis]
+    return np.flatnonzero(moved)
+
+
 def _along(x: Array, i: Integers, j: Integers, shift: Integers, cell: Array) -> Array:
     """Vectors from particle i to the image of particle j; few contacts reach across the faces of the box."""
     along = x.take(j, axis=0)
     along -= x.take(i, axis=0)
-    across = np.flatnonzero(shift.any(axis=1))
+    across = crossing(shift)
     along[across] += np.einsum("cb,ab->ca", shift[across], cell)
     return along
 

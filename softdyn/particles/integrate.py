@@ -34,6 +34,8 @@ SMALLEST_STEP = 1e-12
 SAFETY = 0.8
 #: A step is longer than the one before by this factor at most.
 LARGEST_GROWTH = 3.0
+#: Errors below this say nothing of those to come.
+LEAST_ERROR = 1e-2
 #: A strain is reached to this fraction of it.
 STRAINED = 1e-9
 
@@ -197,12 +199,26 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
     state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
     state.contacts.touched |= touching
     state.counts["steps"] += 1
-    state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
-    longer = dt * min(grow, SAFETY * max(step.error, 1e-12) ** (-1 / ORDER))
+    longer = dt * min(grow, _growth(state, dt, step.error))
     # a step shortened to end says nothing against a longer one
     state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
+    state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
     state.power = step.power
     return step.system
+
+
+def _growth(state: State, dt: float, error: float) -> float:
+    """By how much the step after one of this length and error may be longer: as the error allows, and as it changes.
+
+    Where errors grow from step to step they go on to, as a rule, and a step that only the last one allows would be
+    rejected (Gustafsson 1994; Hairer & Wanner II, IV.8).
+    """
+    allowed = SAFETY * max(error, LEAST_ERROR) ** (-1 / ORDER)
+    if not state.history:
+        return allowed
+    _, earlier, _, earlier_error, _ = state.history[-1]
+    change = max(earlier_error, LEAST_ERROR) / max(error, LEAST_ERROR)
+    return max(0.2, min(allowed, allowed * dt / earlier * change ** (1 / ORDER)))
 
 
 def _strain(box: Box, t: float) -> float:

@@ -10,12 +10,16 @@ from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Newton, StepFailed, balance, pair_named
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
 
 Array = NDArray[np.float64]
+
+#: Relative change of a gap in the first step, in units of the root of rtol of which the error of a step is the power.
+FIRST_CHANGE = 0.5
 
 
 def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton) -> State:
@@ -77,11 +81,11 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
 
 
 def _first_step(scene: ParticleScene, system: System, state: State) -> float:
-    """A length over which no gap changes by more than a hundredth, as far as the present rates tell."""
+    """A length over which no gap changes by more than the tolerance allows, as far as the present rates tell."""
     overlap = overlaps(system, state)
     values = contact_state(system, state.contacts, overlap, state.contacts.h)
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
     fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(system.box.shear_rate)))
     longest = 1e-2 * float(scene.until)
-    return min(longest, 1e-2 / fastest) if fastest > 0 else longest
+    return min(longest, FIRST_CHANGE * system.rtol ** (1 / ORDER) / fastest) if fastest > 0 else longest

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Box, Contacts, Wall, flow, lattice
+from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, lattice
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.surroundings import Imposed
 
@@ -131,15 +131,23 @@ def background(system: System, x: Array) -> Array:
     return np.concatenate([u, rotation], axis=1)
 
 
+def moving_images(system: System, contacts: Contacts, t: float) -> tuple[NDArray[np.int64], Array]:
+    """Contacts with an image that moves with the box, or with a moving wall; and its velocity, shape (those, d)."""
+    rows = crossing(contacts.shift)
+    velocities = contacts.shift[rows] @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
+    if system.wall_velocity is None:
+        return rows, velocities
+    count = len(system.radii)
+    on = np.flatnonzero(contacts.j >= count)
+    of_walls = system.wall_velocity(t)[contacts.j[on] - count]
+    return np.concatenate([rows, on]), np.concatenate([velocities, of_walls])
+
+
 def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
     """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d)."""
     velocities = np.zeros(contacts.shift.shape)
-    across = np.flatnonzero(contacts.shift.any(axis=1))
-    velocities[across] = contacts.shift[across] @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
-    if system.wall_velocity is not None:
-        count = len(system.radii)
-        on = contacts.j >= count
-        velocities[on] = system.wall_velocity(t)[contacts.j[on] - count]
+    rows, moving = moving_images(system, contacts, t)
+    velocities[rows] = moving
     return velocities
 
 
