@@ -138,6 +138,7 @@ def test_a_series_of_branches_and_functions_does_too(expr: Expr, cone: Cone) -> 
     converges(expr, cone)
 
 
+@pytest.mark.slow
 @relaxed
 @given(expressions(branches=True), st.sampled_from(CONES))
 def test_the_leading_term_is_the_limit_in_every_part_of_a_cone(expr: Expr, cone: Cone) -> None:

@@ -141,6 +141,7 @@ def test_every_output_is_accurate_to_the_roundings_of_its_formula(target: str) -
     assert {name: error for name, error in worst.items() if error > ALLOWED[name]} == {}
 
 
+@pytest.mark.slow
 def test_outputs_without_a_difference_do_not_cancel() -> None:
     """Size and magnitude are one, so the bound of the test above is one in units in the last place of the value."""
     for values, sizes in references():
@@ -157,6 +158,7 @@ def test_the_friction_D_is_never_ill_conditioned() -> None:
         assert (sizes["D"] / np.abs(values["D"].high)).max() <= 5
 
 
+@pytest.mark.slow
 def test_both_targets_round_alike() -> None:
     """The text holds the same operations in the same order, and IEEE leaves them no choice: not one bit differs."""
     for states in all_states():
