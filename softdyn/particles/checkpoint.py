@@ -33,7 +33,18 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
     total = sha256(system.kernel.key.encode())
     for array in (checked.x, checked.radii, checked.species, checked.fixed, system.p, system.drag, checked.box.lengths):
         total.update(np.ascontiguousarray(array).tobytes())
-    about = (scene.parameters, scene.mixing, scene.gap, scene.reach, scene.shear_rate, scene.constants, scene.rtol)
+    for name, array in sorted((scene.films or {}).items()):
+        total.update(name.encode() + np.ascontiguousarray(array).tobytes())
+    about = (
+        scene.tilt,
+        scene.parameters,
+        scene.mixing,
+        scene.gap,
+        scene.reach,
+        scene.shear_rate,
+        scene.constants,
+        scene.rtol,
+    )
     walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid, _list(wall.velocity)) for wall in checked.walls]
     pushes = [(np.array(p.particles).tolist(), _list(p.force), _list(p.torque)) for p in scene.pushes]
     holds = [(np.array(h.particles).tolist(), h.axes, _list(h.velocity), _list(h.spin)) for h in scene.holds]

@@ -20,7 +20,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "particles": ("positions", "file", "radii", "species"),
     "packing": ("kind", "count", "dimension", "fraction", "seed", "radii", "cells", "spacing"),
     "contacts": ("gap", "range", "tangential"),
-    "box": ("lengths",),
+    "box": ("lengths", "tilt"),
     "flow": ("shear_rate", "drag"),
     "stress": ("xy", "xx", "yy", "zz", "pressure", "viscosity"),
     "until": ("t", "strain"),
@@ -121,6 +121,7 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         # TOML has no null: 0 stands for an axis that is not periodic
         lengths = _list(data["box"].get("lengths", []))
         settings["box"] = [None if length == 0 else length for length in lengths]
+        settings["tilt"] = data["box"].get("tilt", 0.0)
     return ParticleScene(**settings)
 
 
@@ -208,47 +209,41 @@ def read_particles(path: str | Path) -> dict[str, Any]:
     Parameters
     ----------
     path : str or Path
-        Of a result (.npz), whose last frame is taken, or of CSV with the headings x, y, z, radius, species (y, z and
-        species optional).
+        Of a result (.npz), whose last frame is taken with its films, or of CSV with the headings x, y, z, radius,
+        species (y, z and species optional).
 
     Returns
     -------
     dict
-        ``positions`` (N, d), ``radii`` (N,); ``species`` and ``box`` if there are any.
+        ``positions`` (N, d), ``radii`` (N,); ``species``, ``box``, ``tilt`` and ``films`` if there are any.
 
     Raises
     ------
     SceneError
-        Naming the line at fault; or if the periodic box of the result is tilted at its end.
+        Naming the line at fault.
     """
     path = Path(path)
     return _from_result(path) if path.suffix == ".npz" else _from_table(path)
-
-
-#: A box that has sheared by whole lengths stands upright, to this part of a length.
-UPRIGHT = 1e-9
 
 
 def _from_result(path: Path) -> dict[str, Any]:
     result = load_particles(path)
     if not len(result):
         raise SceneError(f"the result {path} holds no frame to start from")
-    x, cell = result.x[-1], result.cell[-1]
-    edges = np.diag(cell)
+    x, cell = result.x[-1].copy(), result.cell[-1].copy()
+    edges = np.diag(cell).copy()
     periodic = edges > 0
-    placed: dict[str, Any] = {"positions": x, "radii": result.radii}
+    placed: dict[str, Any] = {"positions": x, "radii": result.radii, "films": result.contacts(-1)}
     names = result.species_names.tolist()
     if names != [""]:
         placed["species"] = [names[k] for k in result.species]
     if periodic.any():
-        lean = float(cell[0, 1] / edges[0]) if len(cell) > 1 and periodic[0] else 0.0
-        if abs(lean - round(lean)) > UPRIGHT:
-            raise SceneError(
-                f"the box of {path} leans along x at its end, t={result.t[-1]:.6g}, by {lean:.6g} of its length, and a "
-                f"scene starts with an upright one: end that run at a strain that is a multiple of "
-                f"{edges[0] / edges[1]:.6g}, where the box stands upright again"
-            )
-        placed["positions"] = np.where(periodic, np.mod(x, np.where(periodic, edges, 1.0)), x)
+        if len(cell) > 1 and periodic[0]:
+            cell[0, 1] -= edges[0] * round(cell[0, 1] / edges[0])  # the least tilted cell of the same lattice
+            placed["tilt"] = float(cell[0, 1])
+        for axis in np.flatnonzero(periodic)[::-1]:  # x last: what a tilt moves along it
+            x -= np.floor(x[:, axis] / edges[axis])[:, None] * cell[:, axis]
+        np.clip(x, 0.0, np.where(periodic, edges, np.inf), out=x, where=periodic)  # of what rounding leaves outside
         placed["box"] = [float(edge) if repeats else None for edge, repeats in zip(edges, periodic, strict=True)]
     return placed
 

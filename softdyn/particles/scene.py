@@ -100,8 +100,14 @@ class ParticleScene:
         in contact.
     tangential : bool
         Whether particles slide, roll and turn, as their law declares.
+    films : mapping, optional
+        Contacts of an earlier run, as :meth:`ParticleResult.contacts` gives them: pairs ``i``, ``j``, and for each its
+        gap ``h``, with tangential motion its force ``T``. They start so, all others as above.
     box : sequence of float or None, optional
         Edges of the periodic box; None along an axis that is not periodic.
+    tilt : float
+        By how much the box leans at the start: how far its top is displaced along x. What :func:`strain` tells of a
+        result counts from an upright box.
     walls : sequence of Wall
     shear_rate : float or str
         Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, or an expression of t.
@@ -140,7 +146,9 @@ class ParticleScene:
     gap: float | None = None
     reach: float | None = None
     tangential: bool = False
+    films: Mapping[str, Any] | None = None
     box: Sequence[float | None] | None = None
+    tilt: float = 0.0
     walls: Sequence[Wall] = ()
     shear_rate: float | str = 0.0
     stress: Mapping[str, float | str] = field(default_factory=dict)
@@ -256,6 +264,8 @@ def check(scene: ParticleScene) -> Checked:
                 "until_strain ends a run under an imposed shear stress, [stress] xy; elsewhere the strain is the time "
                 "times the shear rate"
             )
+    if not is_number(scene.tilt):
+        faults.append(f"[box] tilt must be a number, not {scene.tilt!r}")
     if not is_number(scene.drag) or scene.drag < 0:
         faults.append(f"[flow] drag must be 0 or a positive number, not {scene.drag!r}")
     if not is_number(scene.shear_rate) and not isinstance(scene.shear_rate, str):
@@ -291,6 +301,9 @@ def check(scene: ParticleScene) -> Checked:
         )
     if scene.shear_rate and d > 1 and box.periodic[1] and not box.periodic[0]:
         faults.append("[box] a sheared box must be periodic along x where it is along y")
+    if scene.tilt and not (d > 1 and box.periodic[:2].all()):
+        faults.append("[box] tilt: only a box that is periodic along x and y leans")
+    faults += _film_faults(scene, count, d)
     for number, wall in enumerate(walls):
         across = [AXES[axis] for axis in range(d) if box.periodic[axis] and wall.normal[axis]]
         if across:
@@ -350,7 +363,27 @@ def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
                 else:
                     lengths[axis] = float(length)
     rate = shear_flow(scene)
-    return Box(lengths, float(scene.shear_rate) if rate is None else rate(0.0))
+    return Box(lengths, float(scene.shear_rate) if rate is None else rate(0.0), float(scene.tilt))
+
+
+def _film_faults(scene: ParticleScene, count: int, d: int) -> list[str]:
+    if scene.films is None:
+        return []
+    if not isinstance(scene.films, Mapping) or not {"i", "j", "h"} <= set(scene.films):
+        return ["films must be a mapping with i, j and h, as ParticleResult.contacts gives it"]
+    try:
+        i, j, h, T = (np.asarray(scene.films.get(name, np.zeros((0, d)))) for name in ("i", "j", "h", "T"))
+    except (TypeError, ValueError):
+        return ["films must hold arrays of numbers"]
+    if not i.shape == j.shape == h.shape == (len(h),) or ("T" in scene.films and T.shape != (len(h), d)):
+        return [
+            f"films has the shapes {i.shape}, {j.shape}, {h.shape}, T {T.shape}: one row for each contact is needed"
+        ]
+    if i.dtype.kind not in "iu" or j.dtype.kind not in "iu" or ((i < 0) | (i >= count) | (j <= i)).any():
+        return [f"films: i must be numbers of particles, 0 to {count - 1}, and j larger ones, or {count} on for walls"]
+    if h.dtype.kind != "f" or T.dtype.kind != "f" or not (np.isfinite(h) & (h > 0)).all() or not np.isfinite(T).all():
+        return ["films: gaps must be positive, and forces finite"]
+    return []
 
 
 def _coordinates(values: Any, d: int) -> Array | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +12,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Newton, StepFailed, balance, pair_named
 from softdyn.particles.faults import require_balanced, require_held, why
-from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.geometry import Contacts, directions, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts
 from softdyn.particles.scene import Checked, ParticleScene
@@ -23,7 +26,7 @@ FIRST_CHANGE = 0.5
 
 
 def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton) -> State:
-    """Initial state: gaps from the scene; without drag, positions in elastic equilibrium at these gaps.
+    """Initial state: gaps from the scene and its films; without drag, positions in elastic equilibrium at these gaps.
 
     Raises
     ------
@@ -34,6 +37,9 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     """
     x = checked.x.copy()
     contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, system.box, system.walls)
+    if scene.films is not None:
+        _take(scene.films, contacts, system.reach)
+        made = int(contacts.touched.sum())
     closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
@@ -78,6 +84,21 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     state.dt = _first_step(scene, system, state)
     state.stored0 = stored_energy(system, state)
     return state
+
+
+def _take(films: Mapping[str, Any], contacts: Contacts, reach: float) -> None:
+    """Gaps and tangential forces of films that are given; those of pairs that are not listed are none any more."""
+    width = 1 + max(int(np.max(j, initial=0)) for j in (contacts.j, films["j"]))
+    listed, given = (
+        np.asarray(i, dtype=np.int64) * width + j for i, j in ((contacts.i, contacts.j), (films["i"], films["j"]))
+    )
+    # a pair has one contact in a box, and contacts are in the order of their numbers
+    row = np.minimum(np.searchsorted(listed, given), len(listed) - 1)
+    there = np.flatnonzero(listed[row] == given) if len(listed) else np.empty(0, dtype=np.int64)
+    contacts.h[row[there]] = np.asarray(films["h"])[there]
+    if contacts.T.size and "T" in films:
+        contacts.T[row[there]] = np.asarray(films["T"])[there]
+    contacts.touched = contacts.h < reach
 
 
 def _first_step(scene: ParticleScene, system: System, state: State) -> float:
