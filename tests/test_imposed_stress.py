@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import evaluate, parse
-from softdyn.particles.balance import Balance, Newton, balance
+from softdyn.particles.balance import Balance, Given, Newton, balance
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
 from softdyn.particles.observables import strain
@@ -164,8 +164,7 @@ def test_the_condensed_matrix_is_the_derivative_of_the_stress(names: tuple[str, 
 
     def at(rates: Array, x: Array) -> tuple[System, Balance]:
         here, _ = placed(system, s, s, z, rates)
-        gaps = state.contacts.h
-        return here, balance(here, state.contacts, newton, s, s, state.x, x, gaps, nothing, nothing.copy())
+        return here, balance(here, state.contacts, newton, Given(s, s, state.x, nothing), x, nothing.copy())
 
     here, found = at(guess, state.x)
     newton.forget()  # and factorise next to the balance

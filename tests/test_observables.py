@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from softdyn.particles.geometry import Wall
 from softdyn.particles.observables import (
     coordination,
     fabric,
@@ -19,10 +20,11 @@ from softdyn.particles.observables import (
     rattlers,
     relative_viscosity,
     strain,
+    wall_forces,
 )
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene
+from softdyn.particles.scene import ParticleScene, Push
 
 Array = NDArray[np.float64]
 
@@ -133,6 +135,23 @@ def test_a_relative_viscosity_is_that_of_the_dissipation() -> None:
 #: Four that hold each other, one that hangs on two of them, one that hangs on that, one that is pulled; a loose one.
 HELD = [(i, j, 1.0) for i in range(4) for j in range(i)]
 NETWORK = [*HELD, (0, 4, 1.0), (1, 4, 1.0), (4, 5, 1.0), (3, 6, -1.0)]
+
+
+def test_walls_bear_what_particles_are_pushed_with() -> None:
+    """Two on top of each other, without drag: their weights on the floor; of walls that shear, opposite forces."""
+    floor, lid = Wall([0.0, -1.02], [0.0, -1.0], velocity=[1e-3, 0.0]), Wall([0.0, 3.04], [0.0, 1.0])
+    changes: dict[str, Any] = {"radii": 1.0, "reach": 0.5, "until": 50.0, "times": 3, "rtol": 1e-5}
+    law: dict[str, Any] = {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": 1.0, "nu": 0.5}, "tangential": True}
+    pushes = [Push("all", [0.0, -0.01])]
+    scene = ParticleScene(positions=[[0.0, 0.0], [0.0, 2.02]], walls=[floor, lid], pushes=pushes, **law | changes)
+    result = simulate_particles(scene)
+    forces = wall_forces(result)
+    assert forces.shape == (3, 2, 2)
+    largest = np.abs(forces).max()
+    np.testing.assert_allclose(forces.sum(axis=1), [[0.0, -0.02]] * 3, atol=1e-7 * largest)
+    # the floor is dragged along by nothing, and drags: what it does to the particles goes on to the lid
+    assert np.all(forces[1:, 0, 0] < -1e-4 * largest)
+    assert np.all(forces[:, 0, 1] < 0)
 
 
 def test_particles_that_nothing_holds_are_rattlers() -> None:

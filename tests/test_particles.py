@@ -18,7 +18,7 @@ import softdyn
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import bench, linear
-from softdyn.particles.balance import Newton, balance, contact_forces
+from softdyn.particles.balance import Given, Newton, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
@@ -398,7 +398,7 @@ def test_what_is_held_stays_where_it_is_given_however_bad_the_guess() -> None:
     given = guess[0].copy()
     guess[1] = np.nan
     nothing = np.zeros(len(contacts))
-    found = balance(system, contacts, Newton(), s, s, x_star, guess, contacts.h, nothing, nothing.copy())
+    found = balance(system, contacts, Newton(), Given(s, s, x_star, nothing), guess, nothing.copy())
     assert found.residual <= system.force_tolerance
     np.testing.assert_array_equal(found.x[0], given)
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         relative_viscosity,
         strain,
         swap_time,
+        wall_forces,
     )
     from softdyn.particles.packing import lattice_packing, random_packing
     from softdyn.particles.results import ParticleResult
@@ -63,6 +64,7 @@ __all__ = [
     "simulate",
     "strain",
     "swap_time",
+    "wall_forces",
 ]
 
 #: The module of each, and its name there.
@@ -89,6 +91,7 @@ _HOME = {
     "simulate": ("run", "simulate_particles"),
     "strain": ("observables", "strain"),
     "swap_time": ("observables", "swap_time"),
+    "wall_forces": ("observables", "wall_forces"),
 }
 
 

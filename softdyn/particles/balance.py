@@ -115,6 +115,27 @@ class Balance:
     values: dict[str, Array] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Given:
+    """What is given of a stage, in which x = x* + s dx/dt and y = y* + s dy/dt at its end.
+
+    Attributes
+    ----------
+    t, s : float
+        Its time, and gamma dt. Gaps stay where s = 0.
+    x_star : array, shape (N, d + rotations)
+    y_star : array, shape (contacts,)
+    known : Known, optional
+        What is known of the tangential forces.
+    """
+
+    t: float
+    s: float
+    x_star: Array
+    y_star: Array
+    known: sliding.Known | None = None
+
+
 def _turns(x: Array, radii: Array, width: int) -> Array:
     """Orthonormal motions of the particles that turn all of them together, shape (turns, N, width)."""
     count, d = x.shape
@@ -182,7 +203,7 @@ def solve_contacts(
 
 
 def solve_at(
-    system: System, contacts: Contacts, x: Array, cell: Array, s: float, start: Array, target: Array, y: Array
+    system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
 ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
     """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
     count, d = len(contacts), x.shape[1]
@@ -195,7 +216,7 @@ def solve_at(
         n[part], r[part] = directions(some, x, cell, system.walls)
         overlap = some.S - r[part]
         h[part], F[part], F_r[part], more = solve_contacts(
-            system, overlap, s or INSTANT, start[part], target[part], y[part], some.q
+            system, overlap, s or INSTANT, some.h, target[part], y[part], some.q
         )
         for name, value in more.items():
             values[name][part] = value
@@ -217,33 +238,18 @@ def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
     return total
 
 
-def balance(
-    system: System,
-    contacts: Contacts,
-    newton: Newton,
-    t: float,
-    s: float,
-    x_star: Array,
-    x: Array,
-    start: Array,
-    y_star: Array,
-    y: Array,
-    known: sliding.Known | None = None,
-) -> Balance:
-    """Solve one implicit stage: positions and gaps with x = x* + s dx/dt and y = y* + s dy/dt; gaps stay where s = 0.
+def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x: Array, y: Array) -> Balance:
+    """Solve one implicit stage: positions and gaps that balance all forces.
 
     Parameters
     ----------
-    t, s : float
-        Time, and gamma dt.
-    x_star, x : array, shape (N, d + rotations)
-        Known part, and a guess.
-    start : array, shape (contacts,)
-        Gap at the start of the step, which defines y.
-    y_star, y : array, shape (contacts,)
-        Known part, and a guess, which is overwritten.
-    known : Known, optional
-        What is known of the tangential forces.
+    contacts : Contacts
+        With the gaps at the start of the step, which define y.
+    given : Given
+    x : array, shape (N, d + rotations)
+        A guess.
+    y : array, shape (contacts,)
+        A guess, which is overwritten.
 
     Raises
     ------
@@ -252,6 +258,7 @@ def balance(
     softdyn.particles.linear.Indefinite
         If the matrix has a direction along which nothing resists.
     """
+    t, s, x_star, y_star, known = given.t, given.s, given.x_star, given.y_star, given.known
     count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
     drag = system.resistance
@@ -261,7 +268,7 @@ def balance(
     turning = turns_freely(system)
 
     def evaluate(x: Array, y: Array) -> Balance:
-        n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, start, y_star, y)
+        n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, y_star, y)
         newton.counts["contacts"] += len(r)
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
         resisting = drag * ((x - x_star) / s - background(system, x)) if moving else np.zeros_like(x)

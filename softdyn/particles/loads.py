@@ -18,8 +18,8 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import FUNCTIONS, parse
 from softdyn.expression import evaluate as evaluate_expression
 from softdyn.particles.geometry import Box
+from softdyn.particles.imposed import Imposed
 from softdyn.particles.sliding import rotations
-from softdyn.particles.surroundings import Imposed
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, particles_named
 from softdyn.scene import suggestion
 

@@ -26,7 +26,6 @@ from softdyn.particles.geometry import (
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.parameters import mixed_parameters
 from softdyn.particles.scene import Checked, ParticleScene
-from softdyn.particles.surroundings import moved_walls
 
 Array = NDArray[np.float64]
 
@@ -68,8 +67,15 @@ def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float, wal
     if not walls:
         moved = moved - moved.mean(axis=0)
     own = float(np.linalg.norm(moved, axis=1).max())
-    closer = own + max(own, moved_walls(walls, listed.walls))
+    closer = own + max(own, _moved(walls, listed.walls))
     return (closer + float(np.linalg.norm(affine)) * farthest) / listed.skin
+
+
+def _moved(walls: tuple[Wall, ...], listed: Array) -> float:
+    """How far the farthest of the walls has moved from the points given."""
+    return max(
+        (float(np.linalg.norm(wall.point - point)) for wall, point in zip(walls, listed, strict=True)), default=0.0
+    )
 
 
 def find_contacts(

@@ -94,6 +94,23 @@ def pressure(result: ParticleResult) -> Array:
     return mean
 
 
+def wall_forces(result: ParticleResult) -> Array:
+    """Force of all particles on each wall at each frame, shape (frames, walls, d).
+
+    Over the area of the wall it is a stress: along the normal a pressure, along the wall what drags it.
+    """
+    count, walls, d = result.x.shape[1], *result.wall_normal.shape
+    forces = np.zeros((len(result), walls, d))
+    for frame, force in enumerate(forces):
+        contacts = result.contacts(frame)
+        on = contacts["j"] >= count
+        pushed = contacts["F"][on, None] * contacts["n"][on]
+        if "T" in contacts:
+            pushed = pushed + contacts["T"][on]
+        np.add.at(force, contacts["j"][on] - count, pushed)
+    return forces
+
+
 def rattlers(result: ParticleResult, frame: int = -1) -> NDArray[np.bool_]:
     """Which particles no pressed contacts can hold.
 

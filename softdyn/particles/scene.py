@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
+from softdyn.particles.imposed import Imposed
 from softdyn.particles.loads import (
     holds,
     imposed_stress,
@@ -22,7 +23,6 @@ from softdyn.particles.loads import (
     spins,
     wall_velocity,
 )
-from softdyn.particles.surroundings import Imposed
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, which
 from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear, sliding
-from softdyn.particles.balance import Newton, StepFailed, balance, pair_named
+from softdyn.particles.balance import Given, Newton, StepFailed, balance, pair_named
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import Contacts, directions, lattice
 from softdyn.particles.method import ORDER
@@ -69,9 +69,8 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
             known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
             place[:, : x.shape[1]] = x
         try:
-            found = balance(
-                system, contacts, newton, 0.0, 0.0, place, place.copy(), contacts.h, nothing, nothing.copy(), known
-            )
+            given = Given(0.0, 0.0, place, nothing, known)
+            found = balance(system, contacts, newton, given, place.copy(), nothing.copy())
         except (StepFailed, linear.Indefinite) as error:
             raise IntegrationError(
                 f"at the start, with the gaps as given, the forces have no equilibrium: {why(system, state, error)}"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import sliding
-from softdyn.particles.balance import Balance, Newton, balance, largest, with_torques
+from softdyn.particles.balance import Balance, Given, Newton, balance, largest, with_torques
 from softdyn.particles.energy import powers
 from softdyn.particles.geometry import Contacts, directions, lattice
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
@@ -229,7 +229,7 @@ def _stage(
     here, at_z, guess = system, np.empty(0), y_star + s * guess_y
 
     def solve(here: System, x: Array) -> Balance:
-        return balance(here, contacts, newton, when, s, x_star, x, contacts.h, y_star, guess, known)
+        return balance(here, contacts, newton, Given(when, s, x_star, y_star, known), x, guess)
 
     z_star = begun.z + dt * _combined(rates, row, 2)
     if system.imposed is not None:

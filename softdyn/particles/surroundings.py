@@ -37,60 +37,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.geometry import Box, Contacts, Wall, lattice
-
-if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance, Newton
-    from softdyn.particles.system import System
+from softdyn.particles.balance import Balance, Newton, StepFailed
+from softdyn.particles.geometry import Box, Contacts, lattice
+from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
 
 MOST_TRIALS = 20
 #: The lengths of a box change by less than this, as a logarithm, in one trial.
 LONGEST_TRIAL = 0.1
-
-
-@dataclass(frozen=True)
-class Imposed:
-    """Components of the stress that are imposed on the box.
-
-    Attributes
-    ----------
-    names : tuple of str
-        "xy", "xx", "yy", "zz", or "pressure".
-    values : function of t
-        Their values, > 0 in tension; for the pressure, minus it.
-    viscosity : float
-        Of the fluid: resists the box.
-    """
-
-    names: tuple[str, ...]
-    values: Callable[[float], Array]
-    viscosity: float
-
-    def gradients(self, d: int) -> Array:
-        """Velocity gradient of a unit rate of each, shape (names, d, d)."""
-        found = np.zeros((len(self.names), d, d))
-        for gradient, name in zip(found, self.names, strict=True):
-            if name == "pressure":
-                gradient[:] = np.eye(d)
-            else:
-                gradient["xyz".index(name[0]), "xyz".index(name[1])] = 1.0
-        return found
-
-    def weights(self, d: int) -> Array:
-        """E of each: what of the stress tensor it is, shape (names, d, d)."""
-        weights = self.gradients(d)
-        for weight, name in zip(weights, self.names, strict=True):
-            weight /= d if name == "pressure" else 1
-        return weights
 
 
 def moves(system: System) -> bool:
@@ -247,8 +208,6 @@ def balance_under_stress(
     StepFailed
         If no rates are found.
     """
-    from softdyn.particles.balance import StepFailed
-
     imposed = system.imposed
     assert imposed is not None
     here, z_rate = placed(system, t, s, z_star, rates)
@@ -275,11 +234,4 @@ def balance_under_stress(
     raise StepFailed(
         f"no rate of the box keeps the imposed stress at t={t:.6g}: it is off by {float(np.abs(wrong).max()):.3g}; is "
         "it a shear stress beyond what the packing bears, or a pressure below 0?"
-    )
-
-
-def moved_walls(walls: tuple[Wall, ...], listed: Array) -> float:
-    """How far the farthest of the walls has moved from the points given."""
-    return max(
-        (float(np.linalg.norm(wall.point - point)) for wall, point in zip(walls, listed, strict=True)), default=0.0
     )

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, lattice
+from softdyn.particles.imposed import Imposed
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.surroundings import Imposed
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
