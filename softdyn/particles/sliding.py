@@ -201,13 +201,18 @@ def reactions(contacts: Contacts, known: Known, slid: Slid, n: Array, count: int
     """Force and torque/R that each particle exerts through its contacts, shape (N, d + rotations)."""
     twist = torque(n, slid.force)
     pair = contacts.j < count
-    own = slid.beta[0][:, None] * twist + slid.moment / known.radii[0][:, None]
-    others = slid.beta[1][:, None] * twist - slid.moment / known.radii[1][:, None]
-    on_i, on_j = np.concatenate([slid.force, own], axis=1), np.concatenate([-slid.force, others], axis=1)
-    total = np.empty((count, on_i.shape[1]))
-    for column in range(on_i.shape[1]):
-        total[:, column] = np.bincount(contacts.i, on_i[:, column], minlength=count)
-        total[:, column] += np.bincount(contacts.j[pair], on_j[pair, column], minlength=count)
+    every = bool(pair.all())
+    j, d = contacts.j if every else contacts.j[pair], n.shape[1]
+    total = np.zeros((count, d + twist.shape[1]))
+    for column, out in enumerate(total.T):
+        if column < d:
+            on_i, on_j = slid.force[:, column], -slid.force[:, column]
+        else:
+            about, moment = twist[:, column - d], slid.moment[:, column - d]
+            on_i = slid.beta[0] * about + moment / known.radii[0]
+            on_j = slid.beta[1] * about - moment / known.radii[1]
+        np.add.at(out, contacts.i, on_i)
+        np.add.at(out, j, on_j if every else on_j[pair])
     return total
 
 
