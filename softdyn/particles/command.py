@@ -44,7 +44,7 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
         "target": result.target,
         "particles": len(result.radii),
         "t": float(result.t[-1]),
-        "contacts": int(result.step_contacts[-1]),
+        "contacts": int(result.step_contacts[-1]) if len(result.step_contacts) else len(result.contacts(-1)["h"]),
         "stress": result.stress[-1].tolist(),
         "energy": dict(result.energy),
         "stats": dict(result.stats),

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Balance, pair_named
-from softdyn.particles.geometry import directions, lattice, some_of
+from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.state import State, free_positions
 from softdyn.particles.system import System, gauge_axes, turns_freely
 from softdyn.particles.words import AXES, particles_named
@@ -135,23 +135,17 @@ def why(system: System, state: State, error: Exception) -> str:
 
 
 def require_shallow(system: System, state: State, at: Balance, when: float) -> None:
-    """No surfaces are pressed together by more than the smaller radius."""
+    """No surfaces are pressed together by more than the smaller radius: before centres could pass one another."""
     contacts, count = state.contacts, len(state.x)
     smaller = np.minimum(system.radii[contacts.i], np.append(system.radii, np.inf)[np.minimum(contacts.j, count)])
-    deflection = (contacts.S - at.r + at.h) / (2 * smaller)
-    # centres that pass one another within a step leave no trace in the distance but that the direction is another
-    deep = np.flatnonzero(deflection > 0.5)
-    before, _ = directions(some_of(contacts, deep), state.x, lattice(system.box, state.t), system.walls)
-    passed = deep[sliding.dot(before, at.n[deep]) < 0]
-    deflection[passed] = np.maximum(deflection, contacts.S / (2 * smaller))[passed]
-    deepest = np.append(passed, np.argmax(deflection) if len(deflection) else passed)
-    for c in deepest:
-        if deflection[c] >= 1:
-            raise IntegrationError(
-                f"at t={when:.6g} {pair_named(contacts, int(c), count)} is pressed to a deflection of "
-                f"{deflection[c]:.3g} radii, where no law of contacts holds: use weaker forces, slower motion, or a "
-                "stiffer law"
-            )
+    pressed = (contacts.S - at.r + at.h) / smaller
+    if len(pressed) and pressed.max() > 1:
+        c = int(np.argmax(pressed))
+        raise IntegrationError(
+            f"at t={when:.6g} {pair_named(contacts, c, count)} is pressed until its surfaces overlap by "
+            f"{pressed[c]:.3g} radii, where no law of contacts holds: use weaker forces, slower motion, or a stiffer "
+            "law"
+        )
 
 
 def deep_deflection(arrays: Mapping[str, NDArray[Any]]) -> Iterator[str]:

@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import lattice_packing, random_packing
-from softdyn.particles.results import load_particles
+from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
 from softdyn.scene import is_particle_scene, read_toml, suggestion
+
+Array = NDArray[np.float64]
 
 KEYS: dict[str, tuple[str, ...]] = {
     "particles": ("positions", "file", "radii", "species"),
@@ -233,7 +236,7 @@ def _from_result(path: Path) -> dict[str, Any]:
     x, cell = result.x[-1].copy(), result.cell[-1].copy()
     edges = np.diag(cell).copy()
     periodic = edges > 0
-    placed: dict[str, Any] = {"positions": x, "radii": result.radii, "films": result.contacts(-1)}
+    placed: dict[str, Any] = {"positions": x, "radii": result.radii}
     names = result.species_names.tolist()
     if names != [""]:
         placed["species"] = [names[k] for k in result.species]
@@ -245,7 +248,25 @@ def _from_result(path: Path) -> dict[str, Any]:
             x -= np.floor(x[:, axis] / edges[axis])[:, None] * cell[:, axis]
         np.clip(x, 0.0, np.where(periodic, edges, np.inf), out=x, where=periodic)  # of what rounding leaves outside
         placed["box"] = [float(edge) if repeats else None for edge, repeats in zip(edges, periodic, strict=True)]
+    placed["films"] = _films(result, x, cell)
     return placed
+
+
+def _films(result: ParticleResult, x: Array, cell: Array) -> dict[str, Any]:
+    """Films of the last frame, between particles that are now at x, in the box with these lattice vectors."""
+    contacts = result.contacts(-1)
+    films: dict[str, Any] = {name: contacts[name] for name in ("i", "j", "h", "T") if name in contacts}
+    i, j = contacts["i"], contacts["j"]
+    pair = np.flatnonzero(j < len(x))
+    i, j = i[pair], j[pair]
+    r = result.radii[i] + result.radii[j] + contacts["h"][pair] - 2 * contacts["delta"][pair]
+    across = contacts["n"][pair] * r[:, None] - (x[j] - x[i])
+    loose = np.diag(np.diag(cell) == 0)
+    films["shift"] = np.zeros((len(contacts["i"]), x.shape[1]), dtype=np.int64)
+    films["shift"][pair] = np.rint(np.linalg.solve(cell + loose, across.T).T) * ~np.diag(loose)
+    if len(result.wall_normal):
+        films |= {"wall_point": result.wall_point[-1], "wall_normal": result.wall_normal}
+    return films
 
 
 def _from_table(path: Path) -> dict[str, Any]:

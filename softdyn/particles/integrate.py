@@ -34,8 +34,6 @@ SMALLEST_STEP = 1e-12
 SAFETY = 0.8
 #: A step is longer than the one before by this factor at most.
 LARGEST_GROWTH = 3.0
-#: Errors below this say nothing of those to come.
-LEAST_ERROR = 1e-2
 #: A strain is reached to this fraction of it.
 STRAINED = 1e-9
 
@@ -78,7 +76,7 @@ def integrate(
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
     step: Step | None = None
-    while state.t < until and not _has_strained(scene, state):
+    while state.t < until and not _has_strained(scene, checked, state):
         step = None  # many numbers that the next one has no use for
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
@@ -100,7 +98,7 @@ def integrate(
                 newton.forget()
                 state.dt = 0.5 * dt
             continue
-        over = _beyond(scene, state, step, when)
+        over = _beyond(scene, checked, state, step, when)
         if over is not None:
             state.dt = over
             continue
@@ -110,7 +108,7 @@ def integrate(
             system = _accept(system, state, step, dt, when, grow)
             if _drift(checked, system, state) > 0.5:
                 _list_again(scene, checked, system, newton, state)
-            if state.t in checked.times or _has_strained(scene, state):
+            if state.t in checked.times or _has_strained(scene, checked, state):
                 state.frames.append(frame_now(system, state))
         grow = LARGEST_GROWTH
         if progress is not None:
@@ -199,46 +197,33 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
     state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
     state.contacts.touched |= touching
     state.counts["steps"] += 1
-    longer = dt * min(grow, _growth(state, dt, step.error))
+    state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
+    longer = dt * min(grow, SAFETY * max(step.error, 1e-12) ** (-1 / ORDER))
     # a step shortened to end says nothing against a longer one
     state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
-    state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
     state.power = step.power
     return step.system
 
 
-def _growth(state: State, dt: float, error: float) -> float:
-    """By how much the step after one of this length and error may be longer: as the error allows, and as it changes.
-
-    Where errors grow from step to step they go on to, as a rule, and a step that only the last one allows would be
-    rejected (Gustafsson 1994; Hairer & Wanner II, IV.8).
-    """
-    allowed = SAFETY * max(error, LEAST_ERROR) ** (-1 / ORDER)
-    if not state.history:
-        return allowed
-    _, earlier, _, earlier_error, _ = state.history[-1]
-    change = max(earlier_error, LEAST_ERROR) / max(error, LEAST_ERROR)
-    return max(0.2, min(allowed, allowed * dt / earlier * change ** (1 / ORDER)))
+def _strain(checked: Checked, box: Box, t: float) -> float:
+    """Size of the shear strain of the box since the start."""
+    cell, start = lattice(box, t), lattice(checked.box, 0.0)
+    return abs(float(cell[0, 1] / cell[1, 1] - start[0, 1] / start[1, 1]))
 
 
-def _strain(box: Box, t: float) -> float:
-    """Shear strain of the box."""
-    cell = lattice(box, t)
-    return float(cell[0, 1] / cell[1, 1])
-
-
-def _has_strained(scene: ParticleScene, state: State) -> bool:
+def _has_strained(scene: ParticleScene, checked: Checked, state: State) -> bool:
     """Whether the strain is reached at which the run ends."""
     if scene.until_strain is None:
         return False
-    return abs(_strain(state.box, state.t)) >= abs(scene.until_strain) * (1 - STRAINED)
+    return _strain(checked, state.box, state.t) >= abs(scene.until_strain) * (1 - STRAINED)
 
 
-def _beyond(scene: ParticleScene, state: State, step: Step, when: float) -> float | None:
+def _beyond(scene: ParticleScene, checked: Checked, state: State, step: Step, when: float) -> float | None:
     """A shorter step, if this one goes beyond the strain at which the run ends; None if not."""
     if scene.until_strain is None:
         return None
-    goal, end, start = abs(scene.until_strain), abs(_strain(step.system.box, when)), abs(_strain(state.box, state.t))
+    goal = abs(scene.until_strain)
+    start, end = _strain(checked, state.box, state.t), _strain(checked, step.system.box, when)
     if end <= goal * (1 + STRAINED):
         return None
     return (when - state.t) * (goal - start) / (end - start)

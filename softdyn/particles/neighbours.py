@@ -113,6 +113,12 @@ def find_contacts(
             contacts.h = np.maximum(apart, float(scene.gap))
         contacts.touched = contacts.h < reach
         return contacts, listed, int(contacts.touched.sum()), 0
+    contacts, dropped = taken_over(contacts, old, reach)
+    return contacts, listed, 0, dropped
+
+
+def taken_over(contacts: Contacts, old: Contacts, reach: float) -> tuple[Contacts, int]:
+    """Contacts with the gaps and forces of those that were there before; and how many of these are left behind."""
     mine, source = common(contacts, old)
     contacts.h[mine] = old.h[source]
     contacts.touched[mine] = old.touched[source]
@@ -124,8 +130,7 @@ def find_contacts(
     if len(held):
         contacts = _joined(contacts, old, held)
         left[held] = False
-    dropped = int(np.sum(old.touched & left))
-    return contacts, listed, 0, dropped
+    return contacts, int(np.sum(old.touched & left))
 
 
 def common(contacts: Contacts, old: Contacts) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

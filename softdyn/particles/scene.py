@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 LARGEST_RATIO = 10.0
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
 MOST_WITHOUT_RANGE = 64
+#: Walls are where they were, to this part of a radius.
+WALLS_STAND = 1e-6
 
 
 @dataclass(frozen=True)
@@ -101,8 +103,10 @@ class ParticleScene:
     tangential : bool
         Whether particles slide, roll and turn, as their law declares.
     films : mapping, optional
-        Contacts of an earlier run, as :meth:`ParticleResult.contacts` gives them: pairs ``i``, ``j``, and for each its
-        gap ``h``, with tangential motion its force ``T``. They start so, all others as above.
+        Contacts of an earlier run, as :func:`read_particles` gives them: pairs ``i`` < ``j`` (walls from N on) and
+        ``shift``, by how many lengths of the box j is displaced (none by default); for each its gap ``h``, with
+        tangential motion its force ``T``. They start so, as far as they are within the range, all others as above.
+        ``wall_point`` and ``wall_normal``: where the walls were; the scene's must be there, or it has none.
     box : sequence of float or None, optional
         Edges of the periodic box; None along an axis that is not periodic.
     tilt : float
@@ -265,7 +269,7 @@ def check(scene: ParticleScene) -> Checked:
                 "times the shear rate"
             )
     if not is_number(scene.tilt):
-        faults.append(f"[box] tilt must be a number, not {scene.tilt!r}")
+        faults.append(f"[box] tilt must be a finite number, not {scene.tilt!r}")
     if not is_number(scene.drag) or scene.drag < 0:
         faults.append(f"[flow] drag must be 0 or a positive number, not {scene.drag!r}")
     if not is_number(scene.shear_rate) and not isinstance(scene.shear_rate, str):
@@ -281,7 +285,9 @@ def check(scene: ParticleScene) -> Checked:
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {scene.reach / 2:g}: from there on "
             "contacts fade"
         )
-    if scene.reach is None and count > MOST_WITHOUT_RANGE:
+    if scene.reach is None and scene.box is not None and any(length is not None for length in scene.box):
+        faults.append("in a periodic box contacts need a range, beyond which there are none: [contacts] range")
+    elif scene.reach is None and count > MOST_WITHOUT_RANGE:
         faults.append(
             f"{count} particles need a range of their contacts, beyond which there are none: [contacts] range, half of "
             f"the smallest radius or so ({radii.min() / 2:g})"
@@ -303,7 +309,12 @@ def check(scene: ParticleScene) -> Checked:
         faults.append("[box] a sheared box must be periodic along x where it is along y")
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
         faults.append("[box] tilt: only a box that is periodic along x and y leans")
-    faults += _film_faults(scene, count, d)
+    elif abs(scene.tilt) > box.lengths[0]:
+        faults.append(
+            f"[box] tilt = {scene.tilt:g} must not exceed the length along x, {box.lengths[0]:g}: less that length, "
+            "the box is the same"
+        )
+    faults += _film_faults(scene, radii, d, walls)
     for number, wall in enumerate(walls):
         across = [AXES[axis] for axis in range(d) if box.periodic[axis] and wall.normal[axis]]
         if across:
@@ -312,7 +323,7 @@ def check(scene: ParticleScene) -> Checked:
         raise SceneError(listed(faults))
     names, species = _species(scene, count)
     faults += _place_faults(x, box, walls)
-    faults += _overlap_faults(x, radii, box, walls)
+    faults += _overlap_faults(scene, x, radii, box, walls)
     if faults:
         raise SceneError(listed(faults))
     pushed = [numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.pushes)]
@@ -366,24 +377,59 @@ def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
     return Box(lengths, float(scene.shear_rate) if rate is None else rate(0.0), float(scene.tilt))
 
 
-def _film_faults(scene: ParticleScene, count: int, d: int) -> list[str]:
+def _film_faults(scene: ParticleScene, radii: Array, d: int, walls: tuple[Wall, ...]) -> list[str]:
     if scene.films is None:
         return []
     if not isinstance(scene.films, Mapping) or not {"i", "j", "h"} <= set(scene.films):
-        return ["films must be a mapping with i, j and h, as ParticleResult.contacts gives it"]
+        return ["films must be a mapping with i, j and h, as read_particles gives it"]
+    count, films = len(radii), dict(scene.films)
     try:
-        i, j, h, T = (np.asarray(scene.films.get(name, np.zeros((0, d)))) for name in ("i", "j", "h", "T"))
+        i, j, h = (np.asarray(films[name]) for name in ("i", "j", "h"))
+        rows = {name: np.asarray(films[name]) for name in ("shift", "T") if name in films}
+        places = [np.array(films[name], float) for name in ("wall_point", "wall_normal") if name in films]
     except (TypeError, ValueError):
         return ["films must hold arrays of numbers"]
-    if not i.shape == j.shape == h.shape == (len(h),) or ("T" in scene.films and T.shape != (len(h), d)):
+    if i.ndim != 1 or not i.shape == j.shape == h.shape or any(a.shape != (len(h), d) for a in rows.values()):
         return [
-            f"films has the shapes {i.shape}, {j.shape}, {h.shape}, T {T.shape}: one row for each contact is needed"
+            f"films: i, j and h have the shapes {i.shape}, {j.shape} and {h.shape}, and one row for each contact is "
+            f"needed, in shift and T of {d} columns"
         ]
-    if i.dtype.kind not in "iu" or j.dtype.kind not in "iu" or ((i < 0) | (i >= count) | (j <= i)).any():
-        return [f"films: i must be numbers of particles, 0 to {count - 1}, and j larger ones, or {count} on for walls"]
-    if h.dtype.kind != "f" or T.dtype.kind != "f" or not (np.isfinite(h) & (h > 0)).all() or not np.isfinite(T).all():
-        return ["films: gaps must be positive, and forces finite"]
-    return []
+    if not len(h):
+        return []
+    kinds = [(i, "iu"), (j, "iu"), (h, "fiu")]
+    kinds += [(values, "iu" if name == "shift" else "fiu") for name, values in rows.items()]
+    if not all(values.dtype.kind in kind and np.isfinite(values).all() for values, kind in kinds):
+        return ["films: i, j and shift must be whole numbers, h and T finite ones"]
+    # a scene without walls leaves those of the earlier run
+    last = count + (len(places[0]) if places and not walls else len(walls))
+    if ((i < 0) | (i >= count) | (j <= i) | (j >= last)).any():
+        return [
+            f"films: i must be numbers of particles, 0 to {count - 1}, and j larger ones, below {last}: walls from "
+            f"{count} on"
+        ]
+    if not (h > 0).all():
+        return ["films: gaps must be positive"]
+    keys = np.column_stack([i, j, rows.get("shift", np.zeros((len(h), d), int))])
+    if len(np.unique(keys, axis=0)) < len(keys):
+        return ["films: a contact is given twice"]
+    return _wall_faults(places, radii, walls) if len(places) == 2 and walls else []
+
+
+def _wall_faults(places: list[Array], radii: Array, walls: tuple[Wall, ...]) -> list[str]:
+    """Walls that are not where they were in the earlier run whose films are given."""
+    if not all(place.shape == (len(walls), len(walls[0].normal)) for place in places):
+        return [f"{len(walls)} walls, and {len(places[0])} in the earlier run whose films are given"]
+    return [
+        f"wall {number} stood at {_printed(point)}, with the normal {_printed(normal)}, at the end of the earlier run "
+        "whose films are given: place it there"
+        for number, (wall, point, normal) in enumerate(zip(walls, *places, strict=True))
+        if np.linalg.norm(wall.normal - normal) > WALLS_STAND
+        or abs((wall.point - point) @ normal) > WALLS_STAND * radii.min()
+    ]
+
+
+def _printed(place: Array) -> str:
+    return "[" + ", ".join(f"{value:.9g}" for value in place) + "]"
 
 
 def _coordinates(values: Any, d: int) -> Array | None:
@@ -452,16 +498,18 @@ def _place_faults(x: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
     return faults
 
 
-def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
-    """Pairs that overlap by more than the smaller radius."""
+def _overlap_faults(scene: ParticleScene, x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
+    """Pairs that overlap by more than the smaller radius; those whose films are given are as a run has left them."""
     # surfaces at most touching; a box too small for these is refused by the search
     i, j, shift = find_pairs(x, radii, box, 0.0, walls, 0.0)
     contacts = bare_contacts(i, j, shift, radii)
     with np.errstate(divide="ignore", invalid="ignore"):
         _, r = directions(contacts, x, lattice(box, 0.0), walls)
     smaller = np.minimum(radii[i], np.append(radii, np.full(len(walls), np.inf))[j])
-    deep = np.flatnonzero(contacts.S - r > smaller)
     count = len(radii)
+    films = scene.films or {"i": [], "j": []}
+    known = np.isin(i * (count + len(walls)) + j, np.asarray(films["i"], int) * (count + len(walls)) + films["j"])
+    deep = np.flatnonzero((contacts.S - r > smaller) & ~known)
     return [
         f"particle {i[c]} and {f'particle {j[c]}' if j[c] < count else f'wall {j[c] - count}'} overlap by "
         f"{contacts.S[c] - r[c]:.4g}, more than the radius {smaller[c]:.4g}"

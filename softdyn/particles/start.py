@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +9,10 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Given, Newton, StepFailed, balance, pair_named
 from softdyn.particles.faults import require_balanced, require_held, why
-from softdyn.particles.geometry import Contacts, directions, lattice
+from softdyn.particles.geometry import Contacts, bare_contacts, directions, lattice
 from softdyn.particles.method import ORDER
-from softdyn.particles.neighbours import find_contacts
+from softdyn.particles.neighbours import find_contacts, taken_over
+from softdyn.particles.parameters import mixed_parameters
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
@@ -38,7 +36,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     x = checked.x.copy()
     contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, system.box, system.walls)
     if scene.films is not None:
-        _take(scene.films, contacts, system.reach)
+        contacts, _ = taken_over(contacts, _films(scene, checked, system), system.reach)
         made = int(contacts.touched.sum())
     closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
@@ -85,19 +83,20 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     return state
 
 
-def _take(films: Mapping[str, Any], contacts: Contacts, reach: float) -> None:
-    """Gaps and tangential forces of films that are given; those of pairs that are not listed are none any more."""
-    width = 1 + max(int(np.max(j, initial=0)) for j in (contacts.j, films["j"]))
-    listed, given = (
-        np.asarray(i, dtype=np.int64) * width + j for i, j in ((contacts.i, contacts.j), (films["i"], films["j"]))
-    )
-    # a pair has one contact in a box, and contacts are in the order of their numbers
-    row = np.minimum(np.searchsorted(listed, given), len(listed) - 1)
-    there = np.flatnonzero(listed[row] == given) if len(listed) else np.empty(0, dtype=np.int64)
-    contacts.h[row[there]] = np.asarray(films["h"])[there]
+def _films(scene: ParticleScene, checked: Checked, system: System) -> Contacts:
+    """Contacts of an earlier run that are within the range."""
+    assert scene.films is not None
+    films = {name: np.asarray(values) for name, values in scene.films.items()}
+    near = (films["h"] < system.reach) & (films["j"] < len(checked.x) + len(checked.walls))
+    i, j, h = films["i"][near].astype(np.int32), films["j"][near].astype(np.int32), films["h"][near].astype(float)
+    shift = films["shift"][near] if "shift" in films else np.zeros((len(h), system.dimension), np.int64)
+    contacts = bare_contacts(i, j, shift, checked.radii)
+    contacts.q = mixed_parameters(scene, checked, system.kernel, i, j)
+    contacts.h, contacts.touched = h, np.ones(len(h), bool)
+    contacts.T = np.zeros((len(h), system.dimension if system.kernel.tangential else 0))
     if contacts.T.size and "T" in films:
-        contacts.T[row[there]] = np.asarray(films["T"])[there]
-    contacts.touched = contacts.h < reach
+        contacts.T = films["T"][near].astype(float)
+    return contacts
 
 
 def _first_step(scene: ParticleScene, system: System, state: State) -> float:
