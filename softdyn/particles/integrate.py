@@ -34,6 +34,8 @@ SMALLEST_STEP = 1e-12
 SAFETY = 0.8
 #: A step is longer than the one before by this factor at most.
 LARGEST_GROWTH = 3.0
+#: After a step that could not be solved for, that limit starts from 1 and grows so: what was too long a step still is.
+RECOVERY = 1.1
 #: A strain is reached to this fraction of it.
 STRAINED = 1e-9
 
@@ -72,7 +74,7 @@ def integrate(
         The state is then the last good one.
     """
     system = present(system, state)
-    until, grow = float(scene.until), LARGEST_GROWTH
+    until, grow, recovery = float(scene.until), LARGEST_GROWTH, math.inf
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
     step: Step | None = None
@@ -89,6 +91,7 @@ def integrate(
         if step is None or not step.error <= 1.0:
             _shorten(system, state, until, dt, math.inf if step is None else step.error, failure)
             newton.s, grow = newton.s if failure is None else 0.0, 1.0
+            recovery = math.inf if failure is None else RECOVERY
             continue
         if _drift(checked, system, state, step.end.x[:, : system.dimension], step.system, when) > 1.0:
             # further than the list of contacts reaches, and than was expected
@@ -110,7 +113,7 @@ def integrate(
                 _list_again(scene, checked, system, newton, state)
             if state.t in checked.times or _has_strained(scene, checked, state):
                 state.frames.append(frame_now(system, state))
-        grow = LARGEST_GROWTH
+        grow = min(LARGEST_GROWTH, recovery * grow)
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:
