@@ -53,6 +53,7 @@ def test_an_approach_at_a_given_velocity_against_scipy(target: str) -> None:
         np.testing.assert_allclose(found.delta, delta, rtol=10 * rtol)
 
 
+@pytest.mark.slow
 @given(start=st.floats(-3, 1).map(lambda x: 10**x), part=st.floats(-2, 0.9), time=st.floats(0, 6).map(lambda x: 10**x))
 @settings(max_examples=15, deadline=None)
 def test_both_targets_agree(start: float, part: float, time: float) -> None:

@@ -698,6 +698,7 @@ def the_paper_and_equal_spheres() -> Any:
     return compare("rognon_gay", "equal_spheres", gaps=(1e2, 1.0, 1e-3, 1e-6), kappas=(1e-12, 1e-4))
 
 
+@pytest.mark.slow
 def test_exact_ratios_of_the_paper_to_equal_spheres() -> None:
     """The paper's friction is twice that of spheres far away, four times near contact; its alpha is 4/9."""
     regions = {region.first: region for region in the_paper_and_equal_spheres().regions}

@@ -63,7 +63,7 @@ def test_stiff_spheres_approach_as_rigid_ones() -> None:
     np.testing.assert_array_equal(hard.X, 2 + hard.h)
 
 
-@pytest.mark.parametrize("target", ["c", "numba"])
+@pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 def test_a_dry_contact_follows_the_force(target: str) -> None:
     """Hertz's law, by hand: F = (4/3) E/(1 - nu^2) sqrt(R) delta^(3/2)."""
     result = softdyn.simulate(
