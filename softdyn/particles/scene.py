@@ -322,7 +322,7 @@ def check(scene: ParticleScene) -> Checked:
         raise SceneError(listed(faults))
     names, species = _species(scene, count)
     faults += _place_faults(x, box, walls)
-    faults += _overlap_faults(scene, x, radii, box, walls)
+    faults += _overlap_faults(x, radii, box, walls)
     if faults:
         raise SceneError(listed(faults))
     pushed = [numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.pushes)]
@@ -442,18 +442,16 @@ def _place_faults(x: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
     return faults
 
 
-def _overlap_faults(scene: ParticleScene, x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
-    """Pairs that overlap by more than the smaller radius; those whose films are given are as a run has left them."""
+def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
+    """Pairs that overlap by more than the smaller radius; no run leaves such."""
     # surfaces at most touching; a box too small for these is refused by the search
     i, j, shift = find_pairs(x, radii, box, 0.0, walls, 0.0)
     contacts = bare_contacts(i, j, shift, radii)
     with np.errstate(divide="ignore", invalid="ignore"):
         _, r = directions(contacts, x, lattice(box, 0.0), walls)
     smaller = np.minimum(radii[i], np.append(radii, np.full(len(walls), np.inf))[j])
+    deep = np.flatnonzero(contacts.S - r > smaller)
     count = len(radii)
-    films = scene.films or {"i": [], "j": []}
-    known = np.isin(i * (count + len(walls)) + j, np.asarray(films["i"], int) * (count + len(walls)) + films["j"])
-    deep = np.flatnonzero((contacts.S - r > smaller) & ~known)
     return [
         f"particle {i[c]} and {f'particle {j[c]}' if j[c] < count else f'wall {j[c] - count}'} overlap by "
         f"{contacts.S[c] - r[c]:.4g}, more than the radius {smaller[c]:.4g}"
