@@ -457,7 +457,8 @@ def _draw_course(
     every = np.array([values for values, _ in curves])
     rest = every[:, 1:][np.isfinite(every[:, 1:])]
     if from_zero:
-        axes.set_ylim(0, None)
+        # room above for curves that are nearly level, too
+        axes.set_ylim(0, 1.07 * float(np.nanmax(every, initial=0.0)) or None)
     elif len(result) > 3 and len(rest):
         low, high = float(rest.min()), float(rest.max())
         spread = high - low
