@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,8 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.expression import FUNCTIONS, Expression, parse
 from softdyn.expression import evaluate as evaluate_expression
+from softdyn.tables import Column, read_columns
+from softdyn.words import listed, suggestion
 
 #: Quantities that a result can hold besides t, h and delta; F and dF_dt are the external force and its rate.
 QUANTITIES = ("X", "a", "F", "dF_dt", "zeta", "F_adh", "C", "D", "dh_dt", "ddelta_dt", "dX_dt", "lambda1", "lambda2")
@@ -38,6 +38,13 @@ KEYS: dict[str, tuple[str, ...]] = {
 }
 #: What can drive a pair; exactly one of them does.
 DRIVES = ("force", "position", "velocity", "spring")
+#: Headings of their tables, besides their own names; those of a result of softdyn among them.
+HEADINGS = {
+    "force": ("F", "F_ext"),
+    "velocity": ("v", "V", "dX_dt"),
+    "position": ("x", "X", "distance"),
+    "base": ("x", "X", "position"),
+}
 TOP_LEVEL = ("law", "target", "parameters", *KEYS)
 #: What a parameter may be: low, high, and whether each of these is itself left out.
 Range = tuple[float, float, bool, bool]
@@ -148,11 +155,18 @@ def read_toml(path: Path) -> dict[str, Any]:
         If the file cannot be read, or is not TOML (with the line).
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path} is not text in UTF-8: {error.reason} at byte {error.start}") from None
+        raw = path.read_bytes()
     except OSError as error:
         raise SceneError(f"cannot read the scene {path}: {error.strerror}") from None
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise SceneError(f"{path} is text in UTF-16, and TOML is in UTF-8: save it as such")
+    try:
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise SceneError(
+            f"{path} is not text in UTF-8: {error.reason} at byte {error.start}, line {line}; save it as such"
+        ) from None
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -182,7 +196,7 @@ def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
     if "drive" not in missing and isinstance(data["drive"], Mapping) and not set(DRIVES) & set(data["drive"]):
         faults.append("[drive] force is missing (or position, velocity, spring)")
     if faults:
-        raise SceneError(_listed(faults))
+        raise SceneError(listed(faults))
     law = data["law"]
     if isinstance(law, str) and ".py" in law:
         law = str(folder / law)
@@ -212,66 +226,46 @@ def _file_or_value(name: str, value: Any, folder: Path) -> Any:
         return value
     if set(value) != {"file"} or not isinstance(value["file"], str):
         raise SceneError(f'[drive] {name}: a table is {{file = "{name}.csv"}}, with no other key')
-    return read_table(folder / value["file"])
+    return read_table(folder / value["file"], name, HEADINGS[name])
 
 
 def _unknown(given: Iterable[str], allowed: Sequence[str], where: str) -> list[str]:
     return [f"{where}unknown key {key!r}{suggestion(key, allowed)}" for key in given if key not in allowed]
 
 
-def suggestion(word: str, known: Sequence[str]) -> str:
-    """Words to add to a message about an unknown name."""
-    near = get_close_matches(str(word), list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(known)}"
+def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) -> Table:
+    """Read a table of what is given over time: two columns, by their headings, or time and then value without any.
 
+    Parameters
+    ----------
+    path : str or Path
+    name : str
+        Heading of the values.
+    also : sequence of str
+        Other headings that they may have, besides "value".
 
-def _listed(faults: Sequence[str]) -> str:
-    return faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults)
-
-
-def read_table(path: str | Path) -> Table:
-    """Read a table from a CSV file: two columns, time and value, with or without a line of headings.
+    Returns
+    -------
+    Table
 
     Raises
     ------
     SceneError
-        Naming the line at fault.
+        Naming the column or the line at fault.
     """
-    path = Path(path)
-    times: list[float] = []
-    forces: list[float] = []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            for number, row in enumerate(csv.reader(file), start=1):
-                if not row or not "".join(row).strip() or row[0].lstrip().startswith("#"):
-                    continue
-                try:
-                    t, F = (float(cell) for cell in row)
-                except ValueError:
-                    if not times and not any(_is_number(cell) for cell in row):
-                        continue  # headings
-                    raise SceneError(f"table {path}, line {number}: two numbers are expected, not {row}") from None
-                if not (math.isfinite(t) and math.isfinite(F)):
-                    raise SceneError(f"table {path}, line {number}: {row} is not finite")
-                if times and (t < times[-1] or times[-2:] == [t, t]):
-                    raise SceneError(f"table {path}, line {number}: time {t} does not come after {times[-1]}")
-                times.append(t)
-                forces.append(F)
-    except OSError as error:
-        raise SceneError(f"cannot read the table {path}: {error.strerror}") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"the table {path} is not CSV in UTF-8: {error}") from None
-    if len(times) < 2:
-        raise SceneError(f"table {path}: at least two rows of time and value are needed, and {len(times)} found")
-    return Table(np.array(times), np.array(forces))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    known = (Column("time", ("t",)), Column(name, tuple(also) if name == "value" else (*also, "value")))
+    read = read_columns(path, "table", known, order=("time", name), besides=("h", "delta", *QUANTITIES))
+    t = read["time"]
+    if len(t) < 2:
+        raise SceneError(f"table {path}: at least two rows of time and {name} are needed, and {len(t)} found")
+    steps = np.diff(t)
+    back = steps < 0
+    back[1:] |= (steps[1:] == 0) & (steps[:-1] == 0)
+    if back.any():
+        row = int(np.argmax(back)) + 1
+        more = " (twice is a jump, more is nothing)" if steps[row - 1] == 0 else ""
+        raise SceneError(f"{read.at(row)}: time {t[row]:.17g} does not come after {t[row - 1]:.17g}{more}")
+    return Table(t, read[name])
 
 
 @dataclass(frozen=True)
@@ -475,12 +469,12 @@ def check_scene(scene: Scene) -> None:
         faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
     attempt(named_numbers, "[parameters]", scene.parameters)
     if faults:
-        raise SceneError(_listed(faults))
+        raise SceneError(listed(faults))
 
 
 def _quantity_faults(quantities: Any) -> list[str]:
-    listed = isinstance(quantities, Iterable) and not isinstance(quantities, str)
-    if not listed or not all(isinstance(name, str) for name in quantities):
+    names = isinstance(quantities, Iterable) and not isinstance(quantities, str)
+    if not names or not all(isinstance(name, str) for name in quantities):
         return [f"[output] quantities must be a list of names, not {quantities!r}"]
     unknown = [name for name in quantities if name not in QUANTITIES]
     return [f"[output] unknown quantity {name!r}{suggestion(name, QUANTITIES)}" for name in unknown]
@@ -539,5 +533,5 @@ def parameter_values(
             except SceneError as error:
                 faults.append(str(error))
     if faults:
-        raise SceneError(_listed(faults))
+        raise SceneError(listed(faults))
     return np.array([given[name] for name in names])

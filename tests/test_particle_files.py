@@ -98,7 +98,7 @@ def test_an_emulsion_from_a_file(tmp_path: Path) -> None:
 def test_particles_from_a_table(tmp_path: Path) -> None:
     (tmp_path / "some.csv").write_text("x,y,radius,species\n0,0,1,soft\n2.05,0,1,hard\n\n4,1,1,soft\n")
     placed = read_particles(tmp_path / "some.csv")
-    assert placed["positions"][2] == [4.0, 1.0]
+    assert placed["positions"][2].tolist() == [4.0, 1.0]
     assert placed["species"] == ["soft", "hard", "soft"]
     scene = read_particle_scene(
         written(
@@ -120,9 +120,9 @@ until = {t = 10.0}
     assert np.array_equal(result.x[-1, 1], [2.05, 0.0])
     assert result.x[-1, 0, 0] > 0
     for text, words in (
-        ("x,y,radius\n0,0\n", "line 2: 3 columns"),
-        ("x,y,radius\n0,a,1\n", "line 2: numbers"),
-        ("y,radius\n0,1\n", "first line"),
+        ("x,y,radius\n0,0\n", "line 2: 2 columns under 3 headings"),
+        ("x,y,radius\n0,a,1\n", "line 2: y: 'a' is no number"),
+        ("y,radius\n0,1\n", "x missing; the headings are y, radius"),
     ):
         (tmp_path / "bad.csv").write_text(text)
         with pytest.raises(SceneError, match=words):

@@ -103,9 +103,17 @@ def test_toml_errors_carry_the_line(tmp_path: Path) -> None:
 def test_unreadable_scenes(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="cannot read the scene"):
         read_scene(tmp_path / "missing.toml")
-    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match="not text in UTF-8"):
+    (tmp_path / "binary.toml").write_bytes(b"a = 1\n\xff\x00")
+    with pytest.raises(SceneError, match=r"not text in UTF-8.*line 2"):
         read_scene(tmp_path / "binary.toml")
+    (tmp_path / "wide.toml").write_text(GOOD, encoding="utf-16")
+    with pytest.raises(SceneError, match="UTF-16"):
+        read_scene(tmp_path / "wide.toml")
+
+
+def test_a_mark_of_the_order_of_bytes_is_no_part_of_a_scene(tmp_path: Path) -> None:
+    (tmp_path / "marked.toml").write_text(GOOD, encoding="utf-8-sig")
+    check(tmp_path / "marked.toml")
 
 
 def test_paths_in_a_scene_are_relative_to_it(tmp_path: Path) -> None:
@@ -125,13 +133,13 @@ def test_paths_in_a_scene_are_relative_to_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("0,1\n2,1\n1,1\n", "line 3: time 1.0 does not come after 2.0"),
-        ("0,1\n0,2\n0,3\n", "line 3: time 0.0 does not come after 0.0"),
-        ("0,1\n1,x\n", "line 2: two numbers are expected"),
-        ("0,1\n1\n", "line 2: two numbers are expected"),
-        ("0,1\n1,2,3\n", "line 2: two numbers are expected"),
+        ("0,1\n2,1\n1,1\n", "line 3: time 1 does not come after 2"),
+        ("0,1\n0,2\n0,3\n", "line 3: time 0 does not come after 0"),
+        ("0,1\n1,x\n", "line 2: value: 'x' is no number"),
+        ("0,1\n1\n", "line 2: 2 columns are expected, and there are 1"),
+        ("0,1\n1,2,3\n", "line 2: 2 columns are expected, and there are 3"),
         ("0,1\n1,nan\n", "line 2.*is not finite"),
-        ("t,F\n0,1\n", "at least two rows"),
+        ("t,value\n0,1\n", "at least two rows"),
         ("", "at least two rows"),
     ],
 )
@@ -141,7 +149,7 @@ def test_force_tables_are_refused_with_the_line(tmp_path: Path, content: str, me
 
 
 def test_force_tables_may_have_headings_comments_and_blank_lines(tmp_path: Path) -> None:
-    table = read_table(write(tmp_path, "time,force\n# a comment\n\n0,1e-2\n5,2e-2\n", "force.csv"))
+    table = read_table(write(tmp_path, "time,force\n# a comment\n\n0,1e-2\n5,2e-2\n", "force.csv"), "force")
     np.testing.assert_array_equal(table.t, [0.0, 5.0])
     with pytest.raises(SceneError, match="cannot read the table"):
         read_table(tmp_path / "missing.csv")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,10 @@ from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import lattice_packing, random_packing
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
-from softdyn.scene import is_particle_scene, read_toml, suggestion
+from softdyn.particles.words import AXES
+from softdyn.scene import is_particle_scene, read_toml
+from softdyn.tables import Column, read_columns
+from softdyn.words import listed, suggestion
 
 Array = NDArray[np.float64]
 
@@ -90,7 +92,7 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     if ("particles" in data) == ("packing" in data):
         faults.append("[particles] and [packing] are two ways to say where the particles are: give one of them")
     if faults:
-        raise SceneError(faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults))
+        raise SceneError(listed(faults))
     law = data["law"]
     if isinstance(law, str) and ".py" in law:
         law = str(folder / law)
@@ -212,8 +214,9 @@ def read_particles(path: str | Path) -> dict[str, Any]:
     Parameters
     ----------
     path : str or Path
-        Of a result (.npz), whose last frame is taken with its films, or of CSV with the headings x, y, z, radius,
-        species (y, z and species optional).
+        Of a result (.npz), whose last frame is taken with its films, or of a table with the headings x, y, z, radius
+        and species in any order (y, z and species optional; ``diameter`` in the place of radius is twice that), see
+        :mod:`softdyn.tables`.
 
     Returns
     -------
@@ -269,31 +272,25 @@ def _films(result: ParticleResult, x: Array, cell: Array) -> dict[str, Any]:
     return films
 
 
+#: Columns of a table of particles.
+COLUMNS = (
+    Column("x"),
+    *(Column(axis, needed=False) for axis in "yz"),
+    Column("radius", ("r", "R"), needed=False),
+    Column("diameter", needed=False),
+    Column("species", ("type",), needed=False, words=True),
+)
+
+
 def _from_table(path: Path) -> dict[str, Any]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
-    except OSError as error:
-        raise SceneError(f"cannot read the particles {path}: {error.strerror}") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"the particles {path} are not CSV in UTF-8: {error}") from None
-    headings = [cell.strip() for cell in rows[0]] if rows else []
-    axes = [name for name in "xyz" if name in headings]
-    unknown = [name for name in headings if name not in ("x", "y", "z", "radius", "species")]
-    if "".join(axes) not in ("x", "xy", "xyz") or "radius" not in headings or unknown:
-        raise SceneError(f"particles {path}: the first line must name the columns x, y, z, radius, species")
-    positions, radii, species = [], [], []
-    for number, row in enumerate(rows[1:], start=2):
-        if not "".join(row).strip():
-            continue
-        if len(row) != len(headings):
-            raise SceneError(f"particles {path}, line {number}: {len(headings)} columns are expected, not {len(row)}")
-        cells = dict(zip(headings, row, strict=True))
-        try:
-            positions.append([float(cells[axis]) for axis in axes])
-            radii.append(float(cells["radius"]))
-        except ValueError:
-            raise SceneError(f"particles {path}, line {number}: numbers are expected, not {row}") from None
-        species.append(cells.get("species", "").strip())
-    placed: dict[str, Any] = {"positions": positions, "radii": radii}
-    return {**placed, "species": species} if "species" in headings else placed
+    read = read_columns(path, "table of particles", COLUMNS)
+    axes = [name for name in AXES if name in read]
+    if "z" in axes and "y" not in axes:
+        raise SceneError(f"table of particles {path}: there is a column z, and none y")
+    if ("radius" in read) == ("diameter" in read):
+        raise SceneError(f"table of particles {path}: a column radius or diameter is needed, one of them")
+    radii = read["radius"] if "radius" in read else read["diameter"] / 2
+    if not len(read):
+        raise SceneError(f"table of particles {path}: there are headings, and no particle")
+    placed: dict[str, Any] = {"positions": np.column_stack([read[axis] for axis in axes]), "radii": radii}
+    return {**placed, "species": read["species"].tolist()} if "species" in read else placed

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.words import listed as listed
+
 AXES = "xyz"
 #: Stands for all particles where some are named.
 ALL = "all"
@@ -23,11 +25,6 @@ def is_number(value: Any) -> bool:
 def is_list(values: Any, size: int) -> bool:
     """Whether values are a list of that many."""
     return isinstance(values, (list, tuple, np.ndarray)) and len(values) == size
-
-
-def listed(faults: Sequence[str]) -> str:
-    """One fault as it is, more than one a line each."""
-    return faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults)
 
 
 def components(size: int) -> str:
