@@ -2,6 +2,9 @@
 
 Every entry is a folder named by its key, holding files and ``entry.json`` with their digests. It is written under
 another name and renamed, so that it is there whole or not at all; whatever does not match its digests is a miss.
+
+What is in it is run. So nobody else may be able to write at any of its levels, the cache, the folder of a kind and the
+entry, nor to put another folder in the place of one of those above: what others could have written is refused by name.
 """
 
 from __future__ import annotations
@@ -9,9 +12,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -19,6 +23,8 @@ from typing import Any
 from softdyn.errors import SceneError
 
 VARIABLE = "SOFTDYN_CACHE_DIR"
+#: Permissions to write, of the group and of everybody else.
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def folder() -> Path:
@@ -27,7 +33,7 @@ def folder() -> Path:
     Raises
     ------
     SceneError
-        If it cannot be made or belongs to somebody else.
+        If it cannot be made, belongs to somebody else, or others can write to it or replace it.
     """
     if os.environ.get(VARIABLE):
         path = Path(os.environ[VARIABLE]).expanduser().absolute()
@@ -36,15 +42,116 @@ def folder() -> Path:
 
         path = Path(platformdirs.user_cache_path("softdyn", appauthor=False))
     try:
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        owner = path.stat().st_uid
+        _make(path)
+        require_own(path.resolve(), "the kernel cache")
+        _require_safe_way(path)
     except OSError as error:
         raise SceneError(
             f"cannot make the kernel cache {path}: {error.strerror}; set {VARIABLE} to another folder"
         ) from None
-    if hasattr(os, "getuid") and owner != os.getuid():
-        raise SceneError(f"the kernel cache {path} belongs to another user; set {VARIABLE} to a folder of your own")
     return path
+
+
+def _make(path: Path) -> None:
+    """Make a folder and those above it that are missing, for their owner only, whatever the umask."""
+    missing = [one for one in (path, *path.parents) if not one.exists()]
+    for one in reversed(missing):
+        one.mkdir(mode=0o700, exist_ok=True)
+    if not path.is_dir():
+        raise NotADirectoryError(20, "it is a file")
+
+
+def require_own(path: Path, what: str) -> None:
+    """Refuse what another user owns, what others can write to, and a link, which may lead to either.
+
+    Parameters
+    ----------
+    path : Path
+        A file or folder whose content is run.
+    what : str
+        What it is, for the message.
+
+    Raises
+    ------
+    SceneError
+        Naming it, its permissions and the remedy.
+    OSError
+        If it is not there.
+    """
+    if not hasattr(os, "getuid"):
+        return
+    info = path.lstat()
+    own = f"set {VARIABLE} to a folder of your own"
+    if stat.S_ISLNK(info.st_mode):
+        raise SceneError(f"{what} {path} is a link to {os.readlink(path)}, and what is there would be run: remove it")
+    if info.st_uid != os.getuid():
+        raise SceneError(f"{what} {path} belongs to another user; {own}")
+    if info.st_mode & OTHERS_WRITE:
+        raise SceneError(
+            f"{what} {path} can be written by others (mode {stat.S_IMODE(info.st_mode):04o}), whose code would then be "
+            f"run: remove it (rm -r), or, if nobody was there, chmod go-w; or {own}"
+        )
+
+
+def _require_safe_way(path: Path) -> None:
+    """Refuse a cache below a folder in which somebody else may rename what is there.
+
+    Folders above belong to the user, to root, or to whom the root of the file system belongs to (in containers that is
+    neither); others may write to them only where the sticky bit keeps them from what is not their own. Links on the way
+    are followed, one by one.
+    """
+    if not hasattr(os, "getuid"):
+        return
+    trusted = {os.getuid(), 0, Path(path.anchor).stat().st_uid}
+    todo = [*path.parents, *([path] if path.is_symlink() else [])]
+    seen: set[Path] = set()
+    while todo:
+        part = todo.pop()
+        if part in seen:
+            continue
+        seen.add(part)
+        info = part.lstat()
+        if info.st_uid not in trusted:
+            raise SceneError(
+                f"the kernel cache {path} lies below {part}, which belongs to another user, who could replace it; set "
+                f"{VARIABLE} to a folder of your own"
+            )
+        if stat.S_ISLNK(info.st_mode):
+            target = part.parent / os.readlink(part)
+            todo += [target, *target.parents]
+        elif info.st_mode & OTHERS_WRITE and not info.st_mode & stat.S_ISVTX and not _of_one_user(info):
+            raise SceneError(
+                f"the kernel cache {path} lies below {part}, where others can replace it (mode "
+                f"{stat.S_IMODE(info.st_mode):04o}), and have their code run: chmod go-w {part}, or set {VARIABLE} to "
+                "a folder of your own"
+            )
+
+
+def _of_one_user(info: os.stat_result) -> bool:
+    """Whether only the group may write, and it is the owner's private one, as many systems make one for each user."""
+    if info.st_mode & stat.S_IWOTH:
+        return False
+    try:
+        import grp
+        import pwd
+
+        group, owner = grp.getgrgid(info.st_gid), pwd.getpwuid(info.st_uid)
+    except (ImportError, KeyError):
+        return False
+    return group.gr_name == owner.pw_name and set(group.gr_mem) <= {owner.pw_name}
+
+
+def _require_own_entry(path: Path, published: Mapping[str, str]) -> None:
+    """Refuse an entry that others could have written to, or that leads elsewhere."""
+    require_own(path, "the entry of the kernel cache")
+    for name in published:
+        require_own(path / name, "the file of the kernel cache")
+    entered = path.stat().st_mode & (stat.S_IXGRP | stat.S_IXOTH)
+    for one in path.rglob("*"):
+        # what compilers add follows the umask, and nobody else comes to it
+        if one.name not in published and (entered or one.is_symlink() or one.is_dir()):
+            with suppress(FileNotFoundError):  # another process may be at work
+                require_own(one, "the file of the kernel cache")
 
 
 def key_of(*parts: Any) -> str:
@@ -54,16 +161,33 @@ def key_of(*parts: Any) -> str:
 
 
 def read(kind: str, key: str) -> Path | None:
-    """Folder of an entry, if it is there and whole."""
+    """Folder of an entry, if it is there and whole.
+
+    Raises
+    ------
+    SceneError
+        If others can write at any level of it.
+    """
     path = folder() / kind / key
     try:
-        digests: Mapping[str, str] = json.loads((path / "entry.json").read_text(encoding="utf-8"))["digests"]
+        require_own(path.parent, "the folder of the kernel cache")
+        require_own(path, "the entry of the kernel cache")
+        digests: Mapping[str, str] = note(path)["digests"]
+        if not isinstance(digests, dict):
+            return None
+        _require_own_entry(path, {**digests, "entry.json": ""})
         for name, expected in digests.items():
             if sha256((path / name).read_bytes()).hexdigest() != expected:
                 return None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
     return path
+
+
+def note(entry: Path) -> Mapping[str, Any]:
+    """What was noted of an entry as it was published."""
+    noted: Mapping[str, Any] = json.loads((entry / "entry.json").read_text(encoding="utf-8"))
+    return noted
 
 
 def publish(
@@ -82,13 +206,15 @@ def publish(
     target = parent / key
     try:
         parent.mkdir(mode=0o700, exist_ok=True)
+        require_own(parent, "the folder of the kernel cache")
         made = Path(tempfile.mkdtemp(prefix=".", dir=parent))
         try:
-            for name, content in files.items():
-                (made / name).write_bytes(content)
             digests = {name: sha256(content).hexdigest() for name, content in files.items()}
-            entry = {"digests": digests, **(note or {})}
-            (made / "entry.json").write_text(json.dumps(entry, indent=1), encoding="utf-8")
+            entry = json.dumps({"digests": digests, **(note or {})}, indent=1)
+            for name, content in {**files, "entry.json": entry.encode()}.items():
+                (made / name).parent.mkdir(mode=0o700, exist_ok=True)
+                with open(os.open(made / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+                    file.write(content)
             try:
                 made.rename(target)
             except OSError:
@@ -100,6 +226,17 @@ def publish(
             f"cannot write the kernel cache {parent}: {error.strerror}; set {VARIABLE} to another folder"
         ) from None
     return target
+
+
+def evict(kind: str, key: str) -> None:
+    """Take an entry out that turned out to be of no use; that of another process's may be there at once."""
+    target = folder() / kind / key
+    with suppress(OSError), _locked(folder() / f"{kind}.lock"):
+        aside = Path(tempfile.mkdtemp(prefix=".", dir=target.parent))
+        try:
+            target.rename(aside / "old")
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
 
 
 def _put_in_place(kind: str, key: str, made: Path, replace: bool) -> None:

@@ -11,23 +11,24 @@ import importlib
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache as memoize
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import softdyn
 from softdyn import cache
 from softdyn.errors import SceneError
-from softdyn.laws import LawReference, digest, find
+from softdyn.laws import LawReference, digest, find, package_folder
 from softdyn.scene import Range
-from softdyn.targets import Functions
+from softdyn.targets import Functions, LoadError
 
 TARGETS = ("c", "numba")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -129,13 +130,7 @@ def get_kernel(
     }
     manifest = manifest_of(find(law), target, needs, "manifest", make_manifest)
     back_end = importlib.import_module(f"softdyn.targets.{target}")
-    made_by = back_end.identity()
-    key = cache.key_of(manifest["source"], made_by)
-    entry = cache.read(target, key)
-    if entry is None:
-        files = back_end.build(manifest["name"], manifest["source"], made_by)
-        entry = cache.publish(target, key, files, {"made_by": made_by})
-    functions = back_end.load(entry, manifest)
+    key, entry, functions = loaded(target, manifest, Functions._fields, back_end.load)
     return Kernel(
         law=manifest["name"],
         target=target,
@@ -154,15 +149,64 @@ def get_kernel(
     )
 
 
+def loaded(
+    target: str, manifest: Mapping[str, Any], functions: Sequence[str], load: Callable[[Path, Mapping[str, Any]], T]
+) -> tuple[str, Path, T]:
+    """Build a kernel, or find it in the cache, and load it.
+
+    An entry is published after it was seen to load, in a process of its own; one that does not load is made anew, once.
+
+    Parameters
+    ----------
+    target : "c" or "numba"
+    manifest : mapping
+        With ``name`` and ``source``.
+    functions : sequence of str
+        What the kernel must have, each as ``name_function``.
+    load : function of (folder, manifest)
+
+    Returns
+    -------
+    key : str
+    entry : Path
+    loaded
+        What ``load`` returns.
+
+    Raises
+    ------
+    CompileError, SceneError
+    """
+    back_end = importlib.import_module(f"softdyn.targets.{target}")
+    name, source, made_by = manifest["name"], manifest["source"], back_end.identity()
+    key = cache.key_of(source, made_by)
+    entry = cache.read(target, key)
+    if entry is not None:
+        try:
+            if not cache.note(entry).get("loads"):
+                back_end.check(entry, name, functions)
+            return key, entry, load(entry, manifest)
+        except LoadError:
+            cache.evict(target, key)
+    files = back_end.build(name, source, made_by, functions)
+    entry = cache.publish(target, key, files, {"made_by": made_by, "loads": True})
+    return key, entry, load(entry, manifest)
+
+
 @memoize
 def tool_digest() -> str:
-    """Digest of what writes kernels: the derivation stage, the templates, and the versions that matter."""
+    """Digest of what writes kernels: the derivation stage, the templates, what asks them, and the versions that matter.
+
+    The folders are found as they are imported: beside this file there may be links to them, or none where a checkout
+    makes no links.
+    """
     here = Path(__file__).parent
-    files = sorted([*(here / "derive").rglob("*.py"), *(here / "templates").rglob("*.j2")])
+    files = {f"softdyn/{name}": here / name for name in ("kernels.py", "particles/kernel.py", "laws.py")}
+    for package, ending in (("derive", "*.py"), ("templates", "*.j2")):
+        folder = package_folder(package)
+        files |= {f"{package}/{path.relative_to(folder).as_posix()}": path for path in folder.rglob(ending)}
     total = sha256(f"{softdyn.__version__} sympy {version('sympy')}".encode())
-    for file in files:
-        total.update(file.relative_to(here).as_posix().encode())
-        total.update(file.read_bytes())
+    for name, path in sorted(files.items()):
+        total.update(f"\n{name} {digest(path)}".encode())
     return total.hexdigest()
 
 

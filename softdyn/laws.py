@@ -22,7 +22,16 @@ from softdyn.errors import LawError, SceneError
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
 
-STOCK_FOLDER = Path(__file__).parent / "derive" / "laws"
+
+def package_folder(name: str) -> Path:
+    """Folder of a part of softdyn, found as an import finds it, and not imported."""
+    spec = importlib.util.find_spec(f"softdyn.{name}")
+    assert spec is not None
+    assert spec.submodule_search_locations
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+STOCK_FOLDER = package_folder("derive") / "laws"
 
 
 @dataclass(frozen=True)

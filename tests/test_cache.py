@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -196,6 +197,123 @@ def test_without_the_variable_the_folder_is_that_of_the_platform(
     assert cache.folder() == tmp_path / "of the platform"
 
 
+# ---------------------------------------------------------------- what others could have written
+
+
+def level(folder: Path, name: str) -> Path:
+    """Path of a level of the only entry of a kind."""
+    return {"cache": folder, "kind": folder / "things", "entry": folder / "things" / "key"}[name]
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o702, 0o775, 0o777, 0o1777])
+@pytest.mark.parametrize("where", ["cache", "kind", "entry"])
+def test_what_others_can_write_is_refused_at_each_level(where: str, mode: int, empty_cache: Path) -> None:
+    cache.publish("things", "key", {"one.txt": b"one"})
+    path = level(empty_cache, where)
+    path.chmod(mode)
+    with pytest.raises(SceneError, match=rf"{path} can be written by others \(mode {mode:04o}\)") as refused:
+        cache.read("things", "key")
+    assert "chmod go-w" in str(refused.value)
+    assert cache.VARIABLE in str(refused.value)
+    if where != "entry":
+        with pytest.raises(SceneError, match="can be written by others"):
+            cache.publish("things", "another", {"one.txt": b"two"})
+
+
+@pytest.mark.parametrize("where", ["kind", "entry"])
+def test_what_belongs_to_another_user_is_refused_at_each_level(
+    where: str, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the cache itself: see above."""
+    cache.publish("things", "key", {"one.txt": b"one"})
+    foreign, lstat = level(empty_cache, where), Path.lstat
+
+    def of_another(path: Path) -> os.stat_result:
+        info = list(lstat(path))
+        info[stat.ST_UID] += 1 if path == foreign else 0
+        return os.stat_result(info)
+
+    monkeypatch.setattr(Path, "lstat", of_another)
+    with pytest.raises(SceneError, match=f"{foreign} belongs to another user"):
+        cache.read("things", "key")
+
+
+@pytest.mark.parametrize("where", ["kind", "entry"])
+def test_a_level_that_is_a_link_is_refused(where: str, empty_cache: Path, tmp_path: Path) -> None:
+    cache.publish("things", "key", {"one.txt": b"one"})
+    path = level(empty_cache, where)
+    path.rename(tmp_path / "elsewhere")
+    path.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(SceneError, match=f"{path} is a link to {tmp_path}/elsewhere"):
+        cache.read("things", "key")
+
+
+@pytest.mark.parametrize("name", ["one.txt", "entry.json"])
+def test_a_file_that_others_can_write_or_that_is_a_link_is_refused(
+    name: str, empty_cache: Path, tmp_path: Path
+) -> None:
+    file = cache.publish("things", "key", {"one.txt": b"one"}) / name
+    file.chmod(0o666)
+    with pytest.raises(SceneError, match=rf"{name} can be written by others \(mode 0666\)"):
+        cache.read("things", "key")
+    file.chmod(0o600)
+    file.rename(tmp_path / name)
+    file.symlink_to(tmp_path / name)
+    with pytest.raises(SceneError, match=f"{name} is a link"):
+        cache.read("things", "key")
+
+
+def test_a_link_to_a_cache_of_ones_own_is_followed(empty_cache: Path, tmp_path: Path) -> None:
+    (tmp_path / "large disk").mkdir(mode=0o700)
+    empty_cache.symlink_to(tmp_path / "large disk")
+    cache.publish("things", "key", {"one.txt": b"one"})
+    assert cache.read("things", "key") is not None
+    (tmp_path / "large disk").chmod(0o777)
+    with pytest.raises(SceneError, match="large disk can be written by others"):
+        cache.read("things", "key")
+
+
+@pytest.mark.parametrize("way", ["plain", "by a link"])
+def test_a_folder_above_in_which_others_can_rename_is_refused(
+    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They could put a folder of theirs in the place of the cache; a sticky bit keeps them from that."""
+    above = tmp_path / "above"
+    (above / "between").mkdir(parents=True)
+    if way == "by a link":
+        (tmp_path / "link").symlink_to(above / "between")
+    monkeypatch.setenv(cache.VARIABLE, str((tmp_path / "link" if way == "by a link" else above / "between") / "cache"))
+    cache.publish("things", "key", {"one.txt": b"one"})
+    above.chmod(0o777)
+    with pytest.raises(SceneError, match=rf"lies below {above}, where others can replace it \(mode 0777\)"):
+        cache.folder()
+    above.chmod(0o1777)
+    assert cache.read("things", "key") is not None
+
+
+def test_folders_above_that_are_missing_are_made_for_the_user_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "a" / "b" / "cache"))
+    mask = os.umask(0)
+    try:
+        cache.folder()
+    finally:
+        os.umask(mask)
+    assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize("part", ["manifests", "c"])
+def test_a_kernel_that_others_could_have_planted_is_not_run(part: str, empty_cache: Path, tmp_path: Path) -> None:
+    """Manifests hold source that is compiled, so they are as dangerous as libraries."""
+    law = write_law(tmp_path)
+    build(law)
+    (entry,) = entries(empty_cache, part)
+    entry.chmod(0o757)
+    with pytest.raises(SceneError, match=f"{entry} can be written by others"):
+        build(law)
+
+
 # ---------------------------------------------------------------- kernels
 
 RACER = """
@@ -355,6 +473,88 @@ def test_a_cached_kernel_needs_no_sympy(empty_cache: Path, tmp_path: Path) -> No
     assert done.stdout.strip() == "[]"
 
 
+def spoiled(library: bytes, how: str) -> bytes:
+    """Library that does not load: of other bytes, cut short so that mapping it ends a process, or empty."""
+    return {"wrong bytes": b"not a library", "cut short": library[: len(library) // 3], "empty": b""}[how]
+
+
+#: What is there, and whether it is noted that it loads; what was seen to load was not cut short then.
+SPOILED = [
+    ("wrong bytes", False), ("cut short", False), ("without its functions", False),
+    ("wrong bytes", True), ("without its functions", True),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("how", "noted"), SPOILED)
+def test_a_library_that_does_not_load_is_made_anew(
+    how: str, noted: bool, empty_cache: Path, tmp_path: Path, forget_compiler: None
+) -> None:
+    """Whole by its digests, and yet of no use: as a compiler may have left it, or another softdyn."""
+    law = write_law(tmp_path, factor="5")
+    first = build(law)
+    source, library = (first.path.with_suffix(ending).read_bytes() for ending in (".c", ".so"))
+    if how == "without its functions":
+        made = c_target.build("mine", "int nothing;", c_target.identity())
+        library = made["mine.so"]
+    else:
+        library = spoiled(library, how)
+    # another inode at another place, since this process holds the library of that path
+    cache.evict("c", first.key)
+    note = {"loads": True} if noted else {}
+    cache.publish("c", first.key, {"mine.c": source, "mine.so": library}, note)
+    code = (
+        "import sys; from softdyn.kernels import get_kernel;"
+        "k = get_kernel(sys.argv[1], 'c', outputs=('F_ela',)); print(k.key)"
+    )
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code, str(law)], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout.strip(), done.stderr) == (0, first.key, "")
+    assert (empty_cache / "c" / first.key / "mine.so").read_bytes() != library
+
+
+@pytest.mark.parametrize("how", ["wrong bytes", "cut short", "empty"])
+def test_a_compiler_whose_library_does_not_load_is_reported_and_nothing_is_kept(
+    how: str, empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
+) -> None:
+    spoil = {
+        "wrong bytes": 'echo "not a library" > "$out"',
+        "cut short": 'truncate -s $(( $(stat -c %s "$out") / 3 )) "$out"',
+        "empty": ': > "$out"',
+    }[how]
+    find = 'for x in "$@"; do [ "$last" = -o ] && out=$x; last=$x; done'
+    other_compiler(f'for x in "$@"; do [ "$x" = -E ] && exec REAL "$@"; done\nREAL "$@"; {find}; {spoil}')
+    with pytest.raises(CompileError, match=r"(?s)made a library that does not load:.*mine.c -lm\n."):
+        build(write_law(tmp_path))
+    assert entries(empty_cache, "c") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ending", "how"), [(".nbi", "cut short"), (".nbc", "cut short"), (".nbi", "wrong bytes")])
+def test_what_numba_kept_is_made_anew_where_it_does_not_load(
+    ending: str, how: str, empty_cache: Path, tmp_path: Path
+) -> None:
+    law = str(write_law(tmp_path, factor="3"))
+    results = race(law, "numba", 1)
+    (entry,) = entries(empty_cache, "numba")
+    victims = [path for path in entry.rglob(f"*{ending}") if path.suffix == ending]
+    assert victims
+    for path in victims:
+        path.write_bytes(spoiled(path.read_bytes(), how))
+    assert race(law, "numba", 1) == results
+
+
+@pytest.mark.slow
+def test_what_numba_keeps_where_others_can_write_is_not_run(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = str(write_law(tmp_path, factor="3"))
+    race(law, "numba", 1)
+    (entry,) = entries(empty_cache, "numba")
+    (entry / "__pycache__").chmod(0o777)
+    with pytest.raises(SceneError, match="__pycache__ can be written by others"):
+        build(law, "numba")
+
+
 # ---------------------------------------------------------------- laws that change
 
 
@@ -456,6 +656,54 @@ def test_the_flags_keep_ieee_arithmetic() -> None:
     assert "-ffp-contract=off" in made_by["flags"]
     assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(made_by["flags"])
     assert "__FAST_MATH__" not in made_by["macros"]
+
+
+@pytest.mark.parametrize(
+    ("flag", "how"),
+    [
+        ("-ffast-math", "flag"), ("-Ofast", "flag"), ("-ffinite-math-only", "flag"), ("-fassociative-math", "flag"),
+        ("-ffast-math", "script"), ("-ffinite-math-only", "script"), ("-funsafe-math-optimizations", "script"),
+    ],
+)  # fmt: skip
+def test_a_compiler_told_to_break_ieee_arithmetic_is_refused(
+    flag: str,
+    how: str,
+    empty_cache: Path,
+    tmp_path: Path,
+    other_compiler: Callable[[str], None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By its own macros, where the flag is hidden in a script."""
+    other_compiler(f'exec REAL {flag if how == "script" else ""} "$@"')
+    if how == "flag":
+        monkeypatch.setenv("CC", f"{os.environ['CC']} {flag}")
+        forget()
+    with pytest.raises(CompileError, match="rely on IEEE arithmetic, and the C compiler is told otherwise"):
+        build(write_law(tmp_path))
+    assert entries(empty_cache, "c") == []
+
+
+@pytest.mark.parametrize("changed", ["derive/law.py", "derive/laws/cone.py", "templates/c/kernel.c.j2", "kernels.py"])
+def test_two_checkouts_that_share_a_cache_have_digests_of_their_own(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever differs between them, and where the rooms are no folders beside the package, as without links."""
+    from softdyn import laws
+
+    digests = []
+    for checkout in ("one", "other"):
+        for package in ("derive", "templates"):
+            shutil.copytree(laws.package_folder(package), tmp_path / checkout / package)
+        shutil.copytree(Path(kernels.__file__).parent, tmp_path / checkout, symlinks=True, dirs_exist_ok=True,
+                        ignore=lambda *_: ["derive", "templates", "generated", "__pycache__"])  # fmt: skip
+        if checkout == "other":
+            with (tmp_path / checkout / changed).open("a", encoding="utf-8") as file:
+                file.write("\n")
+        with monkeypatch.context() as patch:
+            patch.setattr(kernels, "package_folder", (tmp_path / checkout).joinpath)
+            patch.setattr(kernels, "__file__", str(tmp_path / checkout / "kernels.py"))
+            digests.append(kernels.tool_digest.__wrapped__())
+    assert digests[0] != digests[1]
 
 
 # ---------------------------------------------------------------- compilers that fail

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache as memoize
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn import cache
-from softdyn.kernels import choose_target, manifest_of
+from softdyn.kernels import choose_target, loaded, manifest_of
 from softdyn.laws import LawReference, find
 from softdyn.scene import Range
 
@@ -127,15 +126,9 @@ def get_contact_kernel(
     target = choose_target(target)
     needs = {"varying": tuple(sorted(varying)), "fading": fading, "tangential": tangential, "drag": drag}
     manifest = manifest_of(find(law), target, needs, "contacts", contact_manifest)
-    back_end = importlib.import_module(f"softdyn.targets.{target}")
-    made_by = back_end.identity()
-    key = cache.key_of(manifest["source"], made_by)
-    entry = cache.read(target, key)
-    if entry is None:
-        files = back_end.build(manifest["name"], manifest["source"], made_by)
-        entry = cache.publish(target, key, files, {"made_by": made_by})
-    load = _load_c if target == "c" else _load_numba
-    contacts, state, energy, resisting = load(entry, manifest, fading)
+    functions = ("contacts", "state", "energy", *(("drag",) if manifest["drag"] else ()))
+    load = partial(_load_c if target == "c" else _load_numba, fading=fading)
+    key, _, (contacts, state, energy, resisting) = loaded(target, manifest, functions, load)
     return ContactKernel(
         law=manifest["name"],
         target=target,
@@ -156,7 +149,7 @@ def get_contact_kernel(
 
 
 def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
-    from softdyn.targets.c import library_of
+    from softdyn.targets.c import function_of, library_of
 
     name = manifest["name"]
     library = library_of(folder, name)
@@ -164,8 +157,7 @@ def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[An
     reach = [number] if fading else []
 
     def function(suffix: str, result: Any, *types: Any) -> Callable[..., Any]:
-        raw = getattr(library, f"{name}_{suffix}")
-        raw.argtypes, raw.restype = types, result
+        raw = function_of(library, f"{name}_{suffix}", result, *types)
         return lambda *values: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in values))
 
     return (
@@ -177,6 +169,13 @@ def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[An
 
 
 def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
+    from softdyn.targets.numba import loading
+
+    with loading(folder, manifest["name"]):
+        return _compiled_numba(folder, manifest, fading)
+
+
+def _compiled_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
     from softdyn.targets.numba import module_of
 
     name = manifest["name"]

@@ -1,13 +1,20 @@
 """Building and loading a kernel's source: one module for each target, with the same functions.
 
-``identity()`` tells what, besides the source, the built kernel depends on; ``build(name, source, identity)`` makes the
-files of a cache entry; ``load(folder, manifest)`` returns the kernel's functions.
+``identity()`` tells what, besides the source, the built kernel depends on; ``build(name, source, identity, functions)``
+makes the files of a cache entry, and sees that these functions are in it; ``load(folder, manifest)`` returns the
+kernel's functions; ``check(folder, name, functions)`` sees that a kernel of unknown origin loads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+from softdyn.errors import SceneError
+
+
+class LoadError(SceneError):
+    """A built kernel does not load: its entry in the cache is to be made anew."""
 
 
 class Functions(NamedTuple):

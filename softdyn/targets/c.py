@@ -10,21 +10,36 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from softdyn.errors import CompileError, SceneError
-from softdyn.targets import Functions
+from softdyn.errors import CompileError
+from softdyn.targets import Functions, LoadError
 
 #: IEEE arithmetic throughout: no -ffast-math. Contraction to fused operations is off, so that every machine and both
 #: targets round alike; math functions need not set errno.
 FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 COMPILERS = ("cc", "gcc", "clang")
 TIMEOUT = 120
+#: Macros by which a compiler says that its arithmetic is not that of IEEE 754, however it came to be asked for it.
+NOT_IEEE = (
+    "__FAST_MATH__",
+    "__FINITE_MATH_ONLY__",
+    "__ASSOCIATIVE_MATH__",
+    "__RECIPROCAL_MATH__",
+    "__NO_SIGNED_ZEROS__",
+)
+#: Flags that ask for it, of which some compilers tell nothing in their macros.
+FAST_FLAGS = frozenset(
+    "-Ofast -ffast-math -funsafe-math-optimizations -ffinite-math-only -fassociative-math -freciprocal-math -mrecip "
+    "-fno-signed-zeros -fno-honor-nans -fno-honor-infinities -fapprox-func -ffp-model=fast -fp-model=fast".split()
+)
+#: Loads a library and looks functions up, in a process of its own: one that is cut short kills the process.
+TRIAL = "import ctypes, sys; library = ctypes.CDLL(sys.argv[1]); [getattr(library, name) for name in sys.argv[2:]]"
 
 
 @cache
@@ -65,9 +80,21 @@ def _identity_of(command: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str,
         flags = (*wanted, *extra)
         probe = _run([*command, *(f for f in flags if f != "-shared"), "-dM", "-E", "-x", "c", os.devnull])
         if probe.returncode == 0:
+            _require_ieee(command, probe.stdout)
             abi = [sys.platform, platform.machine(), ctypes.sizeof(ctypes.c_void_p)]
             return {"command": list(command), "flags": list(flags), "abi": abi, "macros": probe.stdout}
     raise CompileError(f"the C compiler does not work:\n  {shlex.join(probe.args)}\n{_words(probe)}")
+
+
+def _require_ieee(command: tuple[str, ...], macros: str) -> None:
+    """Refuse a compiler that was told to treat numbers as if they were real ones."""
+    defined = dict(line.split(maxsplit=2)[1:] for line in macros.splitlines() if len(line.split()) >= 3)
+    found = [f for f in command if f in FAST_FLAGS] or [m for m in NOT_IEEE if defined.get(m, "0").strip() != "0"]
+    if found:
+        raise CompileError(
+            f"the kernels rely on IEEE arithmetic, and the C compiler is told otherwise ({', '.join(found)}):\n"
+            f"  {shlex.join(command)}\nset CC to a compiler without -ffast-math and the flags that it stands for"
+        )
 
 
 def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
@@ -89,8 +116,8 @@ def _words(done: subprocess.CompletedProcess[str]) -> str:
     return (done.stderr + done.stdout).strip() or f"(it printed nothing, and exited with {done.returncode})"
 
 
-def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes]:
-    """Compile a kernel.
+def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequence[str] = ()) -> dict[str, bytes]:
+    """Compile a kernel, and see that it loads.
 
     Raises
     ------
@@ -107,7 +134,38 @@ def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes
         done = _run(command)
         if done.returncode != 0 or not library.is_file():
             raise CompileError(f"the C compiler failed:\n  {shlex.join(command)}\n{_words(done)}")
+        fault = _fault_of(library, [f"{name}_{function}" for function in functions])
+        if fault:
+            raise CompileError(f"the C compiler made a library that does not load:\n  {shlex.join(command)}\n{fault}")
         return {f"{name}.c": source.encode(), f"{name}.so": library.read_bytes()}
+
+
+def _fault_of(library: Path, names: Sequence[str]) -> str:
+    """What a process says that loads a library and looks these names up; empty if all is well."""
+    if not sys.executable:
+        return ""  # embedded: it is loaded here, and may end this process
+    command = [sys.executable, "-I", "-S", "-c", TRIAL, str(library), *names]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT, stdin=subprocess.DEVNULL
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"{error}"
+    if done.returncode < 0:
+        return f"the process that loads it is ended by signal {-done.returncode}"
+    return done.stderr.strip().splitlines()[-1] if done.returncode and done.stderr.strip() else ""
+
+
+def check(folder: Path, name: str, functions: Sequence[str]) -> None:
+    """See that a kernel that was not seen to load does so.
+
+    Raises
+    ------
+    LoadError
+    """
+    fault = _fault_of(folder / f"{name}.so", [f"{name}_{function}" for function in functions])
+    if fault:
+        raise LoadError(f"cannot load the kernel {folder / name}.so: {fault}")
 
 
 def _passed(array: np.ndarray) -> Any:
@@ -119,11 +177,36 @@ def _passed(array: np.ndarray) -> Any:
 
 
 def library_of(folder: Path, name: str) -> ctypes.CDLL:
-    """Load a kernel's shared library."""
+    """Load a kernel's shared library.
+
+    Raises
+    ------
+    LoadError
+    """
     try:
         return ctypes.CDLL(str(folder / f"{name}.so"))
     except OSError as error:
-        raise SceneError(f"cannot load the kernel {folder / name}.so: {error}") from None
+        raise LoadError(f"cannot load the kernel {folder / name}.so: {error}") from None
+
+
+def function_of(library: ctypes.CDLL, name: str, result: Any, *types: Any) -> Any:
+    """Function of a kernel's library.
+
+    Raises
+    ------
+    LoadError
+        If it has none of that name; the library is closed then, lest it be found again by its path.
+    """
+    try:
+        function = getattr(library, name)
+    except AttributeError as error:
+        import _ctypes
+
+        if hasattr(_ctypes, "dlclose"):
+            _ctypes.dlclose(library._handle)
+        raise LoadError(f"cannot load the kernel {library._name}: {error}") from None
+    function.argtypes, function.restype = types, result
+    return function
 
 
 def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
@@ -134,8 +217,7 @@ def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
     drive = [array, array, integer] if manifest["drive"] == "table" else [array]
 
     def function(suffix: str, *types: Any) -> Callable[..., Any]:
-        raw = getattr(library, f"{name}_{suffix}")
-        raw.argtypes, raw.restype = types, integer if suffix == "integrate" else None
+        raw = function_of(library, f"{name}_{suffix}", integer if suffix == "integrate" else None, *types)
         return lambda *values: raw(*[_passed(v) if isinstance(v, np.ndarray) else v for v in values])
 
     states = [array] * (2 + len(manifest["inputs"]))

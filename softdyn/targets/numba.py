@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
@@ -12,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from softdyn.errors import CompileError
-from softdyn.targets import Functions
+from softdyn import cache
+from softdyn.errors import CompileError, SoftdynError
+from softdyn.targets import Functions, LoadError
 
 
 def available() -> bool:
@@ -29,13 +31,38 @@ def identity() -> dict[str, Any]:
         raise CompileError("target 'numba' needs numba: pip install numba") from None
 
 
-def build(name: str, source: str, made_by: Mapping[str, Any]) -> dict[str, bytes]:
-    """Nothing to do but to store the file: executed text cannot be cached, a file can."""
-    return {f"{name}.py": source.encode()}
+def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequence[str] = ()) -> dict[str, bytes]:
+    """Nothing to do but to store the file, executed text cannot be cached, and a folder for what numba keeps of it."""
+    return {f"{name}.py": source.encode(), "__pycache__/numba": b""}
+
+
+def check(folder: Path, name: str, functions: Sequence[str]) -> None:
+    """Nothing to do: what does not load fails here, too."""
+
+
+@contextmanager
+def loading(folder: Path, name: str) -> Iterator[None]:
+    """Tell every failure to import and compile a kernel as one that its entry in the cache may be the cause of.
+
+    What numba kept may be cut short, or from another of its versions, which it tells by errors of any kind.
+    """
+    try:
+        yield
+    except (SoftdynError, MemoryError):
+        raise
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+        raise LoadError(f"cannot load the kernel {folder / name}.py: {said}") from error
 
 
 def module_of(folder: Path, name: str) -> ModuleType:
-    """Import a kernel's file."""
+    """Import a kernel's file.
+
+    Raises
+    ------
+    SceneError
+        If others could have written what numba kept of its functions, which is run: wherever its settings have it.
+    """
     path = folder / f"{name}.py"
     spec = importlib.util.spec_from_file_location(f"softdyn_kernel_{name}_{folder.name}", path)
     assert spec is not None
@@ -43,23 +70,24 @@ def module_of(folder: Path, name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # numba's cache refers to the functions of a kernel by the name of its module
     spec.loader.exec_module(module)
+    kept = {value._cache.cache_path for value in vars(module).values() if hasattr(value, "_cache")}
+    for one in kept:
+        cache.require_own(Path(one), "numba's cache")
     return module
 
 
 def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
-    """Import a kernel and compile it, or load what numba compiled before."""
+    """Import a kernel and compile it, or load what numba compiled before.
+
+    Raises
+    ------
+    LoadError
+    """
     name = manifest["name"]
-    module = module_of(folder, name)
-    functions = Functions(
-        evaluate=getattr(module, f"{name}_evaluate"),
-        solve_delta=getattr(module, f"{name}_solve_delta"),
-        drive=getattr(module, f"{name}_drive"),
-        integrate=getattr(module, f"{name}_integrate"),
-        passages=getattr(module, f"{name}_passages"),
-        sample=getattr(module, f"{name}_sample"),
-        runs=getattr(module, f"{name}_runs"),
-    )
-    _compile(functions, manifest)
+    with loading(folder, name):
+        module = module_of(folder, name)
+        functions = Functions(*(getattr(module, f"{name}_{field}") for field in Functions._fields))
+        _compile(functions, manifest)
     return functions
 
 
