@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -15,8 +14,10 @@ from threading import Timer
 from typing import Any
 
 import softdyn
+from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.laws import law_of
+from softdyn.terminal import as_it_is, plain_streams
 
 EXAMPLES = """
 LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Python, and is run.
@@ -37,9 +38,6 @@ examples:
   softdyn convert emulsion.npz -o a.gsd      the same for OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
   softdyn stress                             the pair engine where it is hard: right, refused, or wrong
-
-exit status: 0 done; 1 a limit is not proved, a generated file would change, or something is wrong under stress; 2 wrong
-input, or a run that cannot be carried to its end, with the reason on stderr
 """
 
 FORMATS = """
@@ -73,43 +71,45 @@ Command = Callable[[argparse.Namespace], int]
 
 
 def _goes_on(options: argparse.Namespace) -> str:
-    """How an interrupted run goes on, if it left a checkpoint."""
+    """How an interrupted command goes on, if it left something to go on from."""
     output = getattr(options, "output", None)
-    if not hasattr(options, "resume") or output is None or not output.with_suffix(".checkpoint.npz").exists():
+    if output is None:
         return ""
-    return f"; its state is in {output.with_suffix('.checkpoint.npz')}: the same command with --resume goes on from it"
+    if hasattr(options, "resume") and output.with_suffix(".checkpoint.npz").exists():
+        return (
+            f"; its state is in {output.with_suffix('.checkpoint.npz')}: the same command with --resume goes on from it"
+        )
+    if hasattr(options, "vary") and _parts_of(output).exists():
+        return f"; the runs that are done are in {_parts_of(output)}: the same command goes on from there"
+    return ""
+
+
+def _parts_of(output: Path) -> Path:
+    """Folder of the parts of a sweep that is not done."""
+    return output.with_name(output.name + ".parts")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; errors of the user's input end with one message on stderr and exit status 2."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    command: Command = options.command
-    try:
-        status = command(options)
-        sys.stdout.flush()
-        return status
-    except SoftdynError as error:
-        print(f"softdyn: error: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: nothing to say
-        return 0
-    except OSError as error:
-        print(
-            f"softdyn: error: {error.strerror or error}{f': {error.filename}' if error.filename else ''}",
-            file=sys.stderr,
-        )
-        return 2
-    except KeyboardInterrupt:
-        print(f"softdyn: interrupted{_goes_on(options)}", file=sys.stderr)
-        return 130
+    """Run a command, and return its exit status: see :mod:`softdyn.endings`."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    options = argparse.Namespace()
+
+    def run() -> int:
+        _parser().parse_args(given, options)
+        command: Command = options.command
+        return command(options)
+
+    with plain_streams():
+        return ended(run, given, lambda: _goes_on(options))
 
 
 def _parser() -> argparse.ArgumentParser:
     raw, normal = argparse.RawDescriptionHelpFormatter, argparse.HelpFormatter
     parser = argparse.ArgumentParser(
-        prog="softdyn", description=(softdyn.__doc__ or "").splitlines()[0], epilog=EXAMPLES, formatter_class=raw
+        prog="softdyn",
+        description=(softdyn.__doc__ or "").splitlines()[0],
+        epilog=EXAMPLES + STATUSES,
+        formatter_class=raw,
     )
     parser.add_argument("--version", action="version", version=f"softdyn {softdyn.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
@@ -540,10 +540,9 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
     vary = read_varied(options.vary)
-    parts = options.output.with_name(options.output.name + ".parts")
     scene = read_scene(options.scene)
     with _sweep_bar() as progress:
-        result = sweep(scene, vary, folder=parts, scheduler=options.scheduler, progress=progress)
+        result = sweep(scene, vary, folder=_parts_of(options.output), scheduler=options.scheduler, progress=progress)
     result.save(options.output)
     runs = len(next(iter(result.varied.values())))
     for number, text in list(result.errors.items())[:5]:
@@ -563,7 +562,7 @@ def _sweep_bar() -> Iterator[Callable[[int, int], None] | None]:
         return
     from tqdm import tqdm
 
-    with tqdm(unit="run", delay=0.5, leave=False) as bar:
+    with tqdm(unit="run", delay=0.5, leave=False, file=as_it_is(sys.stderr)) as bar:
 
         def update(done: int, runs: int) -> None:
             bar.total = runs
@@ -584,7 +583,11 @@ class _progress_bar:
         from tqdm import tqdm
 
         self.bar = tqdm(
-            total=1.0, delay=0.5, leave=False, bar_format="{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
+            total=1.0,
+            delay=0.5,
+            leave=False,
+            bar_format="{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}",
+            file=as_it_is(sys.stderr),
         )
         return self.update
 

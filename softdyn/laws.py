@@ -82,10 +82,16 @@ def find(law: Any) -> LawReference:
             raise SceneError(f"law must be a name, a path or a ContactLaw, not {law!r}")
         return LawReference(law.name, None, law.name, law)
     text = str(law)
+    if "\0" in text:
+        raise SceneError(f"law {text!r}: a path holds a NUL character, and no file has such a name")
     file, _, name = text.rpartition(":") if ".py:" in text else (text, "", "")
     if file.endswith(".py"):
-        path = Path(file).expanduser().resolve()
-        if not path.is_file():
+        try:
+            path = Path(file).expanduser().resolve()
+            found = path.is_file()
+        except (OSError, RuntimeError) as error:  # links that lead to themselves, an unknown ~user
+            raise SceneError(f"law {text!r}: there is no such file: {error}") from None
+        if not found:
             raise SceneError(f"law {text!r}: there is no file {path}")
         return LawReference(text, path, name)
     known = [path.stem for path in STOCK_FOLDER.glob("*.py") if path.stem != "__init__"]

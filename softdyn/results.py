@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 
 if TYPE_CHECKING:
@@ -197,19 +197,16 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
         )
     try:
         if path.suffix == ".npz":
-            if not is_zipfile(path) and path.is_file():
-                raise ValueError("it is no .npz archive")
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                if "about" not in stored.files:
-                    raise ValueError("it holds no run; the table of a sweep is for numpy.load")
-                about = json.loads(str(stored["about"]))
-                arrays = {name: stored[name] for name in stored.files if name != "about"}
+            arrays = read_arrays(path)
+            if "about" not in arrays:
+                raise ValueError("it holds no run; the table of a sweep is for numpy.load")
+            about = read_json(str(arrays.pop("about")))
             if about.get("kind") == "particles":
                 from softdyn.particles.results import result_from
 
                 return result_from(about, arrays)
         else:
-            about = json.loads(path.read_text(encoding="utf-8"))
+            about = read_json(path.read_text(encoding="utf-8"))
             arrays = {
                 name: np.array([math.nan if v is None else v for v in values], dtype=float)
                 for name, values in about.items()
@@ -224,14 +221,17 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
             target=str(about["target"]),
             parameters={str(name): float(value) for name, value in about["parameters"].items()},
             arrays=arrays,
-            stopped_by=about["stopped_by"],
-            stats=about["stats"],
-            warnings=tuple(about["warnings"]),
-            events=tuple(Event(**event) for event in about.get("events", ())),
+            stopped_by=str(about["stopped_by"]),
+            stats=dict(about["stats"]),
+            warnings=tuple(str(warning) for warning in about["warnings"]),
+            events=tuple(
+                Event(str(event["what"]), *(float(event[name]) for name in ("t", "h", "delta")))
+                for event in about.get("events", ())
+            ),
         )
     except OSError as error:
         raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
     except KeyError as error:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): it has no {error}") from None
-    except (ValueError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+    except (ValueError, TypeError, AttributeError, OverflowError) as error:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): {error}") from None

@@ -168,9 +168,20 @@ def read_toml(path: Path) -> dict[str, Any]:
             f"{path} is not text in UTF-8: {error.reason} at byte {error.start}, line {line}; save it as such"
         ) from None
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        content = tomllib.loads(text)
+    except RecursionError:
+        raise SceneError(f"{path} is nested too deeply") from None
+    except ValueError as error:
         raise SceneError(f"{path} is not valid TOML: {error}") from None
+    if "\\" in text and _holds_nul(content):
+        raise SceneError(f"{path}: a text in it holds a NUL character, which no name and no path has")
+    return content
+
+
+def _holds_nul(content: Any) -> bool:
+    if isinstance(content, Mapping):
+        return any(_holds_nul(key) or _holds_nul(value) for key, value in content.items())
+    return "\0" in content if isinstance(content, str) else isinstance(content, list) and any(map(_holds_nul, content))
 
 
 def is_particle_scene(data: Mapping[str, Any]) -> bool:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
+from softdyn.mathtext import literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +79,7 @@ def plot_pair(result: PairResult) -> Figure:
 
 def _title(result: PairResult) -> str:
     values = ", ".join(f"{name} = {value:g}" for name, value in result.parameters.items())
-    return fill(f"{result.law}: {values}".replace("$", r"\$"), 90)
+    return fill(literal(f"{result.law}: {values}"), 90)
 
 
 def draw_lines(axes: Axes, result: PairResult, over: str, lines: dict[str, tuple[str, str]]) -> None:

@@ -11,7 +11,6 @@ import json
 import math
 import re
 import shutil
-import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from hashlib import sha256
@@ -23,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.kernels import tool_digest
 from softdyn.laws import law_of
@@ -202,7 +202,7 @@ def _found(folder: Path, identity: str, parts: set[int]) -> dict[int, Batch]:
             temporary.write_text(json.dumps({"identity": identity}), encoding="utf-8")
         return {}
     try:
-        known = json.loads(note.read_text(encoding="utf-8"))["identity"]
+        known = read_json(note.read_text(encoding="utf-8"))["identity"]
     except (OSError, ValueError, LookupError, TypeError):
         raise SceneError(_damaged(note)) from None
     if known != identity:
@@ -220,11 +220,10 @@ def _damaged(path: Path) -> str:
 
 def _read_part(path: Path) -> Batch:
     try:
-        with np.load(path, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
-        texts = [json.loads(str(arrays.pop(name))) for name in ("errors", "warnings")]
+        arrays = read_arrays(path)
+        texts = [read_json(str(arrays.pop(name))) for name in ("errors", "warnings")]
         errors, warnings = ({int(run): text for run, text in of.items()} for of in texts)
-    except (OSError, ValueError, LookupError, AttributeError, EOFError, zipfile.BadZipFile):
+    except (OSError, ValueError, LookupError, AttributeError, TypeError):
         raise SceneError(_damaged(path)) from None
     varied = {name.removeprefix("varied_"): arrays.pop(name) for name in list(arrays) if name.startswith("varied_")}
     return Batch(varied, arrays, errors, {run: tuple(words) for run, words in warnings.items()})

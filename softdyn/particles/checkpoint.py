@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.neighbours import Listed
@@ -111,9 +111,8 @@ def load(path: Path, key: str, checked: Checked) -> State:
         If the file is none, or belongs to another scene.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            about = json.loads(str(stored["about"]))
-            arrays: dict[str, NDArray[Any]] = {name: stored[name] for name in stored.files if name != "about"}
+        arrays: dict[str, NDArray[Any]] = read_arrays(path)
+        about = read_json(str(arrays.pop("about")))
         if about["kind"] != "checkpoint":
             raise ValueError("it is another kind of file")
         if about["key"] != key:
@@ -150,5 +149,5 @@ def load(path: Path, key: str, checked: Checked) -> State:
         )
     except OSError as error:
         raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, BadZipFile) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
         raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None

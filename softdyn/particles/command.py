@@ -14,6 +14,7 @@ from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene
+from softdyn.terminal import as_it_is
 
 
 def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) -> int:
@@ -84,7 +85,7 @@ def _progress_bar(scene: ParticleScene) -> Iterator[Progress | None]:
     from tqdm import tqdm
 
     shape = "{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
-    with tqdm(total=1.0, delay=0.5, leave=False, bar_format=shape) as bar:
+    with tqdm(total=1.0, delay=0.5, leave=False, bar_format=shape, file=as_it_is(sys.stderr)) as bar:
         draw: Callable[[str], None] = lambda text: bar.set_postfix_str(text, refresh=True)  # noqa: E731
 
         def update(t: float, steps: int, iterations: int) -> None:

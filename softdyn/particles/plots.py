@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.errors import SceneError
+from softdyn.mathtext import literal
 from softdyn.particles.export import boxed, lines, outline, padded
 from softdyn.particles.observables import (
     coordination,
@@ -135,7 +136,7 @@ def plot_particles(result: ParticleResult) -> Figure:
             axes.ticklabel_format(axis="x", scilimits=(-3, 5))  # longer times run into each other
     count, d = result.x.shape[1:]
     figure.suptitle(
-        f"{result.law}: {count} particles in {DIMENSIONS[d]}, at the end: {_when(result, -1)}\n"
+        f"{literal(result.law)}: {count} particles in {DIMENSIONS[d]}, at the end: {_when(result, -1)}\n"
         f"in the units of the scene: {_parameters(result)}",
         fontsize="medium",
     )
@@ -148,7 +149,7 @@ def _parameters(result: ParticleResult) -> str:
         + (", ".join(f"{v:.4g} ({k})" for k, v in value.items()) if isinstance(value, Mapping) else f"{value:.4g}")
         for name, value in result.parameters.items()
     )
-    return ", ".join(texts)
+    return literal(", ".join(texts))
 
 
 def _network_title(result: ParticleResult) -> str:
@@ -196,7 +197,9 @@ def animate(result: ParticleResult, path: Path) -> Path:
             for artist in artists:
                 artist.remove()
             artists, _ = draw_network(axes, result, frame, largest, window)
-            axes.set_title(f"{result.law}, {_when(result, frame)}", fontsize="medium", loc="left", family="monospace")
+            axes.set_title(
+                f"{literal(result.law)}, {_when(result, frame)}", fontsize="medium", loc="left", family="monospace"
+            )
             writer.grab_frame()
     return path
 

@@ -12,6 +12,7 @@ the start: for small gaps and forces.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ from softdyn.particles.observables import swap_time
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
 from softdyn.results import require_folder, written_whole
+from softdyn.terminal import as_it_is
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,7 +121,14 @@ def measure(
     """Run all T1 processes."""
     shape = (len(forces), len(gaps))
     duration, pair, steps = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
-    bar = tqdm(list(np.ndindex(shape)), desc="swaps", unit="run", leave=False, disable=None if progress else True)
+    bar = tqdm(
+        list(np.ndindex(shape)),
+        desc="swaps",
+        unit="run",
+        leave=False,
+        file=as_it_is(sys.stderr),
+        disable=None if progress else True,
+    )
     for at in bar:
         force, gap = float(forces[at[0]]), float(gaps[at[1]])
         duration[at], result = swap(force, gap, target)

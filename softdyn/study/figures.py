@@ -32,6 +32,7 @@ from softdyn.derive.law import expressions
 from softdyn.derive.regimes import Crossover, Diagram, Regime
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
+from softdyn.mathtext import literal
 from softdyn.results import written_whole
 from softdyn.study.formulas import displayed
 from softdyn.study.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
@@ -278,7 +279,7 @@ def draw_table(axes: Axes, diagram: Diagram, found: Sequence[Regime]) -> None:
             [(0, y - 0.45 * height), (1, y - 0.45 * height), (1, y + 0.45 * height), (0, y + 0.45 * height)],
             facecolor=colour, alpha=0.25, edgecolor="none",
         ))  # fmt: skip
-        axes.text(0.012, y, regime.name, ha="left", va="center", weight="bold", fontsize=9.5)
+        axes.text(0.012, y, literal(regime.name), ha="left", va="center", weight="bold", fontsize=9.5)
         cells = (
             " \\ll ".join(mathtext(length) for length in ordering(regime) or ()),
             product_text(regime.forms["a"].state),
@@ -331,7 +332,13 @@ def draw_phases(axes: Axes, diagram: Diagram, found: Sequence[Regime], table: Ma
         for corners in region(regime, plane):
             axes.add_patch(Polygon(corners, facecolor=colour, alpha=0.35, edgecolor="none"))
             axes.text(
-                *centre(corners), regime.name, ha="center", va="center", weight="bold", fontsize=10, path_effects=HALO
+                *centre(corners),
+                literal(regime.name),
+                ha="center",
+                va="center",
+                weight="bold",
+                fontsize=10,
+                path_effects=HALO,
             )
     edge = model_edge(diagram)
     for crossover, x_line, y_line in boundaries(diagram, "compression", plane):
@@ -426,7 +433,7 @@ def draw_floor(axes: Axes3D, z: float, diagram: Diagram, found: Sequence[Regime]
                 Poly3DCollection(flat, facecolors=colour, alpha=0.35, edgecolors="none", zorder=1, clip_on=False)
             )
             at = centre(corners)
-            axes.text(*at, z, regime.name, ha="center", va="center", fontsize=7.5, zorder=6, path_effects=HALO)
+            axes.text(*at, z, literal(regime.name), ha="center", va="center", fontsize=7.5, zorder=6, path_effects=HALO)
     for _, px, py in boundaries(diagram, "compression", plane):
         axes.plot(px, py, z, color=INK, lw=1, zorder=2, clip_on=False)
 

@@ -27,6 +27,7 @@ from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
+from softdyn.mathtext import literal
 from softdyn.study.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
 from softdyn.study.plane import (
     Plane,
@@ -388,6 +389,7 @@ def _name_regions(labels: Labels, shown: dict[str, list[Array]], plane: Plane) -
     for name, polygons in sorted(shown.items(), key=lambda item: sum(map(_area, item[1]))):
         if not polygons:
             continue
+        name = literal(name)
         largest = max(polygons, key=_area)
         style: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "path_effects": HALO, "zorder": 6}
         if any(

@@ -7,6 +7,7 @@ with exact quadrature. Units: R, E and eta are 1, so that F = kappa and t is in 
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from softdyn.results import PairResult, require_folder, written_whole
 from softdyn.scene import Scene
 from softdyn.study import figures
 from softdyn.study.plane import length_ratios, monomial
+from softdyn.terminal import as_it_is
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -167,7 +169,14 @@ def derivation_lines(findings: Sequence[Finding]) -> Iterator[str]:
 def run(target: str = "auto", progress: bool = False) -> Study:
     """Simulate the approach under each force, and compare its times with exact quadrature."""
     rows, allowed, steps = [], [], 0
-    for force in tqdm(KAPPAS, desc="approaches", unit="force", leave=False, disable=None if progress else True):
+    for force in tqdm(
+        KAPPAS,
+        desc="approaches",
+        unit="force",
+        leave=False,
+        file=as_it_is(sys.stderr),
+        disable=None if progress else True,
+    ):
         result, exact = _approach(float(force), target, "integrate"), _approach(float(force), target, "quadrature")
         rows.append(_row(result, exact, float(force)))
         # A step may put ln h off by RTOL, hence t by RTOL over the rate of ln h; t itself sums the lengths of the steps
