@@ -32,6 +32,7 @@ TEMPLATES = (
     "c/kernel.c.j2",
     "numba/kernel.py.j2",
     *("common/contacts.py.j2", "c/contacts.c.j2", "numba/contacts.py.j2"),
+    *("common/enclosure.py.j2", "common/enclosures.py.j2", "c/enclosures.c.j2", "numba/enclosures.py.j2"),
     *("common/elementary.py.j2", "c/bits.c.j2", "numba/bits.py.j2"),
 )
 

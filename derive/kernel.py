@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Add, Dummy, Expr, Integer, Mul, Rational, Symbol, diff, together
+from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
 
+from softdyn.derive.drive import DriveCode, drive_code
 from softdyn.derive.law import is_rigid, law_hash, parameters_of, range_text, ranges_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
@@ -36,13 +37,12 @@ from softdyn.derive.specialise import (
     outputs_of,
 )
 from softdyn.derive.symbols import F, a, delta, h
-from softdyn.errors import LawError, SceneError
+from softdyn.errors import LawError
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_kernel import ContactIR
     from softdyn.derive.law import ContactLaw
 
-t = Symbol("t", real=True)
 NEWTON = Symbol("newton", real=True)
 #: Of a division, a root and a function, over that of an addition.
 COSTS = {"div": 8, "sqrt": 8, "call": 20}
@@ -87,7 +87,7 @@ class KernelIR:
     drive_text : str
         The expression of what is given, if it is one, with its constants named c0, c1, ...
     constants : int
-        How many constants the array ``c`` holds.
+        How many constants the array ``c`` holds, with the choices between its smooth parts.
     deflection : "either", "compression" or "tension"
     rigid : bool
         Whether the particles do not deform.
@@ -186,10 +186,10 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     asked = [_symbol_named(definitions, name) for name in outputs]
     quantities = straight_line(asked, definitions)
     expression = isinstance(needs.drive, tuple)
-    force, drive_text, constants = drive_code(needs.drive) if isinstance(needs.drive, tuple) else ([], "", 1)
     # what the integrator needs of the drive is its value, or the rate at which it moves the centres
     only = F if needs.control in ("force", "velocity") else dF_dt
-    given = drive_code(needs.drive, (only,))[0] if isinstance(needs.drive, tuple) else []
+    drive = drive_code(needs.drive, only == F) if isinstance(needs.drive, tuple) else DriveCode()
+    force, given = drive.force, drive.given
     parameters = tuple(name for name in names if name not in needs.fixed)
     if needs.control == "spring":
         parameters += (compliance.name,)
@@ -209,8 +209,8 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
         radius=print_expression(Rational(needs.fixed["R"])) if "R" in needs.fixed else "p[0]",
         drive="expression" if expression else str(needs.drive),
         control=needs.control,
-        drive_text=drive_text,
-        constants=constants,
+        drive_text=drive.text,
+        constants=drive.constants,
         deflection=needs.deflection,
         rigid=rigid,
         outputs=outputs,
@@ -353,54 +353,6 @@ def _total(equations: Equations) -> int:
 
 def _names_in(lines: list[Assignment]) -> set[str]:
     return {name for _, text in lines for name in re.findall(r"[A-Za-z_]\w*", text)}
-
-
-def drive_code(parsed: tuple, wanted: tuple[Symbol, ...] = (F, dF_dt)) -> tuple[list[Assignment], str, int]:
-    """Straight-line code of F(t) and dF/dt, or of one of them, from a parsed expression.
-
-    Every number but small integer powers becomes an entry of the array ``c``, so that a kernel serves all
-    expressions of one shape, and no hostile number is ever evaluated symbolically.
-    """
-    constants: list[Symbol] = []
-    try:
-        return _drive_code(_drive_expression(parsed, constants), constants, wanted)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise SceneError(
-            f"the force cannot be differentiated and printed as it stands ({error}); write it otherwise"
-        ) from None
-
-
-def _drive_code(force: Expr, constants: list[Symbol], wanted: tuple[Symbol, ...]) -> tuple[list[Assignment], str, int]:
-    # as written: the author of an expression knows best in which form it neither overflows nor cancels
-    definitions = {F: force, dF_dt: diff(force, t)}
-    unpacked = [(symbol.name, f"c[{index}]") for index, symbol in enumerate(constants)]
-    lines = straight_line(wanted, definitions)
-    used = _names_in(lines)
-    return [line for line in unpacked if line[0] in used] + lines, str(force), len(constants)
-
-
-def _drive_expression(node: tuple, constants: list[Symbol]) -> Expr:
-    kind, *parts = node
-    if kind == "time":
-        return t
-    if kind == "constant":
-        while len(constants) <= parts[0]:
-            constants.append(Symbol(f"c{len(constants)}", real=True))
-        return constants[parts[0]]
-    if kind == "power":
-        base, exponent = parts
-        return _drive_expression(base, constants) ** (
-            Integer(exponent) if isinstance(exponent, int) else _drive_expression(exponent, constants)
-        )
-    if kind == "call":
-        name, argument = parts
-        function = sympy.Abs if name == "abs" else getattr(sympy, name)
-        return function(_drive_expression(argument, constants))
-    left = _drive_expression(parts[0], constants)
-    if kind == "neg":
-        return -left
-    right = _drive_expression(parts[1], constants)
-    return {"+": left + right, "-": left - right, "*": left * right}[kind] if kind != "/" else left / right
 
 
 def total_operations(ir: KernelIR | ContactIR) -> int:

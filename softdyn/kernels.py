@@ -200,7 +200,10 @@ def tool_digest() -> str:
     makes no links.
     """
     here = Path(__file__).parent
-    files = {f"softdyn/{name}": here / name for name in ("kernels.py", "particles/kernel.py", "laws.py")}
+    files = {
+        f"softdyn/{name}": here / name
+        for name in ("kernels.py", "particles/kernel.py", "laws.py", "expression.py", "enclosure.py")
+    }
     for package, ending in (("derive", "*.py"), ("templates", "*.j2")):
         folder = package_folder(package)
         files |= {f"{package}/{path.relative_to(folder).as_posix()}": path for path in folder.rglob(ending)}

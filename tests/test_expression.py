@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from softdyn.errors import SceneError
-from softdyn.expression import FUNCTIONS, evaluate, parse
+from softdyn.expression import FUNCTIONS, derivative, evaluate, parse, values
 
 
 @pytest.mark.parametrize(
@@ -26,6 +26,10 @@ from softdyn.expression import FUNCTIONS, evaluate, parse
         ("2*-t", -4.0),
         (".5 + 1. + 1E1", 11.5),
         ("abs(-t)*pi", 2 * math.pi),
+        ("min(t, 3, 1) + max(t, 3)", 4.0),
+        ("coth(t)", 1 / math.tanh(2.0)),
+        ("sign(-t) + sign(0*t) + sign(t)*10", 9.0),
+        ("step(t - 2) + 10*heaviside(t - 3)", 1.0),
     ],
 )
 def test_the_grammar_means_what_it_means_in_python(text: str, expected: float) -> None:
@@ -40,6 +44,13 @@ def test_the_grammar_means_what_it_means_in_python(text: str, expected: float) -
         ("2*(t", 5, "opened at position 3 is not closed"),
         ("sin t", 1, "argument in parentheses"),
         ("sine(t)", 1, "did you mean 'sin'"),
+        ("ln(t)", 1, "did you mean 'log'"),
+        ("Heaviside(t)", 1, "did you mean 'heaviside'"),
+        ("Max(t, 0)", 1, "did you mean 'max'"),
+        ("sgn(t)", 1, "did you mean 'sign'"),
+        ("arctan(t)", 1, "did you mean 'atan'"),
+        ("min(t)", 1, "takes two arguments or more"),
+        ("sin(t, 1)", 1, "takes one argument, not 2"),
         ("t + omga", 5, "did you mean 'omega'"),
         ("t @ 2", 3, "'@' is not part of the grammar"),
         ("t.real", 2, "'.' is not part of the grammar"),
@@ -70,6 +81,14 @@ def test_deep_long_or_huge_text_neither_crashes_nor_hangs(text: str) -> None:
     except SceneError as refusal:
         said = str(refusal)
     assert len(said) < 400  # a hostile text is not echoed whole
+
+
+def test_sums_of_thousands_of_terms_are_flat() -> None:
+    """No recursion, however long: the derivative of 4900 terms, and its value."""
+    expression = parse("t" + "+t" * 4900)
+    t = np.array([2.0])
+    assert evaluate(expression, 2.0) == 9802.0
+    assert values(derivative(expression.shape), t, expression.constants)[0] == 4901.0
 
 
 def test_numbers_are_kept_apart_from_the_shape() -> None:

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.enclosure import Interval, intervals
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.expression import kinks
+from softdyn.expression import pieces
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.quadrature import integrate_constant_force
 from softdyn.pair.states import deflection, drive_at, evaluate, initial_deflection
@@ -288,13 +289,12 @@ def integrate_steps(
     state[13] = float(method == "auto")
     width = kernel.width
     recorded: list[Array] = []
-    # steps end where an expression has a kink, as they do at the rows of a table
-    stops = [*kinks(drive.shape, drive.constants, drive.start, t_end)] if isinstance(drive.shape, tuple) else []
-    for stop in (*stops, t_end):
+    for interval in _intervals(drive, t_end):
+        arguments = drive.arguments if drive.table is not None else (interval.constants,)
         status, capacity = 2, FIRST_CHUNK
         while status == 2:
             chunk = np.empty(capacity * width)
-            status = kernel.functions.integrate(stop, u_stop, rtol, p, *drive.arguments, capacity, state, chunk)
+            status = kernel.functions.integrate(interval.end, u_stop, rtol, p, *arguments, capacity, state, chunk)
             recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
             if progress is not None:
                 progress(float(state[0]), math.exp(min(state[1], 700.0)))
@@ -302,9 +302,16 @@ def integrate_steps(
                 status, capacity = _stuck(state), CHUNK
         if status != 0:
             break
-        if stop < t_end and len(recorded[-1]):
+        if interval.kink and len(recorded[-1]):
             recorded[-1][-1, 2] = KINK
     return recorded[0] if len(recorded) == 1 else np.concatenate(recorded), np.append(state, status)
+
+
+def _intervals(drive: Drive, end: float) -> Iterable[Interval]:
+    """Between the kinks of an expression, at which steps end, as they do at the rows of a table."""
+    if not isinstance(drive.shape, tuple):
+        return (Interval(end, False, drive.constants, False),)
+    return intervals(pieces(drive.shape), drive.constants, drive.start, end)
 
 
 def _method(drive: Drive, steps: int, by_gap: int) -> str:

@@ -1,0 +1,519 @@
+"""Enclosures of expressions of time: what one can do between the times at which it is looked at.
+
+On an interval of time an expression is enclosed by a polynomial of degree 2 about the middle, an analytic part whose
+bound in a complex disc bounds all its derivatives (Cauchy), a part that is only bounded, and a range. All of these
+come of one pass over the expression's operations; see the template ``enclosure``, which the kernels of pairs hold, too.
+Bounds are rigorous: rounding is counted, but that of the constants, which are doubles.
+
+The questions that an engine has:
+
+- :func:`enclose`, :func:`enclose_derivative`: in what range are the values, or the slopes?
+- :func:`unseen`: how far can the expression be, on the interval, from a polynomial of a degree? A step of a method
+  that follows such polynomials has seen all of it but that.
+- :func:`resolved`: intervals, each of which is resolved so, up to what is allowed.
+- :func:`kinks`: where must steps end?
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache as memoize
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn import cache
+from softdyn.expression import Builder, Expression, Pieces, Shape, derivative, operands, pieces, values
+
+Array = NDArray[np.float64]
+
+EPS = float(np.finfo(float).eps)
+#: For rounding, relative: of the functions, and of some sums.
+SLACK = 8 * EPS
+#: Radii of the disc, over half of the interval, that are tried: the best depends on what is enclosed.
+RADII = (1.5, 2.5, 4.0, 8.0, 16.0, 32.0)
+#: Most intervals that are looked at at once, and in all.
+AT_ONCE = 4096
+MOST = 500_000
+
+#: Numbers of the operations in a program; see the template.
+KINDS = {
+    "number": 0, "constant": 1, "time": 2, "neg": 3, "+": 4, "-": 5, "*": 6, "inverse": 7, "power": 8, "**": 9,
+    "exp": 10, "sin": 11, "cos": 12, "sinh": 13, "cosh": 14, "tanh": 15, "atan": 16, "log": 17, "sqrt": 18,
+    "abs": 19, "min": 20, "max": 21, "select": 22, "choose": 23,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """An expression as its enclosure takes it: the operations, four numbers each, those without operands first."""
+
+    numbers: int
+    rows: Array
+
+    @property
+    def length(self) -> int:
+        """How many operations there are."""
+        return len(self.rows) // 4
+
+
+@lru_cache(maxsize=1024)
+def program_of(shape: Shape) -> Program:
+    """The program of a shape."""
+    rows = program_rows(shape)
+    numbers = sum(row[0] <= KINDS["constant"] for row in rows)
+    return Program(numbers, np.array(rows, dtype=float).ravel())
+
+
+def program_rows(shape: Shape) -> list[tuple[float, ...]]:
+    """Rows of a program: what an operation is, and what it works on."""
+    build = Builder()
+    places: list[int] = []
+    timed: list[bool] = []
+    for operation in shape:
+        kind, *parts = operation
+        timed.append(kind == "time" or any(timed[x] for x in operands(operation)))
+        those = [places[x] for x in operands(operation)]
+        if kind in ("number", "constant", "time"):
+            places.append(build.add(*operation))
+        elif kind == "/":
+            places.append(build.add("*", those[0], build.add("inverse", those[1])))
+        elif kind == "*" and those[0] == those[1]:
+            places.append(build.add("power", those[0], 2))
+        elif kind == "power":
+            places.append(build.add("power", those[0], parts[1]))
+        elif kind == "**" and timed[parts[1]]:
+            places.append(build.add("exp", build.add("*", those[1], build.add("log", those[0]))))
+        elif kind == "choose":
+            places.append(build.add("choose", parts[0], *those))
+        else:
+            places.append(_called(build, parts[0], those) if kind == "call" else build.add(kind, *those))
+    order = sorted(range(len(build.operations)), key=lambda i: build.operations[i][0] not in ("number", "constant"))
+    new = {old: i for i, old in enumerate(order)}
+    return [_row(build.operations[i], new) for i in order]
+
+
+def _called(build: Builder, name: str, those: Sequence[int]) -> int:
+    """Operations of a function."""
+    if name == "tan":
+        return build.add("*", build.add("sin", *those), build.add("inverse", build.add("cos", *those)))
+    if name == "coth":
+        return build.add("inverse", build.add("tanh", *those))
+    if name == "step":
+        return build.add("select", those[0], build.number(0.0), build.number(1.0))
+    if name == "sign":
+        return build.add("-", _called(build, "step", those), _called(build, "step", [build.add("neg", *those)]))
+    if name in ("min", "max"):
+        return build.add(name, build.add("-", *those), *those)
+    return build.add(name, *those)
+
+
+def _row(operation: tuple, new: dict[int, int]) -> tuple[float, ...]:
+    kind, *parts = operation
+    code = float(KINDS[kind])
+    if kind in ("number", "constant"):
+        return (code, parts[0], 0.0, 0.0)
+    if kind == "time":
+        return (code, 0.0, 0.0, 0.0)
+    if kind == "power":
+        return (code, new[parts[0]], parts[1], 0.0)
+    if kind == "choose":
+        return (code, new[parts[1]], new[parts[2]], parts[0])
+    places = [float(new[x]) for x in parts]
+    if kind in ("min", "max", "select"):
+        return (code, places[1], places[2], places[0])
+    if kind == "abs":
+        return (code, places[0], places[0], places[0])
+    return (code, *places, *[0.0] * (3 - len(places)))
+
+
+@memoize
+def _compiled() -> Callable[..., None]:
+    """The compiled function, from the cache or made now."""
+    from softdyn.kernels import choose_target, loaded, tool_digest
+
+    target = choose_target("auto")
+    key = cache.key_of("enclosures", target, tool_digest())
+    kept = cache.read("manifests", key)
+    if kept is None:
+        from softdyn.derive.emit_enclosures import emit_enclosures
+
+        kept = cache.publish("manifests", key, {"source": emit_enclosures(target).encode()})
+    manifest = {"name": "enclosures", "source": (kept / "source").read_text(encoding="utf-8")}
+    return loaded(target, manifest, ("of",), _load_c if target == "c" else _load_numba)[2]
+
+
+def _load_c(folder: Path, manifest: Mapping[str, Any]) -> Callable[..., None]:
+    from softdyn.targets.c import library_of
+
+    raw = library_of(folder, manifest["name"]).enclosures_of
+    number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
+    raw.argtypes = [integer, array, array, *[number] * 3, integer, integer, *[array] * 4]
+    raw.restype = None
+    return lambda *given: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in given))
+
+
+def _load_numba(folder: Path, manifest: Mapping[str, Any]) -> Callable[..., None]:
+    from softdyn.targets.numba import module_of
+
+    found: Callable[..., None] = module_of(folder, manifest["name"]).enclosures_of
+    return found
+
+
+def models(
+    shape: Shape,
+    constants: Sequence[float] | Array,
+    starts: Array,
+    ends: Array,
+    radius: float,
+    faith: float,
+    slack: float = SLACK,
+) -> Array:
+    """Models of an expression over intervals, shape (intervals, 7).
+
+    Parameters
+    ----------
+    starts, ends : arrays, shape (intervals,)
+        Finite times.
+    radius : float
+        Of the disc, over half of an interval.
+    faith : float
+        Where the range of an operation is below ``faith`` times the bound of its analytic part, it takes its place.
+    slack : float
+        For rounding; 0 if the expression is not to be told from what is computed of it.
+
+    Returns
+    -------
+    array
+        Of each interval, x the time from its middle: the terms 1, x and x^2; a bound in the disc of the analytic part,
+        which starts with x^3; a bound of the rest; the least and the largest value.
+    """
+    program = program_of(shape)
+    starts, ends = (np.ascontiguousarray(x, dtype=float) for x in (starts, ends))
+    c = np.ascontiguousarray(constants, dtype=float)
+    scratch, out = np.empty(7 * program.length), np.empty((len(starts), 7))
+    sizes = radius, faith, slack, program.numbers, program.length
+    _compiled()(len(starts), starts, ends, *sizes, program.rows, c if len(c) else np.zeros(1), scratch, out)
+    return out
+
+
+def _of_shape(
+    expression: Expression | tuple[Shape, Any], t0: float | Array, t1: float | Array
+) -> tuple[Any, Any, Array, Array, bool]:
+    shape, constants = (expression.shape, expression.constants) if isinstance(expression, Expression) else expression
+    scalar = np.ndim(t0) == 0 and np.ndim(t1) == 0
+    starts, ends = np.broadcast_arrays(np.atleast_1d(np.asarray(t0, float)), np.atleast_1d(np.asarray(t1, float)))
+    return shape, constants, starts, ends, scalar
+
+
+def enclose(
+    expression: Expression | tuple[Shape, Any], t0: float | Array, t1: float | Array
+) -> tuple[float | Array, float | Array]:
+    """Bounds of the values of an expression on [t0, t1]; infinite where none are found.
+
+    Parameters
+    ----------
+    expression : Expression, or (shape, constants)
+    t0, t1 : float or arrays of one shape
+        Of one interval, or of many.
+
+    Returns
+    -------
+    low, high : float or arrays
+        Where the expression has no value (a root of a negative number) the bounds are of its values elsewhere.
+    """
+    shape, constants, starts, ends, scalar = _of_shape(expression, t0, t1)
+    low, high = np.full(len(starts), -math.inf), np.full(len(starts), math.inf)
+    for radius in (1.1, 2.0, 5.0):
+        found = models(shape, constants, starts, ends, radius, radius**-3)
+        low, high = np.fmax(low, found[:, 5]), np.fmin(high, found[:, 6])
+    return (float(low[0]), float(high[0])) if scalar else (low, high)
+
+
+def enclose_derivative(
+    expression: Expression | tuple[Shape, Any], t0: float | Array, t1: float | Array, order: int = 1
+) -> tuple[float | Array, float | Array]:
+    """Bounds of a derivative of an expression on [t0, t1], of the first order or of a higher one.
+
+    At a kink it has two, and both are within; a jump is not seen.
+    """
+    shape, constants, *_ = _of_shape(expression, t0, t1)
+    for _ in range(order):
+        shape = derivative(shape)
+    return enclose((shape, constants), t0, t1)
+
+
+def unseen(
+    expression: Expression | tuple[Shape, Any],
+    t0: float | Array,
+    t1: float | Array,
+    degree: int,
+    slack: float = SLACK,
+) -> float | Array:
+    """How far an expression can be from some polynomial of a degree, anywhere on [t0, t1].
+
+    The polynomial through degree + 1 points of the interval is off by 1 + L times that at most, with L Lebesgue's
+    constant of the points: 1 for two points at the ends, some 2 for good ones.
+
+    Parameters
+    ----------
+    expression : Expression, or (shape, constants)
+    t0, t1 : float or arrays of one shape
+    degree : int
+        0 or larger.
+    slack : float
+        For rounding, relative; 0 if the expression is not to be told from what is computed of it.
+
+    Returns
+    -------
+    float or array
+        Infinite where no bound is found.
+    """
+    shape, constants, starts, ends, scalar = _of_shape(expression, t0, t1)
+    best = np.full(len(starts), math.inf)
+    s = (ends - starts) / 2
+    for radius in RADII:
+        tail = radius ** -max(degree + 1.0, 3.0) / (1 - 1 / radius)
+        found = models(shape, constants, starts, ends, radius, tail, slack)
+        with np.errstate(all="ignore"):
+            bound = tail * found[:, 3] + found[:, 4]
+            if degree < 2:  # a parabola is off its best chord by half of its height
+                bound += 0.5 * np.abs(found[:, 2]) * s**2
+            if degree < 1:
+                bound += np.abs(found[:, 1]) * s + 0.5 * np.abs(found[:, 2]) * s**2
+                bound = np.fmin(bound, (found[:, 6] - found[:, 5]) / 2)
+        best = np.fmin(best, np.where(np.isnan(bound), math.inf, bound))
+    return float(best[0]) if scalar else best
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Intervals of time on which an expression is resolved.
+
+    Attributes
+    ----------
+    edges : array, shape (intervals + 1,)
+        Rising times.
+    whole : bool
+        Whether they reach the end that was asked for: else there are too many.
+    doubtful : array of bool, shape (intervals,)
+        Where no bound could be had, however short the interval: the expression may do anything there.
+    """
+
+    edges: Array
+    whole: bool
+    doubtful: NDArray[np.bool_]
+
+
+def resolved(
+    expression: Expression | tuple[Shape, Any],
+    start: float,
+    end: float,
+    allowed: float,
+    degree: int,
+    most: int = MOST,
+) -> Resolved:
+    """Intervals on each of which :func:`unseen` is at most what is allowed, rounding apart.
+
+    Found by bisection, from left to right, so that a pulse is found however narrow it is. At the kinks of an expression
+    there is no polynomial: split at them (:func:`kinks`) before.
+
+    Parameters
+    ----------
+    expression : Expression, or (shape, constants)
+    start, end : float
+        Finite.
+    allowed : float
+        In the units of the expression, > 0.
+    degree : int
+    most : int
+        Intervals that may be looked at.
+    """
+    shape, constants, *_ = _of_shape(expression, start, end)
+    edges, doubtful, looked = [start], [], 0
+    waiting = [(start, end)]  # the earliest last
+    while waiting:
+        batch = [waiting.pop() for _ in range(min(len(waiting), 64))]
+        looked += len(batch)
+        lows, highs = (np.array(x) for x in zip(*batch, strict=True))
+        bounds = np.asarray(unseen((shape, constants), lows, highs, degree, 0.0))
+        split: list[tuple[float, float]] = []
+        for (low, high), bound in zip(batch, bounds.tolist(), strict=True):
+            middle = low + (high - low) / 2
+            short = high - low <= 16 * EPS * max(abs(low), abs(high)) or not low < middle < high
+            if bound <= allowed or short:
+                split.append((low, high))
+            else:
+                split += [(low, middle), (middle, high)]
+        # what comes first is settled as far as it is whole
+        settled = 0
+        for (low, high), (first, last), bound in zip(batch, split, bounds.tolist(), strict=False):
+            if (low, high) != (first, last):
+                break
+            edges.append(high)
+            doubtful.append(not bound <= allowed)
+            settled += 1
+        waiting += reversed(split[settled:])
+        if looked > most:
+            break
+    return Resolved(np.array(edges), edges[-1] == end, np.array(doubtful, dtype=bool))
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A part of the time on which an expression has no kink inside.
+
+    Attributes
+    ----------
+    end : float
+    kink : bool
+        Whether it ends at a kink, or a jump; else it ends since the search has come no further.
+    constants : array
+        Of the expression and its choices, see :class:`softdyn.expression.Pieces`.
+    doubtful : bool
+        Whether within it kinks are too many, or too close, to be told from one another.
+    """
+
+    end: float
+    kink: bool
+    constants: Array
+    doubtful: bool
+
+
+#: Intervals after which the search for kinks tells how far it is.
+PATIENCE = 1024
+#: Shortest intervals, in units of rounding, on which a sign may be undecided; so many of them, and they get longer.
+SHORTEST = 16.0
+UNDECIDED = 256
+#: Where a run may end at any time, the search goes as far as numbers do.
+FARTHEST = 1e300
+
+
+def intervals(of: Pieces, constants: Sequence[float] | Array, start: float, end: float) -> Iterator[Interval]:
+    """Cut the time into intervals at whose ends alone an expression has kinks, one by one, as they are asked for.
+
+    Every zero of what decides (the argument of abs, the difference of the two of min) is enclosed: an interval has none
+    where the enclosure has not, and one at most where that of the derivative has no zero; else it is halved.
+
+    Parameters
+    ----------
+    of : Pieces
+    constants : sequence of float
+        Of the expression.
+    start, end : float
+        ``end`` may be infinite.
+    """
+    base = np.asarray(constants, dtype=float)[: of.first]
+
+    def piece(low: float, high: float, kink: bool, doubtful: bool) -> Interval:
+        middle = np.array([low + (high - low) / 2 if high < math.inf else low + 1.0])
+        signs = [float(np.sign(values(switch, middle, base))[0]) for switch in of.switches]
+        return Interval(high, kink, np.append(base, np.nan_to_num(signs)), doubtful)
+
+    last = start
+    if of.switches:
+        search = _Search(of, base, start, min(end, FARTHEST))
+        while search.waiting:
+            kinks, frontier, doubtful = search.go_on()
+            for time in kinks:
+                # of two at one time the later tells what follows
+                if last < time < end and time - last > max(SHORTEST * EPS * max(abs(time), time - start), 1e-290):
+                    yield piece(last, time, True, doubtful)
+                last = time if last < time < end else last
+            if not kinks and last < frontier < min(end, FARTHEST):
+                yield piece(last, frontier, False, doubtful)
+                last = frontier
+    if last < end:
+        yield piece(last, end, False, False)
+
+
+class _Search:
+    """The search for the zeros of some expressions, from left to right."""
+
+    def __init__(self, of: Pieces, constants: Array, start: float, end: float) -> None:
+        self.start, self.constants = start, constants
+        self.pairs = [(switch, derivative(switch)) for switch in of.switches]
+        self.jumps = [any(op[:2] in (("call", "sign"), ("call", "step")) for op in one) for one in of.switches]
+        self.waiting = [(start, end)]  # the earliest last
+        self.shortest, self.undecided = SHORTEST, 0
+
+    def go_on(self) -> tuple[list[float], float, bool]:
+        """Zeros in the next part of the time, where that ends, and whether they are in doubt."""
+        found: list[float] = []
+        looked, doubtful, frontier = 0, False, self.start
+        while self.waiting and looked < PATIENCE and not found:
+            batch = [self.waiting.pop() for _ in range(min(len(self.waiting), 32))]
+            looked += len(batch)
+            low, high = (np.array(x) for x in zip(*batch, strict=True))
+            short = high - low <= self.shortest * EPS * np.maximum(np.abs(low), np.abs(high - self.start))
+            open_ = self._open(low, high)
+            settled = len(batch) if not (open_ & ~short).any() else int(np.argmax(open_ & ~short))
+            if settled:
+                for shape, _ in self.pairs:
+                    found += self._crossings(shape, low[:settled], high[:settled])
+                frontier = batch[settled - 1][1]
+                tiny = int((open_ & short)[:settled].sum())
+                self.undecided += tiny
+                doubtful |= tiny > 0 and self.shortest > SHORTEST
+                if self.undecided > UNDECIDED:
+                    self.shortest, self.undecided = 1024 * self.shortest, 0
+            for i in range(len(batch) - 1, settled - 1, -1):
+                a, b = batch[i]
+                middle = self._middle(a, b)
+                self.waiting += [(middle, b), (a, middle)] if open_[i] and not short[i] else [(a, b)]
+        return sorted({*found}), frontier, doubtful
+
+    def _middle(self, low: float, high: float) -> float:
+        """Of an interval that spans many orders of magnitude from the start on, by their logarithm."""
+        a, b = low - self.start, high - self.start
+        if not b > 1e3 * a or b < 1e-290:
+            return low + (high - low) / 2
+        middle = self.start + (math.sqrt(a) * math.sqrt(b) if a > 0 else 1e-10 * b)
+        return middle if low < middle < high else low + (high - low) / 2
+
+    def _open(self, low: Array, high: Array) -> NDArray[np.bool_]:
+        """Whether one of the expressions may have more than one zero, or jump between two."""
+        zeros = [self._zero(shape, low, high) for shape, _ in self.pairs]
+        open_ = np.zeros(len(low), dtype=bool)
+        for k, (_, slope) in enumerate(self.pairs):
+            undecided = zeros[k].copy()
+            if undecided.any():
+                those = (slope, self.constants), low[undecided], high[undecided]
+                least, most = (np.asarray(x) for x in enclose(*those))
+                undecided[undecided] = (least <= 0) & (most >= 0)
+            if self.jumps[k]:
+                undecided |= zeros[k] & np.any([zeros[i] for i in range(len(zeros)) if i != k], axis=0)
+            open_ |= undecided
+        return open_
+
+    def _zero(self, shape: Shape, low: Array, high: Array) -> NDArray[np.bool_]:
+        """Whether an expression may vanish, but not all the time."""
+        below, above = (np.asarray(x) for x in enclose((shape, self.constants), low, high))
+        return (below <= 0) & (above >= 0) & ~(np.maximum(-below, above) < 1e-300)
+
+    def _crossings(self, shape: Shape, low: Array, high: Array) -> list[float]:
+        """The first times at which the sign is another, of intervals that hold one at most."""
+        early = values(shape, low, self.constants) < 0
+        changes = early != (values(shape, high, self.constants) < 0)
+        low, high, early = low[changes], high[changes], early[changes]
+        while len(low):
+            middle = low + (high - low) / 2
+            inside = (low < middle) & (middle < high)
+            if not inside.any():
+                break
+            same = (values(shape, middle, self.constants) < 0) == early
+            low, high = np.where(inside & same, middle, low), np.where(inside & ~same, middle, high)
+        return high.tolist()
+
+
+def kinks(expression: Expression | tuple[Shape, Any], start: float, end: float) -> tuple[Array, bool]:
+    """Times between two at which an expression has a kink or a jump, to the last digit; and whether all are certain."""
+    shape, constants, *_ = _of_shape(expression, start, end)
+    found = list(intervals(pieces(shape), constants, start, end))
+    return np.array([one.end for one in found if one.kink]), not any(one.doubtful for one in found)
