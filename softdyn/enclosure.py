@@ -150,12 +150,11 @@ def _compiled() -> Callable[..., None]:
 
 
 def _load_c(folder: Path, manifest: Mapping[str, Any]) -> Callable[..., None]:
-    from softdyn.targets.c import library_of
+    from softdyn.targets.c import function_of, library_of
 
-    raw = library_of(folder, manifest["name"]).enclosures_of
     number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
-    raw.argtypes = [integer, array, array, *[number] * 3, integer, integer, *[array] * 4]
-    raw.restype = None
+    types = integer, array, array, *[number] * 3, integer, integer, *[array] * 4
+    raw = function_of(library_of(folder, manifest["name"]), "enclosures_of", None, *types)
     return lambda *given: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in given))
 
 
