@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import secrets
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -132,6 +133,11 @@ def _json_number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def beside(path: Path) -> Path:
+    """Name of a hidden file, or folder, that nobody else has, beside another, with its ending."""
+    return path.with_name(f".{path.stem[:100]}.{secrets.token_hex(8)}{path.suffix}")
+
+
 class written_whole:
     """Context: a temporary file, of the same ending, that takes the place of ``path`` once it is written."""
 
@@ -143,14 +149,13 @@ class written_whole:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.is_dir():
                 raise IsADirectoryError(21, "it is a folder")
-            handle, name = tempfile.mkstemp(prefix=f".{self.path.stem}.", suffix=self.path.suffix, dir=self.path.parent)
+            self.temporary = beside(self.path)
+            # the system takes the umask off; to ask for it is to change it, for all threads
+            os.close(os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        except ValueError as error:  # NUL in it
+            raise SceneError(f"cannot write {str(self.path)!r}: {error}") from None
         except OSError as error:
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
-        os.close(handle)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        self.temporary = Path(name)
         return self.temporary
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:

@@ -396,7 +396,10 @@ def _table_from(name: str, t: Any, F: Any) -> Table:
     rising = (steps >= 0).all() and not (np.diff(np.flatnonzero(steps == 0)) == 1).any()
     if not (np.isfinite(table.t).all() and np.isfinite(table.F).all() and rising):
         raise SceneError(f"{name}: a table's times must increase, or come twice at a jump, and its numbers be finite")
-    return table
+    # a row that repeats the value before and after it says nothing; steps would have to end there
+    tells = np.ones(len(table.t), dtype=bool)
+    tells[1:-1] = (table.F[1:-1] != table.F[:-2]) | (table.F[1:-1] != table.F[2:])
+    return Table(table.t[tells], table.F[tells])
 
 
 def named_numbers(where: str, values: Any) -> dict[str, float]:

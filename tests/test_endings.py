@@ -7,6 +7,7 @@ import json
 import os
 import pickle
 import signal
+import stat
 import struct
 import subprocess
 import sys
@@ -26,6 +27,7 @@ import softdyn
 from softdyn import archive, endings
 from softdyn.cli import main
 from softdyn.errors import SceneError
+from softdyn.results import written_whole
 from softdyn.terminal import plain
 
 SCENE = """
@@ -391,6 +393,26 @@ def test_other_threads_run_commands_too() -> None:
     thread.start()
     thread.join()
     assert found == [0]
+
+
+# ---------------------------------------------------------------- files that are written
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_files_follow_the_umask_which_nobody_changes(mask: int, tmp_path: Path) -> None:
+    """Not even for a moment: other threads write files, too."""
+    before = os.umask(mask)
+    changed: list[int] = []
+    patch = pytest.MonkeyPatch()
+    patch.setattr(os, "umask", changed.append)
+    try:
+        with written_whole(tmp_path / "a.txt") as temporary:
+            temporary.write_text("a")
+    finally:
+        patch.undo()
+        os.umask(before)
+    assert changed == []
+    assert stat.S_IMODE((tmp_path / "a.txt").stat().st_mode) == 0o666 & ~mask
 
 
 # ---------------------------------------------------------------- words of others

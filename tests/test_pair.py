@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import json
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -540,3 +541,53 @@ def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict
     (tmp_path / "bad.json").write_text(json.dumps(content))
     with pytest.raises(SceneError, match=rf"is not a result saved by softdyn.*: .*{words}"):
         softdyn.load_result(tmp_path / "bad.json")
+
+
+@given(
+    u=st.lists(st.integers(-4, 4), min_size=2, max_size=12),
+    targets=st.lists(
+        st.tuples(st.integers(-9, 9), st.sampled_from(["", "", "", "start", "end"])), min_size=1, max_size=9
+    ),
+    fall=st.booleans(),
+)
+def test_gaps_are_found_in_the_step_that_passes_them(u: list[int], targets: list[tuple[int, str]], fall: bool) -> None:
+    """One after the other, from the definition: the first step from that of the gap before on."""
+    if fall:
+        targets = sorted(targets, reverse=True)
+    at_start, at_end = (np.array([what == kind for _, what in targets]) for kind in ("start", "end"))
+    wanted = np.array([value / 2 for value, _ in targets])
+    index, passed = pair._passing_steps(np.array(u, dtype=float), wanted, at_start, at_end)
+    at = 0
+    for i, target in enumerate(wanted):
+        if at_start[i] and at == 0:
+            assert (index[i], passed[i]) == (0, True)
+        elif at_end[i]:
+            at = len(u) - 2
+            assert (index[i], passed[i]) == (at, True)
+        else:
+            found = [j for j in range(at, len(u) - 1) if (u[j] - target) * (u[j + 1] - target) <= 0]
+            at = found[0] if found else at
+            assert (index[i], passed[i]) == (at, bool(found))
+
+
+@pytest.mark.parametrize("outputs", [{"gaps": 10**6}, {"times": 10**6}])
+def test_a_million_outputs_take_no_longer_than_what_they_are(outputs: dict[str, int]) -> None:
+    """A second each, at most; ten million are as many as there may be."""
+    start = time.process_time()
+    result = run(**outputs)
+    assert time.process_time() - start < 5
+    assert len(result) == 10**6
+
+
+@pytest.mark.parametrize("drive", ["force", "velocity"])
+def test_rows_of_a_table_that_repeat_their_neighbours_are_no_ends_of_steps(drive: str) -> None:
+    """A recorder that writes the same value a million times says no more than its first and last row."""
+    t = np.concatenate([np.linspace(0, 50, 10**6), [50, 100]])
+    value = np.concatenate([np.full(10**6, 0.01), [0.02, 0.02]]) * (1 if drive == "force" else -0.1)
+    start = time.process_time()
+    many = run(h=1.0, until_h=None, until_t=99.0, times=9, **{"force": None, drive: (t, value)})
+    assert time.process_time() - start < 5
+    least = [0, -3, -2, -1]
+    few = run(h=1.0, until_h=None, until_t=99.0, times=9, **{"force": None, drive: (t[least], value[least])})
+    np.testing.assert_array_equal(many.h, few.h)
+    assert len(many.events) == 1

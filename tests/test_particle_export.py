@@ -288,3 +288,30 @@ def test_an_unwritable_place_is_named(sheared: ParticleResult, tmp_path: Path) -
     (tmp_path / "b.gsd").mkdir()
     with pytest.raises(SceneError, match="cannot write"):
         sheared.save(tmp_path / "b.gsd")
+
+
+@pytest.mark.parametrize("there", ["nothing", "an earlier export", "a file in the way"])
+def test_a_pvd_that_fails_leaves_nothing_behind(
+    there: str, sheared: ParticleResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither frames nor a folder; what an earlier export wrote is still whole."""
+    import pyevtk.hl
+
+    if there == "an earlier export":
+        sheared.save(tmp_path / "a.pvd")
+    elif there == "a file in the way":
+        (tmp_path / "a").write_text("mine")
+    before = {path: path.read_bytes() for path in sorted(tmp_path.rglob("*")) if path.is_file()}
+    if there != "a file in the way":
+        write, calls = pyevtk.hl.pointsToVTK, iter(range(100))
+
+        def full(*arguments: Any, **more: Any) -> str:
+            if next(calls) == 1:
+                raise OSError(28, "No space left on device")
+            return str(write(*arguments, **more))
+
+        monkeypatch.setattr(pyevtk.hl, "pointsToVTK", full)
+    with pytest.raises(SceneError, match=r"cannot write .*(a.pvd: No space left|a: it is a file)"):
+        sheared.save(tmp_path / "a.pvd")
+    assert {path: path.read_bytes() for path in sorted(tmp_path.rglob("*")) if path.is_file()} == before
+    assert there == "an earlier export" or not (tmp_path / "a").is_dir()

@@ -442,21 +442,9 @@ def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float, stopped_by:
         gaps = np.array(scene.gaps, dtype=float)
     u = _ends(kernel, steps)
     targets = np.log(gaps)
-    index = [0] * len(gaps)
-    at = 0
-    passed = np.ones(len(gaps), dtype=bool)
-    for i, (gap, target) in enumerate(zip(gaps, targets, strict=True)):
-        if gap == scene.h and at == 0:
-            continue
-        if gap == scene.until_h and stopped_by == "h":
-            at = index[i] = len(steps) - 1
-            continue
-        found = np.flatnonzero((u[at:-1] - target) * (u[at + 1 :] - target) <= 0)
-        passed[i] = len(found) > 0
-        at += int(found[0]) if len(found) else 0
-        index[i] = at
-    times = _passages(kernel, steps, np.array(index), targets)
-    times[(gaps == scene.h) & (np.array(index) == 0)] = steps[0, 0]
+    index, passed = _passing_steps(u, targets, gaps == scene.h, (gaps == scene.until_h) & (stopped_by == "h"))
+    times = _passages(kernel, steps, index.astype(float), targets)
+    times[(gaps == scene.h) & (index == 0)] = steps[0, 0]
     for wrong in np.flatnonzero(passed & (np.diff(times, prepend=times[0]) < 0)):
         raise SceneError(
             f"[output] gaps must come in the order in which the run passes them; h = {gaps[wrong]:g} does not"
@@ -471,6 +459,62 @@ def _at_gaps(scene: Scene, kernel: Kernel, steps: Array, end: float, stopped_by:
             f"the gap stays within {reached[0]:.6g} .. {reached[1]:.6g}"
         )
     return np.minimum(times, end), gaps
+
+
+def _passing_steps(
+    u: Array, targets: Array, at_start: NDArray[np.bool_], at_end: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Step within which each target is passed, the first from that of the target before it on.
+
+    Targets that fall, or rise, one after the other are looked up at once: the first step to reach one is where the
+    least (greatest) u so far reaches it.
+
+    Parameters
+    ----------
+    u : array, shape (steps + 1,)
+        Where steps begin and end.
+    targets : array, shape (n,)
+    at_start, at_end : array of bool, shape (n,)
+        Targets that are the start of the run, unless it has moved on, or its end: not to be looked for.
+
+    Returns
+    -------
+    index : array of int, shape (n,)
+    passed : array of bool, shape (n,)
+        Whether there is such a step.
+    """
+    index, passed = np.zeros(len(targets), dtype=np.int64), np.ones(len(targets), dtype=bool)
+    steps = len(u) - 1
+    slopes = np.sign(np.diff(targets))
+    special = at_start | at_end
+    # monotonic rows of targets, each up to where the next one goes the other way, or is not looked for
+    cut = special[:-1] | special[1:] | np.append(False, slopes[1:] != slopes[:-1])[: len(targets) - 1]
+    ends = np.append(np.flatnonzero(cut), len(targets) - 1)
+    at = i = 0
+    while i < len(targets):
+        if at_start[i] and at == 0:
+            i += 1
+            continue
+        if at_end[i]:
+            at = index[i] = steps - 1
+            i += 1
+            continue
+        last = int(ends[np.searchsorted(ends, i)]) + 1
+        sign = -1.0 if last > i + 1 and targets[i + 1] > targets[i] else 1.0
+        if last == i + 1 or sign * u[at] <= sign * targets[i]:
+            found = np.flatnonzero((u[at:-1] - targets[i]) * (u[at + 1 :] - targets[i]) <= 0)
+            passed[i] = len(found) > 0
+            at += int(found[0]) if len(found) else 0
+            index[i] = at
+            i += 1
+            continue
+        reached = np.minimum.accumulate(sign * u[at + 1 :])
+        found = at + np.searchsorted(-reached, -sign * targets[i:last])
+        passed[i:last] = found < steps
+        index[i:last] = np.maximum.accumulate(np.where(found < steps, found, at))
+        at = int(index[last - 1])
+        i = last
+    return index, passed
 
 
 def _unreached(scene: Scene, t: Array) -> tuple[str, ...]:

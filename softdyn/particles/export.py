@@ -8,6 +8,9 @@ frames twice over, so that no pair is nearer around it. The .npz holds everythin
 from __future__ import annotations
 
 import importlib
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.observables import is_periodic, is_sheared, strain
-from softdyn.results import written_whole
+from softdyn.results import beside, written_whole
 
 if TYPE_CHECKING:
     from softdyn.particles.results import ParticleResult
@@ -188,14 +191,13 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
     """
     hl = require_writer(path)
     group = importlib.import_module("pyevtk.vtk").VtkGroup
-    folder = path.with_suffix("").absolute()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SceneError(f"cannot write the folder {folder}: {error.strerror}") from None
-    with written_whole(path) as temporary:
+    with written_whole(path) as temporary, _folder_whole(path.with_suffix("").absolute()) as (folder, final):
         collection = group(str(temporary.absolute().with_suffix("")))
         digits = len(str(len(result) - 1))
+
+        def add(file: str, t: float, part: str) -> None:
+            collection.addFile(str(final / Path(file).name), t, part=part)
+
         for number in range(len(result)):
             t = float(result.t[number])
             placed = boxed(result, number)
@@ -207,14 +209,32 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
             if "T" in contacts:
                 data["spin"] = _columns(turning(result, number))
                 values["tangential"] = _columns(padded(contacts["T"]))
-            collection.addFile(hl.pointsToVTK(name, *_columns(placed.x), data=data), t, part="0")
+            add(hl.pointsToVTK(name, *_columns(placed.x), data=data), t, "0")
             if len(contacts["h"]):
                 name = str(folder / f"contacts_{number:0{digits}}")
-                collection.addFile(_write_lines(hl, name, *lines(result, placed, contacts), values), t, part="1")
+                add(_write_lines(hl, name, *lines(result, placed, contacts), values), t, "1")
             if is_periodic(result):
                 name = str(folder / f"box_{number:0{digits}}")
-                collection.addFile(_write_lines(hl, name, *outline(placed), {}), t, part="2")
+                add(_write_lines(hl, name, *outline(placed), {}), t, "2")
         collection.save()
+
+
+@contextmanager
+def _folder_whole(final: Path) -> Iterator[tuple[Path, Path]]:
+    """Folder to write to, and the one that its files are put into once all are there; nothing is left of a failure."""
+    if final.exists() and not final.is_dir():
+        raise SceneError(f"cannot write the folder {final}: it is a file")
+    folder = beside(final)
+    folder.mkdir()
+    try:
+        yield folder, final
+        if not final.exists():
+            folder.rename(final)
+        else:
+            for file in folder.iterdir():
+                file.replace(final / file.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _write_lines(hl: ModuleType, name: str, points: Array, ends: NDArray[np.int64], values: Values) -> str:
