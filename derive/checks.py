@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping
 from difflib import get_close_matches
 from itertools import product
@@ -56,6 +57,7 @@ from sympy.core.numbers import Exp1 as EulerNumber
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
+from softdyn.derive.branches import gap_of
 from softdyn.derive.dimensions import (
     DIMENSIONLESS,
     FORCE,
@@ -66,7 +68,7 @@ from softdyn.derive.dimensions import (
     dimension_of,
 )
 from softdyn.derive.soundness import rewritable, tidy
-from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, E, F, R, a, delta, eta, h, size_ratio
+from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -97,22 +99,6 @@ PRINTABLE = (
     *(sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc, Min, Max, Piecewise),
 )
 
-#: Names that the kernels, C, Python or numba have taken: a parameter's name becomes a variable of the generated code.
-RESERVED = frozenset(
-    """
-    h delta a F X C D t zeta kappa F_ela F_adh dF_dt dh_dt ddelta_dt dX_dt dF_ddelta dF_dh lambda1 lambda2 n i p c w out
-    a_h a_delta a_hh a_hdelta a_deltadelta F_a F_delta F_aa F_adelta F_deltadelta zeta_a zeta_h F_adh_a F_adh_h
-    and as assert async await auto bool break case char class const continue def default del do double elif else
-    enum except extern finally float for from global goto if import in inline int is lambda long nonlocal not or
-    pass raise register restrict return short signed sizeof static struct switch try typedef union unsigned void
-    volatile while with yield array empty inf isfinite jit nan numba sqrt fabs exp log expm1 log1p pow sin cos tan
-    NAN INFINITY HUGE_VAL None True False size_ratio newton terms
-    asin acos atan sinh cosh tanh asinh acosh atanh erf erfc abs min max range
-    """.split()
-)
-#: Names that the code generator makes up: x0, x1, ..., gap0, gap1, ... and powers of names.
-MADE_UP = re.compile(r"(x|gap)\d+|\w+_p\d+")
-
 
 def faults_of(law: ContactLaw) -> list[str]:
     """Every fault of a law, as messages for its author; an empty list if there are none."""
@@ -132,6 +118,8 @@ def faults_of(law: ContactLaw) -> list[str]:
         found = _symbol_faults(name, expr, arguments, law, known) + _node_faults(name, expr)
         if not found:
             found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
+        if not found:
+            found = _gap_faults(name, expr, law)
         faults += found
         sound = sound and not found
     faults += (
@@ -182,7 +170,7 @@ def _part_faults(
             continue
         found = _symbol_faults(where, expr, arguments, law, known) + _node_faults(where, expr)
         known_dimensions = {**DIMENSIONS, **law.parameters, size_ratio: DIMENSIONLESS}
-        faults += found or _dimension_faults(where, expr, dimension, known_dimensions)
+        faults += found or _dimension_faults(where, expr, dimension, known_dimensions) or _gap_faults(where, expr, law)
     return faults
 
 
@@ -221,7 +209,12 @@ def _name_faults(name: object) -> list[str]:
 
 def _parameter_faults(law: ContactLaw) -> list[str]:
     faults = []
-    taken = {symbol.name for symbol in DIMENSIONS}
+    counts = Counter(str(getattr(symbol, "name", symbol)) for symbol in law.parameters)
+    faults += [
+        f"parameters: {name!r} is there {count} times, with different assumptions"
+        for name, count in counts.items()
+        if count > 1
+    ]
     for symbol in law.parameters:
         if not isinstance(symbol, Symbol):
             faults.append(f"parameters: {symbol!r} is not a symbol; write Symbol({str(symbol)!r}, positive=True)")
@@ -230,14 +223,12 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
                 f"parameters: the dimension of {symbol} is {law.parameters[symbol]!r}; write one of softdyn.derive's, "
                 "such as LENGTH or FORCE / LENGTH, or DIMENSIONLESS"
             )
-        elif symbol.name in taken:
-            faults.append(f"parameters: {symbol.name!r} is one of the paper's symbols; choose another name")
-        elif (
-            symbol.name in RESERVED
-            or MADE_UP.fullmatch(symbol.name)
-            or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", symbol.name)
-        ):
-            faults.append(f"parameters: {symbol.name!r} cannot name a variable of the generated code")
+        elif symbol.name in MEANINGS:
+            faults.append(
+                f"parameters: {symbol.name!r} is {MEANINGS[symbol.name]}; choose another name for one of your own"
+            )
+        elif not symbol.name.isidentifier():
+            faults.append(f"parameters: {symbol.name!r} is no identifier: letters, digits and _, no digit first")
         elif not symbol.is_real:
             faults.append(
                 f"parameters: {symbol.name!r} may be complex as declared; write Symbol({symbol.name!r}, positive=True),"
@@ -333,6 +324,23 @@ def _dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Sy
         return [f"{name}: {expr} has the dimension {found}; {expected} is expected{euler}"]
     return []
 
+
+def _gap_faults(name: str, expr: Expr, law: ContactLaw) -> list[str]:
+    """A Piecewise without a default branch may have no value somewhere."""
+    own = [symbol for symbol in law.parameters if symbol in expr.free_symbols]
+    if not expr.has(Piecewise) or not all(map(_is_range, law.ranges.values())):
+        return []
+    exact = {symbol: [nsimplify(sample, rational=True) for sample in _samples(symbol, law)] for symbol in own}
+    found = gap_of(expr, exact)
+    if found is None:
+        return []
+    cases, where = found
+    shown = str(cases) if len(str(cases)) < 120 else f"the Piecewise of {len(cases.args)} branches"
+    return [f"{name} has no value {where}: {shown} has no branch there; end it with a default, (expression, True)"]
+
+
+#: Values of the own parameters at which a sign is looked at.
+MOST_COMBINATIONS = 243
 
 CLAIMABLE = ("a", "zeta", "delta", "F", "F_ela", "F_adh", "C", "D", "dh_dt", "dX_dt")
 
@@ -508,14 +516,15 @@ def _nonpositive_witness(
     """Gap, size of the deflection, own parameters and value where expr <= 0 in the physical domain, if found."""
     from softdyn.derive.law import parameters_of
 
-    own = [symbol for symbol in parameters_of(law, tangential=True, drag=True) if symbol in law.parameters]
-    function = lambdify([h, size, *own], expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath")
+    used = parameters_of(law, tangential=True, drag=True)
+    own = [symbol for symbol in used if symbol in law.parameters and symbol in expr.free_symbols]
+    function = lambdify([h, size, *own], expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath", dummify=True)
     gaps = [mpmath.mpf(10) ** k for k in (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)]
     sizes = [mpmath.mpf(10) ** k for k in (-14, -9, -6, -4, -2, -1)] + [mpmath.mpf(1) / 2, mpmath.mpf(99) / 100]
     if size not in expr.free_symbols:
         sizes = sizes[:1]
     with mpmath.workdps(40):
-        for gap, deflection, *values in product(gaps, sizes, *(_samples(symbol, law) for symbol in own)):
+        for gap, deflection, values in product(gaps, sizes, _combinations([_samples(symbol, law) for symbol in own])):
             try:
                 found = function(gap, deflection, *values)
             except (ZeroDivisionError, ValueError, OverflowError):
@@ -523,6 +532,15 @@ def _nonpositive_witness(
             if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
                 return gap, deflection, {s.name: value for s, value in zip(own, values, strict=True)}, found
     return None
+
+
+def _combinations(samples: list[list[mpmath.mpf]]) -> list[tuple[mpmath.mpf, ...]]:
+    """All combinations of values, or, of many parameters, those in which one differs from the middle values."""
+    if math.prod(map(len, samples)) <= MOST_COMBINATIONS:
+        return list(product(*samples))
+    middle = tuple(values[len(values) // 2] for values in samples)
+    varied = ((*middle[:k], value, *middle[k + 1 :]) for k, values in enumerate(samples) for value in values)
+    return list(dict.fromkeys([middle, *varied]))
 
 
 def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:

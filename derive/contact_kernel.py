@@ -51,7 +51,9 @@ from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
 from softdyn.derive.elementary import for_lanes
 from softdyn.derive.kernel import Saving
 from softdyn.derive.law import (
+    code_names,
     drag_expressions,
+    in_code,
     is_dry,
     is_rigid,
     law_hash,
@@ -233,15 +235,11 @@ def stage_equation() -> dict[Symbol, Expr]:
     return {**equation, F: weighted, F_r: force}
 
 
-def _own_names(symbols: tuple[Symbol, ...]) -> dict[Symbol, Symbol]:
-    return {symbol: Symbol(code_name(symbol.name), **symbol.assumptions0) for symbol in symbols}
-
-
 def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbol, Expr]:
     """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
     # the names of a law's own parameters may be those of the kernel's variables
-    own = _own_names(parameters_of(law, tangential))
-    values = {symbol: expr.xreplace(own) for symbol, expr in partials(law).items()}
+    law = in_code(law)
+    values = partials(law)
 
     def relative(variable: Symbol) -> Expr:
         return sound((total(zeta, variable) / values[zeta]).subs(values))
@@ -254,10 +252,10 @@ def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbo
     if tangential and law.tangential is not None:
         declared = tangential_stage.tangential_definitions(law.tangential)
         sliding = {symbol: values[symbol] for symbol in (d.a_h, d.a_delta)}
-        sliding |= {symbol: expr.xreplace(own) for symbol, expr in declared.items()}
+        sliding |= declared
     return {
         delta: (overlap + h) / 2,
-        a: sound(law.a).xreplace(own),
+        a: sound(law.a),
         F_ela: values[F_ela],
         zeta: values[zeta],
         F_adh: values[F_adh],
@@ -338,8 +336,8 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
 
     resisting: dict[Symbol, Expr] = {}
     if needs.drag:
-        own = _own_names(parameters_of(law, drag=True))
-        resisting = {Symbol(name, real=True): expr.xreplace(own) for name, expr in drag_expressions(law.drag).items()}
+        declared_drag = drag_expressions(in_code(law).drag)
+        resisting = {Symbol(name, real=True): expr for name, expr in declared_drag.items()}
         resisting = resisting if needs.tangential else {k: e for k, e in resisting.items() if k.name != "rotation"}
     outputs = (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
     without_delta = {symbol: expr for symbol, expr in definitions.items() if symbol != delta}
@@ -359,12 +357,13 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         "drag": straight_line(list(resisting), resisting),
     }
     lines = {part: [(name, for_lanes(text)) for name, text in code] for part, code in lines.items()}
+    codes = code_names(law)
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
 
     def code(part: str) -> ContactCode:
         used = {name for _, text in lines[part] for name in re.findall(r"[A-Za-z_]\w*", text)}
-        named = [[(code_name(name), i) for i, name in enumerate(group)] for group in (uniform, varying)]
+        named = [[(codes[name], i) for i, name in enumerate(group)] for group in (uniform, varying)]
         taken = [tuple(pair for pair in group if pair[0] in used) for group in named]
         return ContactCode(taken[0], taken[1], tuple(lines[part]))
 
@@ -403,8 +402,3 @@ def tangential_outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
         return ()
     given = tangential_stage.OUTPUTS if size_ratio.name in needs.varying else tangential_stage.OUTPUTS[:-1]
     return tuple(symbol for x in given for symbol in (x, tangential_stage.ALONG[x]))
-
-
-def code_name(parameter: str) -> str:
-    """Return the name of a parameter in the code."""
-    return parameter if parameter in ("R", "E", "eta", size_ratio.name) else f"own_{parameter}"

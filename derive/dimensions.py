@@ -9,26 +9,39 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Real
 
 from sympy import Abs, Add, Expr, Max, Min, Mul, Piecewise, Pow, Rational, Symbol, sign
+from sympy.core.relational import Relational
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of mass, length and time; dimensions multiply, divide and take rational powers."""
+    """Exponents of mass, length and time; dimensions multiply, divide and take rational powers, ``1/LENGTH`` too."""
 
     mass: Fraction = Fraction(0)
     length: Fraction = Fraction(0)
     time: Fraction = Fraction(0)
 
-    def __mul__(self, other: Dimension) -> Dimension:
+    def __mul__(self, other: Dimension | Real) -> Dimension:
+        if isinstance(other, Real):  # a number has no dimension
+            return self
+        if not isinstance(other, Dimension):
+            return NotImplemented
         return Dimension(self.mass + other.mass, self.length + other.length, self.time + other.time)
 
-    def __truediv__(self, other: Dimension) -> Dimension:
-        return self * other**-1
+    __rmul__ = __mul__
 
-    def __pow__(self, power: int | Fraction) -> Dimension:
-        power = Fraction(power)
+    def __truediv__(self, other: Dimension | Real) -> Dimension:
+        return self * other**-1 if isinstance(other, Dimension) else self * other
+
+    def __rtruediv__(self, other: Real) -> Dimension:
+        return self**-1 * other
+
+    def __pow__(self, power: int | float | Fraction) -> Dimension:
+        if not isinstance(power, Real):
+            return NotImplemented
+        power = Fraction(power).limit_denominator(1000) if isinstance(power, float) else Fraction(power)
         return Dimension(self.mass * power, self.length * power, self.time * power)
 
     def __str__(self) -> str:
@@ -111,9 +124,8 @@ def dimension_of(expr: Expr, known: Mapping[Symbol, Dimension]) -> Dimension | N
         dimension_of(expr.args[0], known)
         return DIMENSIONLESS
     if isinstance(expr, Piecewise):
-        for _, condition in expr.args:
-            if condition.is_Relational:
-                _common(condition.args, known, condition)
+        for condition in expr.atoms(Relational):
+            _common(condition.args, known, condition)
         return _common([branch for branch, _ in expr.args], known, expr)
     for argument in expr.args:
         _require_dimensionless(argument, known, f"the argument of {expr}")

@@ -25,6 +25,7 @@ from softdyn.derive.dynamics import F_a, a_delta, a_h
 from softdyn.derive.forms import force
 from softdyn.derive.law import sample_values, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, is_simple
+from softdyn.derive.soundness import tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
 if TYPE_CHECKING:
@@ -108,8 +109,8 @@ def find_films(diagram: Diagram) -> Films | None:
 
 def relaxation_rate(law: ContactLaw) -> Expr:
     """Return -(dF_adh/dh)/zeta along delta(h) at constant force, in a, h and delta."""
-    along = diff(law.F_adh, h)
-    through_a = diff(law.F_adh, a)
+    along = tidy(diff(law.F_adh, h))
+    through_a = tidy(diff(law.F_adh, a))
     if through_a != 0:
         known = definitions(law)
         slope = -known[F_a] * known[a_h] / (known[F_a] * known[a_delta] + known[d.F_delta])

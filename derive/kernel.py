@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import sympy
 from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
 
 from softdyn.derive.drive import DriveCode, drive_code
-from softdyn.derive.law import is_rigid, law_hash, parameters_of, range_text, ranges_of
+from softdyn.derive.law import code_names, in_code, is_rigid, law_hash, parameters_of, range_text, ranges_of
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.specialise import (
@@ -165,11 +165,14 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     names = [symbol.name for symbol in parameters_of(law)]
     outputs = outputs_of(law) if needs.outputs is None else needs.outputs
     _require_known(law, needs, outputs, names)
-    equations = contact_equations(law, needs.control)
+    # in the code, the names of a law's own parameters are none of anything else
+    codes = code_names(law)
+    own = replace(needs, fixed={codes[name]: value for name, value in needs.fixed.items()})
+    equations = contact_equations(in_code(law), needs.control)
     savings, before = [], _total(equations)
     for rule in rules:
-        if rule.applies(equations, needs):
-            equations = rule.apply(equations, needs)
+        if rule.applies(equations, own):
+            equations = rule.apply(equations, own)
             after = _total(equations)
             savings.append(Saving(rule.name, before, after))
             before = after
@@ -191,12 +194,14 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     drive = drive_code(needs.drive, only == F) if isinstance(needs.drive, tuple) else DriveCode()
     force, given = drive.force, drive.given
     parameters = tuple(name for name in names if name not in needs.fixed)
+    coded = tuple(codes[name] for name in parameters)
     if needs.control == "spring":
         parameters += (compliance.name,)
+        coded += (compliance.name,)
 
     def code(lines: list[Assignment]) -> Code:
         used = _names_in(lines)
-        return Code(tuple((name, i) for i, name in enumerate(parameters) if name in used), tuple(lines))
+        return Code(tuple((name, i) for i, name in enumerate(coded) if name in used), tuple(lines))
 
     used = _names_in(quantities)
     return KernelIR(
@@ -327,10 +332,10 @@ def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], name
     ]
     for symbol, allowed in ranges_of(law).items():
         if symbol.name in needs.fixed and Rational(needs.fixed[symbol.name]) not in allowed:
-            faults.append(f"{range_text(symbol, allowed)} must hold, and {symbol} is {needs.fixed[symbol.name]}")
+            faults.append(f"{range_text(symbol, allowed)} must hold, and {symbol.name} is {needs.fixed[symbol.name]}")
     for symbol in parameters_of(law):
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
-            faults.append(f"{symbol} must be positive, not {needs.fixed[symbol.name]}")
+            faults.append(f"{symbol.name} must be positive, not {needs.fixed[symbol.name]}")
     known = outputs_of(law) + (() if needs.control == "force" else ("F", "dF_dt"))
     faults += [
         f"{name!r} is no output{' of this law' if name in OUTPUTS else ''}; there are {', '.join(known)}"

@@ -7,17 +7,28 @@ A law is four expressions, eqs. 3 to 6 of Rognon & Gay, arXiv 0803.1573, and not
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from hashlib import sha256
 from typing import Any
 
-from sympy import Expr, Integer, Interval, Rational, S, Symbol, oo, pi, srepr
+from sympy import Basic, Expr, Integer, Interval, Rational, S, Symbol, oo, pi, srepr
 
+from softdyn.derive.branches import in_plain_functions
 from softdyn.derive.checks import faults_of
 from softdyn.derive.dimensions import Dimension
-from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, R, eta
+from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, eta, size_ratio
 from softdyn.errors import LawError
+
+
+def _exact(value: Any) -> Any:
+    """An expression in the functions that all targets have; an integer as sympy's."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return Integer(value)
+    return in_plain_functions(value) if isinstance(value, Expr) else value
 
 
 @dataclass(frozen=True)
@@ -42,7 +53,7 @@ class Limit:
     claims: Mapping[str, Expr]
 
     def __post_init__(self) -> None:
-        exact = {name: Integer(form) if isinstance(form, int) else form for name, form in self.claims.items()}
+        exact = {name: _exact(form) for name, form in self.claims.items()}
         object.__setattr__(self, "claims", exact)
 
 
@@ -71,8 +82,7 @@ class Tangential:
 
     def __post_init__(self) -> None:
         for name, value in tangential_expressions(self).items():
-            if isinstance(value, int):
-                object.__setattr__(self, name, Integer(value))
+            object.__setattr__(self, name, _exact(value))
 
 
 def tangential_expressions(tangential: Tangential) -> dict[str, Expr]:
@@ -96,6 +106,10 @@ class Drag:
 
     translation: Expr = 6 * pi * eta * R
     rotation: Expr = 8 * pi * eta * R**3
+
+    def __post_init__(self) -> None:
+        for name, value in drag_expressions(self).items():
+            object.__setattr__(self, name, _exact(value))
 
 
 def drag_expressions(drag: Drag) -> dict[str, Expr]:
@@ -124,7 +138,8 @@ class ContactLaw:
     drag : Drag
         What the fluid does to a particle alone, likewise.
     parameters : mapping from Symbol to Dimension
-        The law's own parameters, besides R, E and eta, which any law may use.
+        The law's own parameters, besides R, E and eta, which any law may use; any identifier names one but those of
+        the paper's symbols. What has the name of something that is derived, as C and D, is shown as own_C.
     ranges : mapping from Symbol to (low, high), or to Interval
         Values that a parameter may take, where that is not "any positive number" (or "any number", for a symbol
         declared real): between two finite numbers, without these; or a sympy ``Interval``, whose ends may belong to it.
@@ -160,11 +175,17 @@ class ContactLaw:
     description: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("a", "F_ela", "zeta", "F_adh"):
-            value = getattr(self, name)
-            if isinstance(value, int):
-                object.__setattr__(self, name, Integer(value))
+        for name, value in expressions(self).items():
+            object.__setattr__(self, name, _exact(value))
         object.__setattr__(self, "limits", tuple(self.limits))
+        own = self.parameters if isinstance(self.parameters, Mapping) else {}
+        apart = {
+            symbol: Parameter(symbol.name, **symbol.assumptions0)
+            for symbol in own
+            if isinstance(symbol, Symbol) and symbol.name in DERIVED
+        }
+        for item in fields(self) if apart else ():
+            object.__setattr__(self, item.name, _renamed(getattr(self, item.name), apart))
         faults = faults_of(self)
         if faults:
             raise LawError(str(self.name), tuple(faults))
@@ -173,6 +194,42 @@ class ContactLaw:
         from softdyn.derive.typeset import declaration_latex
 
         return declaration_latex(self)
+
+
+def _renamed(value: Any, names: Mapping[Symbol, Symbol]) -> Any:
+    """What is declared, with other symbols for some."""
+    if isinstance(value, Basic):
+        return value.xreplace(names)
+    if isinstance(value, Mapping):
+        return {_renamed(key, names): _renamed(content, names) for key, content in value.items()}
+    if isinstance(value, (tuple, list)):
+        return tuple(_renamed(part, names) for part in value)
+    if isinstance(value, (Limit, Tangential, Drag)):
+        return replace(value, **{item.name: _renamed(getattr(value, item.name), names) for item in fields(value)})
+    return value
+
+
+def code_names(law: ContactLaw) -> dict[str, str]:
+    """Names of the law's parameters in generated code: own_NAME, so that none is that of anything else there."""
+    names = {symbol.name: symbol.name for symbol in (*COMMON_PARAMETERS, size_ratio)}
+    for symbol in law.parameters:
+        name = "own_" + re.sub(r"[^A-Za-z0-9_]", "_", symbol.name)
+        # own_x_p2 would be the square of own_x
+        while re.search(r"_p\d+$", name) or name in names.values():
+            name += "_"
+        names[symbol.name] = name
+    return names
+
+
+@lru_cache(maxsize=32)
+def in_code(law: ContactLaw) -> ContactLaw:
+    """Return the law with its own parameters named as in generated code."""
+    named = copy(law)
+    names = code_names(law)
+    own = {symbol: Symbol(names[symbol.name], **symbol.assumptions0) for symbol in law.parameters}
+    for item in fields(law):
+        object.__setattr__(named, item.name, _renamed(getattr(law, item.name), own))
+    return named
 
 
 def is_rigid(law: ContactLaw) -> bool:
@@ -196,7 +253,7 @@ def ranges_of(law: ContactLaw) -> dict[Symbol, Interval]:
 def range_text(symbol: object, allowed: Interval) -> str:
     """Words for a range, as "-1 < nu <= 1/2"."""
     signs = ["<" if is_open else "<=" for is_open in (allowed.left_open, allowed.right_open)]
-    return f"{allowed.start} {signs[0]} {symbol} {signs[1]} {allowed.end}"
+    return f"{allowed.start} {signs[0]} {getattr(symbol, 'name', symbol)} {signs[1]} {allowed.end}"
 
 
 def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:

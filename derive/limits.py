@@ -431,7 +431,7 @@ def _functions(law: ContactLaw) -> dict[Symbol, tuple[list[Symbol], Any]]:
     functions = {}
     for symbol, expr in definitions(law).items():
         arguments = sorted(expr.free_symbols, key=str)
-        functions[symbol] = (arguments, lambdify(arguments, expr, modules="mpmath"))
+        functions[symbol] = (arguments, lambdify(arguments, expr, modules="mpmath", dummify=True))
     return functions
 
 
@@ -453,7 +453,7 @@ def _certify(
     """
     quotient = claimed * ratio.subs(size, size_of_delta)
     arguments = sorted(quotient.free_symbols, key=str)
-    expected = lambdify(arguments, quotient, modules="mpmath")
+    expected = lambdify(arguments, quotient, modules="mpmath", dummify=True)
     orders = scale_of(cone, directions).orders
     worst = {power: mpmath.mpf(0) for power in CERTIFICATE_SCALES}
     converges = True

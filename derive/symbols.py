@@ -42,5 +42,36 @@ DIMENSIONS: dict[Symbol, Dimension] = {
     F: FORCE,
 }
 
+#: Names that mean something else wherever a law's parameters do, and so cannot be theirs, with what they mean.
+MEANINGS = {
+    **{symbol.name: "one of the paper's symbols" for symbol in DIMENSIONS},
+    "kappa": "F/(E R^2) in regimes, limits and sweeps",
+    "size_ratio": "R1 R2/(R1 + R2)^2 of a pair",
+    "force": "the external force in sweeps",
+    "velocity": "that of the centres in sweeps",
+}
+#: Names of what is derived: a law's own parameter of such a name is another symbol, and is shown as own_NAME.
+DERIVED = frozenset(
+    """
+    C D X V t x zeta F_ela F_adh dF_dt dh_dt ddelta_dt dX_dt dF_ddelta dF_dh lambda1 lambda2 net newton
+    a_h a_delta a_hh a_hdelta a_deltadelta F_a F_delta F_aa F_adelta F_deltadelta zeta_a zeta_h F_adh_a F_adh_h
+    """.split()
+)
+
+
+class Parameter(Symbol):
+    """A law's own parameter with the name of something that is derived: never equal to that, and shown apart."""
+
+    __slots__ = ()
+
+    def _sympystr(self, printer: object) -> str:
+        return f"own_{self.name}"
+
+    def _latex(self, printer: object) -> str:
+        from softdyn.derive.typeset import symbol_latex
+
+        return rf"{{{symbol_latex(self.name)}}}_{{\mathrm{{own}}}}"
+
+
 #: Those of them that are material parameters.
 COMMON_PARAMETERS: tuple[Symbol, ...] = (R, E, eta)

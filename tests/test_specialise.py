@@ -147,8 +147,8 @@ class TestText:
 
     def test_a_fixed_parameter_is_a_number(self, target: str) -> None:
         text = text_of("screened", target, outputs=OUTPUTS, fixed=(("R", "0.5"), ("ell", "0.3"), ("eta", "1e-3")))
-        assert not {"R", "ell", "eta"} & words(code_alone(text, target))
-        assert {"E", "strength"} <= words(text)
+        assert not {"R", "own_ell", "eta"} & words(code_alone(text, target))
+        assert {"E", "own_strength"} <= words(text)
         assert ir_of("screened", outputs=OUTPUTS, fixed=(("R", "0.5"), ("ell", "0.3"), ("eta", "1e-3"))).parameters == (
             "E",
             "strength",
@@ -581,7 +581,7 @@ def test_the_head_is_the_same_for_both_targets() -> None:
 def test_code_lists_the_parameters_that_it_uses() -> None:
     ir = ir_of("screened")
     assert ir.newton == Code((("R", 0), ("E", 1)), ir.newton.lines)
-    assert [name for name, _ in ir.gap_rate.parameters] == ["R", "eta", "ell", "strength"]
+    assert [name for name, _ in ir.gap_rate.parameters] == ["R", "eta", "own_ell", "own_strength"]
     assert [ir.parameters[index] for _, index in ir.gap_rate.parameters] == ["R", "eta", "ell", "strength"]
 
 

@@ -172,6 +172,8 @@ def varied_scene(scene: Scene, point: Mapping[str, float]) -> Scene:
         If it has no such number.
     """
     for name, value in point.items():
+        if name in scene.parameters and name in scene.constants:
+            raise SceneError(f"{name!r} is both a parameter and a constant: give the constant another name")
         if name in scene.parameters:
             scene = replace(scene, parameters={**scene.parameters, name: value})
         elif name in scene.constants:
