@@ -18,8 +18,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from softdyn.particles.files import from_result, read_particles
     from softdyn.particles.files import read_particle_scene as read_scene
-    from softdyn.particles.files import read_particles
     from softdyn.particles.geometry import Wall
     from softdyn.particles.observables import (
         coordination,
@@ -50,6 +50,7 @@ __all__ = [
     "coordination",
     "fabric",
     "force_distribution",
+    "from_result",
     "gap_distribution",
     "lattice_packing",
     "load",
@@ -77,6 +78,7 @@ _HOME = {
     "coordination": ("observables", "coordination"),
     "fabric": ("observables", "fabric"),
     "force_distribution": ("observables", "force_distribution"),
+    "from_result": ("files", "from_result"),
     "gap_distribution": ("observables", "gap_distribution"),
     "lattice_packing": ("packing", "lattice_packing"),
     "load": ("results", "load_particles"),

@@ -229,28 +229,49 @@ def read_particles(path: str | Path) -> dict[str, Any]:
         Naming the line at fault.
     """
     path = Path(path)
-    return _from_result(path) if path.suffix == ".npz" else _from_table(path)
+    if path.suffix != ".npz":
+        return _from_table(path)
+    try:
+        return from_result(load_particles(path))
+    except SceneError as error:
+        raise SceneError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def _from_result(path: Path) -> dict[str, Any]:
-    result = load_particles(path)
+def from_result(result: ParticleResult) -> dict[str, Any]:
+    """Positions, radii, species, box and films at the end of a run, as arguments of the next :class:`ParticleScene`.
+
+    Nothing is wrapped: coordinates, images and the tilt of the box go on from where they were, so that displacements
+    and the strain of runs in sequence are those of one run. Time starts anew.
+
+    Returns
+    -------
+    dict
+        ``positions`` (N, d), ``radii`` (N,), ``films``; ``species``, ``box`` and ``tilt`` if there are any.
+
+    Raises
+    ------
+    SceneError
+        If the result holds no frame.
+
+    Examples
+    --------
+    >>> physics = dict(law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, drag=1.0, until=10.0)
+    >>> result = simulate(ParticleScene(positions=[[0, 0], [2.1, 0]], radii=1.0, **physics))  # doctest: +SKIP
+    >>> result = simulate(ParticleScene(**from_result(result), **physics))                    # doctest: +SKIP
+    """
     if not len(result):
-        raise SceneError(f"the result {path} holds no frame to start from")
-    x, cell = result.x[-1].copy(), result.cell[-1].copy()
-    edges = np.diag(cell).copy()
+        raise SceneError("the result holds no frame to start from")
+    x, cell = result.x[-1].copy(), result.cell[-1]
+    edges = np.diag(cell)
     periodic = edges > 0
     placed: dict[str, Any] = {"positions": x, "radii": result.radii}
     names = result.species_names.tolist()
     if names != [""]:
         placed["species"] = [names[k] for k in result.species]
     if periodic.any():
-        if len(cell) > 1 and periodic[0]:
-            cell[0, 1] -= edges[0] * round(cell[0, 1] / edges[0])  # the least tilted cell of the same lattice
-            placed["tilt"] = float(cell[0, 1])
-        for axis in np.flatnonzero(periodic)[::-1]:  # x last: what a tilt moves along it
-            x -= np.floor(x[:, axis] / edges[axis])[:, None] * cell[:, axis]
-        np.clip(x, 0.0, np.where(periodic, edges, np.inf), out=x, where=periodic)  # of what rounding leaves outside
         placed["box"] = [float(edge) if repeats else None for edge, repeats in zip(edges, periodic, strict=True)]
+        if len(cell) > 1 and periodic[0]:
+            placed["tilt"] = float(cell[0, 1])
     placed["films"] = _films(result, x, cell)
     return placed
 

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Beyond this ratio of radii, two spheres no longer meet as two half-spaces do while both are near-spherical.
 LARGEST_RATIO = 10.0
+#: Lengths of a periodic box that a particle may be away from it.
+FARTHEST = 1e6
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
 MOST_WITHOUT_RANGE = 64
 
@@ -87,6 +89,8 @@ class ParticleScene:
     parameters : mapping from str to float, or to a mapping from species to float
         A value for each parameter of the law but R, which follows from the radii.
     positions : array, shape (N, d), d = 1, 2 or 3
+        Anywhere: in a periodic box a particle stands for all of its images, and the result goes on from the one that is
+        given, without ever wrapping it. So a box may as well reach from -L/2 to L/2.
     radii : float, or array of shape (N,)
     species : sequence of str, optional
         One name for each particle; needed where a parameter depends on it.
@@ -102,15 +106,16 @@ class ParticleScene:
     tangential : bool
         Whether particles slide, roll and turn, as their law declares.
     films : mapping, optional
-        Contacts of an earlier run, as :func:`read_particles` gives them: pairs ``i`` < ``j`` (walls from N on) and
-        ``shift``, by how many lengths of the box j is displaced (none by default); for each its gap ``h``, with
-        tangential motion its force ``T``. They start so, as far as they are within the range, all others as above.
+        Contacts of an earlier run, as :func:`from_result` and :func:`read_particles` give them: pairs ``i`` < ``j``
+        (walls from N on) and ``shift``, by how many lengths of the box j is displaced (none by default); for each its
+        gap ``h``, with tangential motion its force ``T``. They start so, as far as they are within the range, all
+        others as above.
         ``wall_point`` and ``wall_normal``: where the walls were; the scene's must be there, or it has none.
     box : sequence of float or None, optional
         Edges of the periodic box; None along an axis that is not periodic.
     tilt : float
-        By how much the box leans at the start: how far its top is displaced along x. What :func:`strain` tells of a
-        result counts from an upright box.
+        By how much the box leans at the start: how far its top is displaced along x, by more than its length, too.
+        What :func:`strain` tells of a result counts from an upright box.
     walls : sequence of Wall
     shear_rate : float or str
         Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, or an expression of t.
@@ -308,10 +313,9 @@ def check(scene: ParticleScene) -> Checked:
         faults.append("[box] a sheared box must be periodic along x where it is along y")
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
         faults.append("[box] tilt: only a box that is periodic along x and y leans")
-    elif abs(scene.tilt) > box.lengths[0]:
+    elif abs(scene.tilt) > FARTHEST * box.lengths[0]:
         faults.append(
-            f"[box] tilt = {scene.tilt:g} must not exceed the length along x, {box.lengths[0]:g}: less that length, "
-            "the box is the same"
+            f"[box] tilt = {scene.tilt:g} is more than {FARTHEST:g} lengths of the box: take whole lengths off"
         )
     faults += film_faults(scene.films, radii, d, walls)
     for number, wall in enumerate(walls):
@@ -425,15 +429,11 @@ def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray
 
 def _place_faults(x: Array, box: Box, walls: tuple[Wall, ...]) -> list[str]:
     faults = []
-    with np.errstate(invalid="ignore"):
-        outside = np.asarray((box.periodic & ((x < 0) | (x > np.where(box.periodic, box.lengths, 0.0)))).any(axis=1))
-    if outside.any():
-        first = int(np.argmax(outside))
-        place = ", ".join(f"{value:g}" for value in x[first])
-        size = ", ".join("any" if math.isinf(length) else f"0 to {length:g}" for length in box.lengths)
+    far = np.asarray((box.periodic & (np.abs(x) > FARTHEST * box.lengths)).any(axis=1))
+    if far.any():
         faults.append(
-            f"{which(outside)} outside of the periodic box ({size}): particle {first} is at {place}; move it by whole "
-            "lengths of the box"
+            f"{which(far)} more than {FARTHEST:g} lengths outside of the periodic box, where digits are lost: move by "
+            "whole lengths"
         )
     for number, wall in enumerate(walls):
         behind = (wall.point - x) @ wall.normal <= 0
