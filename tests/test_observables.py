@@ -66,7 +66,7 @@ def transmitted(result: ParticleResult, axis: int, planes: int) -> tuple[Array, 
     cuts = np.floor(ends[1]) - np.floor(ends[0])
     # on the particle behind: the first, if the second is in front
     force = -(contacts["F"][:, None] * n + contacts.get("T", np.zeros_like(n))) * np.sign(n[:, axis])[:, None]
-    area = abs(np.linalg.det(cell)) / cell[axis, axis]
+    area = abs(np.linalg.det(cell)) / cell[axis, axis] * (float(result.depth) if len(cell) == 2 else 1.0)
     return cuts @ force / (planes * area), float(np.abs(force).max(axis=1).sum() / (planes * area))
 
 

@@ -212,7 +212,7 @@ def test_the_box_is_that_of_the_particles_as_it_leans(sheared: ParticleResult, t
         mesh = meshio.read(file)
         edges = np.diff(mesh.points[mesh.cells[0].data], axis=1)[:, 0]
         number = sheared.t.tolist().index(t)
-        cell = np.eye(3)
+        cell = float(sheared.depth) * np.eye(3)
         cell[:2, :2] = sheared.cell[number]
         cell[0, 1] -= cell[0, 0] * np.round(cell[0, 1] / cell[0, 0])
         assert len(edges) == 12

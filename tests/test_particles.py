@@ -328,7 +328,7 @@ def test_a_sheared_periodic_packing_keeps_its_balances(drag: float) -> None:
     np.testing.assert_allclose(result.stress, result.stress.transpose(0, 2, 1), atol=1e-15)
     # the work done by the moving box is the shear stress times the strain, as far as frames resolve it
     strain = result.t * 1e-4
-    volume = float(np.prod(result.box))
+    volume = float(np.prod(result.box) * result.depth)
     fine = simulate_particles(hexagons(shear_rate=1e-4, until=1000.0, drag=drag, rtol=1e-4, times=201))
     work = volume * np.trapezoid(fine.stress[:, 0, 1], fine.t * 1e-4)
     assert strain[-1] == pytest.approx(0.1)

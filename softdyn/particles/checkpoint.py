@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
-from softdyn.particles.geometry import Box, Contacts
+from softdyn.particles.geometry import Contacts
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.scene import Checked, ParticleScene
@@ -37,6 +37,7 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
         total.update(name.encode() + np.ascontiguousarray(array).tobytes())
     about = (
         scene.tilt,
+        checked.box.depth,
         scene.parameters,
         scene.mixing,
         scene.gap,
@@ -129,7 +130,15 @@ def load(path: Path, key: str, checked: Checked) -> State:
         ]
         stretch = arrays["box_stretch"]
         rate, tilt, since = map(float, about["box"])
-        box = Box(arrays["box_lengths"], rate, tilt, since, stretch if stretch.any() else None)
+        stretching = stretch if stretch.any() else None
+        box = replace(
+            checked.box,
+            lengths=arrays["box_lengths"],
+            shear_rate=rate,
+            tilt=tilt,
+            since=since,
+            stretch=stretching,
+        )
         walls = [replace(wall, point=point) for wall, point in zip(checked.walls, arrays["wall_point"], strict=True)]
         history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
         return State(

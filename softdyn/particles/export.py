@@ -85,7 +85,7 @@ def boxed(result: ParticleResult, frame: int) -> Boxed:
     low, high = every.min(axis=0), every.max(axis=0)
     lengths = 2 * (high - low) + 4 * float(result.radii.max())
     if d == 2:
-        lengths[2] = 1.0  # what programs take for the depth of a plane
+        lengths[2] = float(result.depth)
     cell = np.diag(np.where(periodic, 0.0, lengths))
     cell[:d, :d] += result.cell[frame]
     if periodic[:2].all():

@@ -25,7 +25,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "particles": ("positions", "file", "radii", "species"),
     "packing": ("kind", "count", "dimension", "fraction", "seed", "radii", "cells", "spacing"),
     "contacts": ("gap", "range", "tangential"),
-    "box": ("lengths", "tilt"),
+    "box": ("lengths", "tilt", "depth"),
     "flow": ("shear_rate", "drag"),
     "stress": ("xy", "xx", "yy", "zz", "pressure", "viscosity"),
     "until": ("t", "strain"),
@@ -119,10 +119,12 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     }
     settings |= {"times": data["output"]["times"]} if "times" in data.get("output", {}) else {}
     settings |= {"rtol": data["accuracy"]["rtol"]} if "rtol" in data.get("accuracy", {}) else {}
-    if "box" in data:
+    if "depth" in data.get("box", {}):
+        settings["depth"] = data["box"]["depth"]
+    if "box" in data and set(data["box"]) != {"depth"}:
         if "box" in placed:
             source = "[packing]" if "packing" in data else "[particles] file"
-            raise SceneError(f"[box] follows from {source}: leave it out")
+            raise SceneError(f"[box] follows from {source}: leave it out, but for its depth")
         # TOML has no null: 0 stands for an axis that is not periodic
         lengths = _list(data["box"].get("lengths", []))
         settings["box"] = [None if length == 0 else length for length in lengths]
@@ -221,7 +223,7 @@ def read_particles(path: str | Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``positions`` (N, d), ``radii`` (N,); ``species``, ``box``, ``tilt`` and ``films`` if there are any.
+        ``positions`` (N, d), ``radii`` (N,); ``species``, ``box``, ``tilt``, ``depth`` and ``films`` if there are any.
 
     Raises
     ------
@@ -269,6 +271,8 @@ def from_result(result: ParticleResult) -> dict[str, Any]:
     if names != [""]:
         placed["species"] = [names[k] for k in result.species]
     if periodic.any():
+        if periodic.all() and len(cell) < 3:
+            placed["depth"] = float(result.depth)
         placed["box"] = [float(edge) if repeats else None for edge, repeats in zip(edges, periodic, strict=True)]
         if len(cell) > 1 and periodic[0]:
             placed["tilt"] = float(cell[0, 1])

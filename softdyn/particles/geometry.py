@@ -37,6 +37,9 @@ class Box:
         By how much the second edge leans along x, and the time at which that and the lengths hold.
     stretch : array, shape (d,), optional
         Rates at which the lengths grow, relative to them.
+    depth : float, optional
+        Extent along each of the dimensions that are missing from three: spheres in two dimensions are a layer of that
+        depth, those in one a column of that width and depth.
     """
 
     lengths: Array
@@ -44,6 +47,30 @@ class Box:
     tilt: float = 0.0
     since: float = 0.0
     stretch: Array | None = None
+    depth: float | None = None
+
+    @property
+    def volume(self) -> float:
+        """Volume of a box that is periodic along all its axes: what a virial, force times length, is divided by."""
+        d = len(self.lengths)
+        area = float(np.prod(self.lengths))
+        if d == 3:
+            return area
+        assert self.depth is not None, "a box of fewer than three dimensions has a stress only with a depth"
+        return area * self.depth ** (3 - d)
+
+    @property
+    def rate(self) -> Array:
+        """Rate at which the lattice vectors change, as columns; constant from the time ``since`` on."""
+        return self.gradient @ self._cell
+
+    @property
+    def _cell(self) -> Array:
+        """Lattice vectors at the time ``since``."""
+        cell = np.diag(np.where(self.periodic, self.lengths, 0.0))
+        if len(cell) > 1:
+            cell[0, 1] = self.tilt
+        return cell
 
     @property
     def periodic(self) -> NDArray[np.bool_]:
@@ -137,12 +164,9 @@ def some_of(contacts: Contacts, which: slice | NDArray[np.int64]) -> Contacts:
 
 def lattice(box: Box, t: float) -> Array:
     """Lattice vectors of the box at time t, as columns; 0 along axes that are not periodic."""
-    cell = np.diag(np.where(box.periodic, box.lengths, 0.0))
-    if len(cell) > 1:
-        cell[0, 1] = box.tilt
     if box.shear_rate or box.stretch is not None:
-        cell += (t - box.since) * (box.gradient @ cell)
-    return cell
+        return box._cell + (t - box.since) * box.rate
+    return box._cell
 
 
 def flow(box: Box, x: Array) -> Array:

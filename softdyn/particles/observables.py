@@ -53,9 +53,9 @@ def relative_viscosity(result: ParticleResult) -> Array:
     """Viscosity relative to the fluid's, at each frame: 1 + sigma_xy/(eta shear_rate), the particles' part added.
 
     The symmetric part of the stress is taken, which does the work: where drag resists rotations, there is another. In
-    two dimensions the spheres are a layer one unit of length deep. What each sphere does to the flow by itself,
-    Einstein's 5/2 of the volume fraction, is not in it. Where nothing shears, as at the start under an
-    imposed stress, it is nan.
+    two dimensions the spheres are a layer, as deep as the result's ``depth``. What each sphere does to the flow by
+    itself, Einstein's 5/2 of the volume fraction, is not in it. Where nothing shears, as at the start under an imposed
+    stress, it is nan.
 
     Raises
     ------
@@ -191,10 +191,11 @@ def gap_distribution(result: ParticleResult, frame: int = -1, bins: int | None =
     h = result.contacts(frame)["h"]
     if not len(h):
         return np.empty(0), np.empty(0)
-    low, high = np.log(h.min()), np.log(h.max())
-    widen = max(1e-9, 0.05 * (high == low))
-    edges: Array = np.exp(np.linspace(low - widen, high + widen, (bins or _bins(h)) + 1))
-    density: Array = np.histogram(h, edges)[0] / (len(h) * np.diff(np.log(edges)))
+    smallest = float(h.min())  # in units of which logarithms are taken
+    width = float(np.log(h.max() / smallest))
+    widen = max(1e-9, 0.05 * (width == 0))
+    edges: Array = smallest * np.exp(np.linspace(-widen, width + widen, (bins or _bins(h)) + 1))
+    density: Array = np.histogram(h, edges)[0] / (len(h) * np.diff(np.log(edges / smallest)))
     return edges, density
 
 

@@ -59,11 +59,16 @@ def random_packing(
     if not len(choice) or not np.isfinite(choice).all() or not (choice > 0).all():
         raise SceneError(f"[packing] radii must be positive numbers, not {radii!r}")
     size = choice[np.arange(count) % len(choice)]
+    # in units of the smallest radius, since the minimiser knows sizes of its own
+    unit = float(choice.min())
+    size = size / unit
     length = float((BALL[dimension] * np.sum(size**dimension) / fraction) ** (1 / dimension))
     start = np.random.default_rng(seed).uniform(0, length, (count, dimension))
-    cut = 2 * float(choice.max())
+    cut = 2 * float(size.max())
     if length < 2 * cut:
-        raise SceneError(f"[packing] {count} particles make a box of {length:.4g} only: too small for their diameters")
+        raise SceneError(
+            f"[packing] {count} particles make a box of {length * unit:.4g} only: too small for their diameters"
+        )
 
     def energy(flat: Array) -> tuple[float, Array]:
         x = flat.reshape(count, dimension) % length
@@ -81,13 +86,10 @@ def random_packing(
             gradient[:, axis] -= np.bincount(i, pull[:, axis], minlength=count)
         return 0.5 * float(overlap @ overlap), gradient.reshape(-1)
 
-    tolerance = 1e-6 * float(choice.min())
-    found = minimize(
-        energy, start.reshape(-1), jac=True, method="L-BFGS-B", options={"maxiter": 5000, "gtol": tolerance}
-    )
+    found = minimize(energy, start.reshape(-1), jac=True, method="L-BFGS-B", options={"maxiter": 5000, "gtol": 1e-6})
     x = found.x.reshape(count, dimension) % length
     x[x >= length] = 0.0
-    return x, size, np.full(dimension, length)
+    return x * unit, size * unit, np.full(dimension, length * unit)
 
 
 def lattice_packing(kind: str, cells: Sequence[int], spacing: float) -> tuple[Array, Array]:

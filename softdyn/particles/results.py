@@ -42,7 +42,7 @@ class Frame:
     h, F : array, shape (contacts,)
     stress : array, shape (d, d)
         > 0 in tension; of the force along the first axis on a plane normal to the second. In a periodic box that of the
-        contacts, force/length^(d-1); otherwise the virial of contacts and drag, force times length.
+        contacts, force/length^2; otherwise the virial of contacts and drag, force times length.
     cell : array, shape (d, d)
         Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
     walls : array, shape (walls, d)
@@ -94,7 +94,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         resisting = system.drag[:, None] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
     if system.box.periodic.all():
-        stress = stress / float(np.prod(system.box.lengths))
+        stress = stress / system.box.volume
     near = contacts.h < system.reach
     return Frame(
         t,
@@ -136,7 +136,9 @@ class ParticleResult:
         d, d); ``radii`` (N,), ``species`` (N,) and ``species_names``;
 
         ``box`` (d,): lengths of the periodic box at the start, inf along axes that are not periodic; ``cell`` (frames,
-        d, d): its lattice vectors as columns, 0 along such axes; ``gradient`` (frames, d, d) of the background flow's
+        d, d): its lattice vectors as columns, 0 along such axes; ``depth`` (), in fewer than three dimensions: that of
+        the layer (d = 2), or width and depth of the column (d = 1), in whose volume the stress is; ``gradient``
+        (frames, d, d) of the background flow's
         velocity, with which it moves; ``wall_point`` (frames, walls, d), ``wall_normal``
         (walls, d), from the particles into the wall, ``wall_rigid`` (walls,);
 
@@ -274,6 +276,8 @@ def gather(
         "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
         "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
     }
+    if d < 3:
+        arrays["depth"] = np.array(checked.box.depth)
     if system.kernel.tangential:
         arrays["spin"] = np.array([frame.spin for frame in frames]).reshape(-1, count, rotations(d))
         arrays["contact_T"] = np.concatenate([np.empty((0, d)), *(frame.T for frame in frames)])
@@ -318,7 +322,11 @@ def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
         If an array is missing, or does not fit the others.
     """
     sizes: dict[str, int] = {}
-    for name, shape in {**SHAPES, **(TANGENTIAL_SHAPES if "contact_T" in arrays else {})}.items():
+    if arrays["box"].size < 3 and "depth" not in arrays:
+        arrays = {**arrays, "depth": np.array(1.0)}  # of earlier versions, whose layers were one unit of length deep
+    more = {"depth": ""} if "depth" in arrays else {}
+    more |= TANGENTIAL_SHAPES if "contact_T" in arrays else {}
+    for name, shape in {**SHAPES, **more}.items():
         array = arrays[name]
         if array.dtype.kind not in "fiub" or array.ndim != len(shape):
             raise ValueError(f"{name} is not an array of {len(shape)} dimensions of numbers")

@@ -116,6 +116,10 @@ class ParticleScene:
     tilt : float
         By how much the box leans at the start: how far its top is displaced along x, by more than its length, too.
         What :func:`strain` tells of a result counts from an upright box.
+    depth : float, optional
+        Of the layer that spheres in two dimensions are, and the width and the depth of the column that they are in one:
+        what makes a stress of the forces in a box that is periodic along all axes. Twice the mean radius by default; in
+        three dimensions, and where there is no stress, it is refused.
     walls : sequence of Wall
     shear_rate : float or str
         Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, or an expression of t.
@@ -157,6 +161,7 @@ class ParticleScene:
     films: Mapping[str, Any] | None = None
     box: Sequence[float | None] | None = None
     tilt: float = 0.0
+    depth: float | None = None
     walls: Sequence[Wall] = ()
     shear_rate: float | str = 0.0
     stress: Mapping[str, float | str] = field(default_factory=dict)
@@ -296,7 +301,7 @@ def check(scene: ParticleScene) -> Checked:
             f"{count} particles need a range of their contacts, beyond which there are none: [contacts] range, half of "
             f"the smallest radius or so ({radii.min() / 2:g})"
         )
-    box = _box(scene, d, faults)
+    box = _box(scene, radii, d, faults)
     walls = _walls(scene, d, faults)
     if not isinstance(scene.tangential, (bool, np.bool_)):
         faults.append(f"tangential must be true or false, not {scene.tangential!r}")
@@ -362,7 +367,7 @@ def _array(name: str, values: Any) -> Array:
         raise SceneError(f"[particles] {name} must be numbers") from None
 
 
-def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
+def _box(scene: ParticleScene, radii: Array, d: int, faults: list[str]) -> Box:
     lengths = np.full(d, math.inf)
     if scene.box is not None:
         given = list(scene.box)
@@ -377,7 +382,21 @@ def _box(scene: ParticleScene, d: int, faults: list[str]) -> Box:
                 else:
                     lengths[axis] = float(length)
     rate = shear_flow(scene)
-    return Box(lengths, float(scene.shear_rate) if rate is None else rate(0.0), float(scene.tilt))
+    depth = None if d == 3 else 2 * float(np.mean(radii))
+    if scene.depth is not None:
+        if not is_number(scene.depth) or not scene.depth > 0:
+            faults.append(f"[box] depth must be a positive number, not {scene.depth!r}")
+        elif d == 3:
+            faults.append("[box] depth: spheres in three dimensions are no layer that has a depth; leave it out")
+        elif not np.isfinite(lengths).all():
+            faults.append(
+                "[box] depth makes a stress of the forces in a box that is periodic along all axes; elsewhere there is "
+                "none, and nothing takes a depth: leave it out, or give all lengths"
+            )
+        else:
+            depth = float(scene.depth)
+    shear_rate = float(scene.shear_rate) if rate is None else rate(0.0)
+    return Box(lengths, shear_rate, float(scene.tilt), depth=depth)
 
 
 def _coordinates(values: Any, d: int) -> Array | None:

@@ -98,9 +98,9 @@ def starting(contacts: Contacts, radii: Array, normal: Array) -> Known:
     """What is known at the start of a step."""
     wall = contacts.j >= len(radii)
     one = radii[contacts.i]
-    other = radii[np.where(wall, contacts.i, contacts.j)]
+    other = radii[np.where(wall, contacts.i, contacts.j)]  # a wall, which does not turn, may have any
     unlike = np.where(wall, -1.0, (one - other) / (one + other))
-    return Known(normal, contacts.T, np.zeros(len(contacts)), np.array([one, np.where(wall, 1.0, other)]), unlike)
+    return Known(normal, contacts.T, np.zeros(len(contacts)), np.array([one, other]), unlike)
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -99,7 +99,9 @@ def placed(system: System, t: float, s: float, z_star: Array, rates: Array) -> t
         walls = tuple(replace(wall, point=point) for wall, point in zip(walls, z[d + 1 :].reshape(-1, d), strict=True))
     if system.imposed is not None or system.shear is not None:
         tilt = float(z[d] * edges[0]) if d > 1 else 0.0
-        box = Box(np.where(box.periodic, edges, math.inf), shear, tilt, t, stretch if stretch.any() else None)
+        lengths = np.where(box.periodic, edges, math.inf)
+        stretching = stretch if stretch.any() else None
+        box = replace(box, lengths=lengths, shear_rate=shear, tilt=tilt, since=t, stretch=stretching)
     return replace(system, box=box, walls=walls), z_rate
 
 
@@ -112,7 +114,7 @@ def stress_of(system: System, contacts: Contacts, at: Balance) -> Array:
     if at.slid is not None:
         sheared = np.einsum("c,ca,cb->ab", at.r, at.slid.force, at.n)
         stress += (sheared + sheared.T) / 2
-    return -stress / float(np.prod(system.box.lengths))
+    return -stress / system.box.volume
 
 
 def fluid_stress(box: Box, viscosity: float) -> Array:
@@ -132,7 +134,7 @@ def _relative(system: System, at: Balance, wrong: Array, t: float) -> float:
     """Size of an excess, relative to all that makes a stress."""
     imposed = system.imposed
     assert imposed is not None
-    scale = float(np.abs(at.F * at.r).sum()) / float(np.prod(system.box.lengths))
+    scale = float(np.abs(at.F * at.r).sum()) / system.box.volume
     scale += float(np.abs(imposed.values(t)).max()) + float(np.abs(fluid_stress(system.box, imposed.viscosity)).max())
     return float(np.abs(wrong).max()) / scale if scale > 0 else 0.0
 
@@ -142,7 +144,7 @@ def condensed(system: System, contacts: Contacts, newton: Newton, at: Balance, s
     imposed, d = system.imposed, len(system.box.lengths)
     assert imposed is not None
     G, E = imposed.gradients(d), imposed.weights(d)
-    volume = float(np.prod(system.box.lengths))
+    volume = system.box.volume
     rho, slope = at.n * at.r[:, None], at.F / at.r
     images = contacts.shift @ lattice(system.box, system.box.since).T
     pushed = s * np.einsum("kab,cb->kca", G, images)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, lattice
+from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow
 from softdyn.particles.imposed import Imposed
 from softdyn.particles.kernel import ContactKernel
 
@@ -134,7 +134,7 @@ def background(system: System, x: Array) -> Array:
 def moving_images(system: System, contacts: Contacts, t: float) -> tuple[NDArray[np.int64], Array]:
     """Contacts with an image that moves with the box, or with a moving wall; and its velocity, shape (those, d)."""
     rows = crossing(contacts.shift)
-    velocities = contacts.shift[rows] @ (lattice(system.box, t + 1.0) - lattice(system.box, t)).T
+    velocities = contacts.shift[rows] @ system.box.rate.T
     if system.wall_velocity is None:
         return rows, velocities
     count = len(system.radii)

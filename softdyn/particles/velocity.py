@@ -85,7 +85,8 @@ def simulate_by_velocities(
             v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.drag[:, None]
         else:
             pull = value["C"] / value["D"] * (F - value["F_adh"])
-            v = _velocities(contacts.i, contacts.j, n, value["C"], F / r, pull, _rate_of(system.force, t))
+            force_rate = _rate_of(system.force, t, 1e-3 * float(times[-1]))
+            v = _velocities(contacts.i, contacts.j, n, value["C"], F / r, pull, force_rate)
         return np.concatenate([v.reshape(-1), gap_rate])
 
     first = np.concatenate([state.x.reshape(-1), contacts.h])
@@ -103,9 +104,8 @@ def simulate_by_velocities(
     return done.y[: count * d].T.reshape(-1, count, d), done.y[count * d :].T
 
 
-def _rate_of(force: Callable[[float], Array], t: float) -> Array:
+def _rate_of(force: Callable[[float], Array], t: float, step: float) -> Array:
     """Rate of change of the external forces, by a central difference of fourth order."""
-    step = 1e-3 * max(abs(t), 1.0)
     return (8 * (force(t + step) - force(t - step)) - force(t + 2 * step) + force(t - 2 * step)) / (12 * step)
 
 
