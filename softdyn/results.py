@@ -206,6 +206,8 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
             if "about" not in arrays:
                 raise ValueError("it holds no run; the table of a sweep is for numpy.load")
             about = read_json(str(arrays.pop("about")))
+            if about.get("kind") == "checkpoint":
+                raise ValueError("it is a checkpoint, from which the run that left it goes on with --resume")
             if about.get("kind") == "particles":
                 from softdyn.particles.results import result_from
 

@@ -146,6 +146,19 @@ def read_scene(path: str | Path) -> Scene:
         raise SceneError(f"{path}: {error}") from None
 
 
+_RESULT = 'a result: softdyn plot and convert read it, and a scene may go on from it, [particles] file = "..."'
+_TABLE = "a table: a scene names it, as [particles] file, or as what drives a pair"
+#: Endings of files that are no scenes, and what they are.
+NO_SCENES = {
+    ".npz": _RESULT,
+    ".json": _RESULT,
+    ".csv": _TABLE,
+    ".gsd": "what other programs show",
+    ".pvd": "what other programs show",
+    ".py": 'a law: a scene names it, law = "FILE.py"',
+}
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Content of a scene file.
 
@@ -158,6 +171,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raw = path.read_bytes()
     except OSError as error:
         raise SceneError(f"cannot read the scene {path}: {error.strerror}") from None
+    if path.suffix.lower() in NO_SCENES:
+        raise SceneError(f"{path} is no scene, which is TOML, but {NO_SCENES[path.suffix.lower()]}")
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise SceneError(f"{path} is text in UTF-16, and TOML is in UTF-8: save it as such")
     try:
@@ -193,13 +208,13 @@ def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
     """Scene from the content of a scene file; paths in it are relative to ``folder``."""
     if is_particle_scene(data):
         raise SceneError("it is a scene of many particles, for softdyn run; here one of two is needed, with [pair]")
-    faults = _unknown(data, TOP_LEVEL, "")
+    faults = unknown_keys(data, TOP_LEVEL, "")
     for section, keys in KEYS.items():
         content = data.get(section, {})
         if not isinstance(content, Mapping):
             faults.append(f"{section} must be a section, [{section}]")
         else:
-            faults += _unknown(content, keys, f"[{section}] ")
+            faults += unknown_keys(content, keys, f"[{section}] ", TOP_LEVEL)
     missing = [key for key in ("law", "parameters", "pair", "drive", "until") if key not in data]
     faults += [f"[{key}] is missing" if key != "law" else 'law is missing: law = "NAME"' for key in missing]
     if "pair" not in missing and isinstance(data["pair"], Mapping) and "h" not in data["pair"]:
@@ -235,13 +250,42 @@ def _file_or_value(name: str, value: Any, folder: Path) -> Any:
         return {**value, "base": _file_or_value("base", value["base"], folder)}
     if name == "spring" or not isinstance(value, Mapping):
         return value
-    if set(value) != {"file"} or not isinstance(value["file"], str):
+    if set(value) != {"file"}:
         raise SceneError(f'[drive] {name}: a table is {{file = "{name}.csv"}}, with no other key')
-    return read_table(folder / value["file"], name, HEADINGS[name])
+    if not isinstance(value["file"], str):
+        raise SceneError(f"[drive] {name}: file must be a path, not {value['file']!r}")
+    try:
+        return read_table(folder / value["file"], name, HEADINGS[name])
+    except SceneError as error:
+        raise SceneError(f"[drive] {name}: {error}") from None
 
 
-def _unknown(given: Iterable[str], allowed: Sequence[str], where: str) -> list[str]:
-    return [f"{where}unknown key {key!r}{suggestion(key, allowed)}" for key in given if key not in allowed]
+#: Keys that are likely meant otherwise, and how.
+MEANT = {
+    "diameter": "radii are half of it",
+    "diameters": "radii are half of them",
+    "tilt_xy": "[box] tilt",
+    "contacts": "a section of scenes of many particles, with [particles] or [packing]",
+    "flow": "a section of scenes of many particles, with [particles] or [packing]",
+    "box": "a section of scenes of many particles, with [particles] or [packing]",
+    "drive": "a section of scenes of two particles; many are driven by [[push]], [[hold]], [flow] and [stress]",
+}
+
+
+def unknown_keys(given: Iterable[str], allowed: Sequence[str], where: str, above: Sequence[str] = ()) -> list[str]:
+    """Faults of the keys of a section that it does not have; ``above`` are those of the top level."""
+    faults = []
+    for key in given:
+        if key in allowed:
+            continue
+        if key in above:
+            hint = "; it is a key of the scene itself: write it before the first section, or as a section of its own"
+        elif key in MEANT:
+            hint = f"; {MEANT[key]}"
+        else:
+            hint = suggestion(key, allowed)
+        faults.append(f"{where}unknown key {key!r}{hint}")
+    return faults
 
 
 def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) -> Table:
@@ -250,6 +294,7 @@ def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) 
     Parameters
     ----------
     path : str or Path
+        Of the table, or of a result of two particles (.npz, .json), of which the column is taken.
     name : str
         Heading of the values.
     also : sequence of str
@@ -264,6 +309,8 @@ def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) 
     SceneError
         Naming the column or the line at fault.
     """
+    if Path(path).suffix in (".npz", ".json") and Path(path).is_file():
+        return _table_of_result(Path(path), name, also)
     known = (Column("time", ("t",)), Column(name, tuple(also) if name == "value" else (*also, "value")))
     read = read_columns(path, "table", known, order=("time", name), besides=("h", "delta", *QUANTITIES))
     t = read["time"]
@@ -277,6 +324,21 @@ def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) 
         more = " (twice is a jump, more is nothing)" if steps[row - 1] == 0 else ""
         raise SceneError(f"{read.at(row)}: time {t[row]:.17g} does not come after {t[row - 1]:.17g}{more}")
     return Table(t, read[name])
+
+
+def _table_of_result(path: Path, name: str, also: Sequence[str]) -> Table:
+    """What a saved result of two particles says of a quantity over time."""
+    from softdyn.results import PairResult, load_result
+
+    result = load_result(path)
+    if not isinstance(result, PairResult):
+        raise SceneError(f"{path} holds a run of many particles; a table of time and {name} is needed")
+    held = [quantity for quantity in also if quantity in result.arrays]
+    if not held:
+        wanted = [quantity for quantity in also if quantity in QUANTITIES]
+        quantity = f" ({wanted[0]})" if wanted else ""
+        raise SceneError(f"the result {path} holds no {name}{quantity}; it holds {', '.join(result.arrays)}")
+    return _table_from(name, result.t, result.arrays[held[0]])
 
 
 @dataclass(frozen=True)
@@ -362,7 +424,10 @@ def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
         taken = [constant for constant in constants if constant in ("t", "pi", *FUNCTIONS)]
         if taken:
             raise SceneError(f"[drive] constants: {', '.join(taken)} has a meaning of its own in an expression")
-        expression: Expression = parse(value, constants)
+        try:
+            expression: Expression = parse(value, constants)
+        except SceneError as error:
+            raise SceneError(f"[drive] {name}: {error}") from None
         unused = [constant for constant in constants if not re.search(rf"\b{re.escape(constant)}\b", value)]
         if unused:
             raise SceneError(f"[drive] constants: {', '.join(unused)} does not appear in the {name} {value!r}")
@@ -388,9 +453,10 @@ def _table_from(name: str, t: Any, F: Any) -> Table:
     except (TypeError, ValueError, OverflowError):
         raise SceneError(f"{name}: a table is a pair of arrays of numbers, (t, values)") from None
     if table.t.ndim != 1 or table.t.shape != table.F.shape or len(table.t) < 2:
+        found = " and ".join(str(len(values)) if values.ndim == 1 else f"{values}" for values in (table.t, table.F))
         raise SceneError(
-            f"{name}: a table is two arrays of one length, 2 at least, not {table.t.shape} and {table.F.shape}; many "
-            "runs at once take their values as a numpy array"
+            f"[drive] {name}: a table is two lists of one length, 2 at least, times and values, not {found}; many runs "
+            "at once take their values as a numpy array"
         )
     steps = np.diff(table.t)
     rising = (steps >= 0).all() and not (np.diff(np.flatnonzero(steps == 0)) == 1).any()

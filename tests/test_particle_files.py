@@ -139,7 +139,7 @@ until = {t = 10.0}
         ("fraction = 0.88", "fraction = 7", "fraction must lie between"),
         ("count = 40", "count = 40.5", "count must be a whole number"),
         ("count = 40", "count = 3", "too small"),
-        ('kind = "random"', 'kind = "quasi"', "takes cells, spacing, radii"),
+        ('kind = "random"', 'kind = "quasi"', "unknown kind 'quasi'; there are random, square"),
         ("law =", "box = {lengths = [1.0]}\nlaw =", "follows from"),
         ("law =", "push = [{force = [0, 0]}]\nlaw =", r"\[\[push\]\] 0: particles is missing"),
         ("law =", "push = 3\nlaw =", "must be a list of sections"),

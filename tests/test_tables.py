@@ -176,7 +176,7 @@ until = {t = 3e-6}
         ("a.xyz", b"1\nwater\nO 0.0 0.0 0.0\n", "an XYZ file"),
         ("a.vtk", b"# vtk DataFile Version 3.0\n", "a VTK file"),
         ("a.vtu", b'<?xml version="1.0"?>\n<VTKFile type="x">', "a VTK file"),
-        ("a.json", b'{"t": []}', "JSON"),
+        ("a.txt", b'{"t": []}', "JSON"),
         ("a.gsd", b"\0\0\0\0", "a GSD file"),
         ("a.h5", b"\x89HDF\r\n", "an HDF5 file"),
         ("a.npy", b"\x93NUMPY", "an array of numpy"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from softdyn.particles.packing import lattice_packing, random_packing
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
 from softdyn.particles.words import AXES
-from softdyn.scene import is_particle_scene, read_toml
+from softdyn.scene import is_particle_scene, read_toml, unknown_keys
 from softdyn.tables import Column, read_columns
 from softdyn.words import listed, suggestion
 
@@ -38,6 +38,8 @@ LISTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "hold": (("particles", "axes"), ("velocity", "spin")),
     "wall": (("point", "normal"), ("rigid", "velocity")),
 }
+#: Of packings.
+KINDS = ("random", "square", "hexagonal", "cubic", "fcc")
 OPEN = ("parameters", "mixing", "constants")
 TOP_LEVEL = ("law", "target", *OPEN, *KEYS, *LISTS)
 
@@ -73,22 +75,25 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     """
     if "pair" in data and not is_particle_scene(data):
         raise SceneError("it is a scene of two particles, with [pair]; here [particles] or [packing] is needed")
-    faults = [f"unknown key {key!r}{suggestion(key, TOP_LEVEL)}" for key in data if key not in TOP_LEVEL]
+    faults = unknown_keys(data, TOP_LEVEL, "")
     for name in (*KEYS, *OPEN):
         content = data.get(name, {})
         if not isinstance(content, Mapping):
             faults.append(f"{name} must be a section, [{name}]")
         elif name in KEYS:
-            faults += _unknown(content, KEYS[name], f"[{name}]")
+            faults += unknown_keys(content, KEYS[name], f"[{name}] ", TOP_LEVEL)
     for name, (required, optional) in LISTS.items():
         entries = data.get(name, [])
         if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
             faults.append(f"{name} must be a list of sections, [[{name}]]")
             continue
         for number, entry in enumerate(entries):
-            faults += _unknown(entry, (*required, *optional), f"[[{name}]] {number}")
+            faults += unknown_keys(entry, (*required, *optional), f"[[{name}]] {number} ", TOP_LEVEL)
             faults += [f"[[{name}]] {number}: {key} is missing" for key in required if key not in entry]
-    faults += [f"{key} is missing" for key in ("law", "parameters", "until") if key not in data]
+    missing = [key for key in ("law", "parameters", "until") if key not in data]
+    faults += [f"[{key}] is missing" if key != "law" else 'law is missing: law = "NAME"' for key in missing]
+    if isinstance(data.get("box"), Mapping) and "lengths" not in data["box"]:
+        faults.append("[box] lengths is missing, one for each axis; 0 along those that are not periodic")
     if ("particles" in data) == ("packing" in data):
         faults.append("[particles] and [packing] are two ways to say where the particles are: give one of them")
     if faults:
@@ -126,19 +131,15 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             source = "[packing]" if "packing" in data else "[particles] file"
             raise SceneError(f"[box] follows from {source}: leave it out, but for its depth")
         # TOML has no null: 0 stands for an axis that is not periodic
-        lengths = _list(data["box"].get("lengths", []))
+        lengths = _list("[box] lengths", data["box"]["lengths"])
         settings["box"] = [None if length == 0 else length for length in lengths]
         settings["tilt"] = data["box"].get("tilt", 0.0)
     return ParticleScene(**settings)
 
 
-def _unknown(given: Mapping[str, Any], allowed: Sequence[str], where: str) -> list[str]:
-    return [f"{where} unknown key {key!r}{suggestion(key, allowed)}" for key in given if key not in allowed]
-
-
-def _list(value: Any) -> list[Any]:
+def _list(where: str, value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise SceneError(f"a list is expected, not {value!r}")
+        raise SceneError(f"{where} must be a list of numbers, not {value!r}")
     return value
 
 
@@ -180,6 +181,8 @@ def _placed(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
     kind = packing.get("kind", "random")
+    if kind not in KINDS:
+        raise SceneError(f"[packing] unknown kind {kind!r}{suggestion(kind, KINDS)}")
     wanted = ("count", "dimension", "fraction", "seed", "radii") if kind == "random" else ("cells", "spacing", "radii")
     missing = [key for key in wanted if key not in packing]
     other = [key for key in packing if key not in (*wanted, "kind")]
@@ -196,12 +199,12 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
         spacing = packing["spacing"]
         if isinstance(spacing, bool) or not isinstance(spacing, (int, float)):
             raise SceneError(f"[packing] spacing must be a number, not {spacing!r}")
-        x, lengths = lattice_packing(str(kind), _list(packing["cells"]), float(spacing))
+        x, lengths = lattice_packing(str(kind), _list("[packing] cells", packing["cells"]), float(spacing))
         size = np.array(radii, dtype=float)[np.arange(len(x)) % len(radii)]
         return {"positions": x, "radii": size, "box": list(lengths)}
     for key in ("count", "dimension", "seed"):
         if isinstance(packing[key], bool) or not isinstance(packing[key], int) or packing[key] < 0:
-            raise SceneError(f"[packing] {key} must be a whole number, not {packing[key]!r}")
+            raise SceneError(f"[packing] {key} must be a whole number, 0 or larger, not {packing[key]!r}")
     if isinstance(packing["fraction"], bool) or not isinstance(packing["fraction"], (int, float)):
         raise SceneError(f"[packing] fraction must be a number, not {packing['fraction']!r}")
     x, size, lengths = random_packing(

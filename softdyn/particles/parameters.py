@@ -48,6 +48,9 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
             if not is_number(value):
                 faults.append(f"[parameters] {name} must be a finite number, not {value!r}")
             continue
+        if checked.names == ("",):
+            faults.append(f"[parameters] {name} depends on the species, and particles have none: [particles] species")
+            continue
         unknown = [key for key in value if key not in checked.names]
         missing = [key for key in checked.names if key not in value]
         known = ", ".join(repr(key) for key in checked.names)

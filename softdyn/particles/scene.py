@@ -239,6 +239,8 @@ def check(scene: ParticleScene) -> Checked:
     radii = _array("radii", scene.radii)
     if radii.ndim == 0:
         radii = np.full(count, float(radii))
+    if radii.ndim != 1:
+        raise SceneError(f"[particles] radii must be one number, or a list of {count}, not of shape {radii.shape}")
     if radii.shape != (count,):
         raise SceneError(f"[particles] {len(radii)} radii for {count} particles")
     faults = []
@@ -330,8 +332,7 @@ def check(scene: ParticleScene) -> Checked:
     if faults:
         raise SceneError(listed(faults))
     names, species = _species(scene, count)
-    faults += _place_faults(x, box, walls)
-    faults += _overlap_faults(x, radii, box, walls)
+    faults += _place_faults(x, box, walls) or _overlap_faults(x, radii, box, walls)
     if faults:
         raise SceneError(listed(faults))
     pushed = [numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.pushes)]
@@ -362,9 +363,24 @@ def check(scene: ParticleScene) -> Checked:
 
 def _array(name: str, values: Any) -> Array:
     try:
-        return np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise SceneError(f"[particles] {name} must be numbers") from None
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        rows = list(values) if isinstance(values, (list, tuple)) else []
+        sizes = [len(row) if isinstance(row, (list, tuple, np.ndarray)) else 1 for row in rows]
+        other = next((k for k, size in enumerate(sizes) if size != sizes[0]), None)
+        if other is not None:
+            raise SceneError(
+                f"[particles] {name}: particle {other} has {sizes[other]} numbers, and particle 0 {sizes[0]}"
+            ) from None
+        raise SceneError(f"[particles] {name} must be numbers, not {str(values)[:80]}") from None
+    flat = (
+        values
+        if not isinstance(values, (list, tuple))
+        else [cell for row in values for cell in (row if isinstance(row, (list, tuple)) else (row,))]
+    )
+    if isinstance(flat, bool) or (isinstance(flat, list) and any(isinstance(cell, (bool, str)) for cell in flat)):
+        raise SceneError(f"[particles] {name} must be numbers, not {str(values)[:80]}")
+    return array
 
 
 def _box(scene: ParticleScene, radii: Array, d: int, faults: list[str]) -> Box:
