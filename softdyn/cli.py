@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import re
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -39,6 +38,7 @@ examples:
   softdyn convert emulsion.npz -o a.gsd      the same for OVITO
   softdyn bench                              error against CPU time, ours and that of every peer that is installed
   softdyn stress                             the pair engine where it is hard: right, refused, or wrong
+  softdyn stress particles                   random scenes of particles against their equations
 """
 
 FORMATS = """
@@ -73,9 +73,6 @@ Command = Callable[[argparse.Namespace], int]
 
 def _goes_on(options: argparse.Namespace) -> str:
     """How an interrupted command goes on, if it left something to go on from."""
-    if getattr(options, "command", None) is _bench:
-        kept = options.folder / f"{'particles' if options.what == 'particles' else 'bench'}.partial.txt"
-        return f"; what it has measured is in {kept}" if kept.exists() else ""
     output = getattr(options, "output", None)
     if output is None:
         return ""
@@ -167,12 +164,7 @@ def _parser() -> argparse.ArgumentParser:
         help="put a number in the place of a parameter; repeatable",
     )
     generate.add_argument(
-        "-o",
-        dest="folder",
-        metavar="DIR",
-        type=Path,
-        help="folder to write to (default: the terminal): LAW.c; LAW_SCENE.c for a scene, LAW_SCENE_contacts.c if it "
-        "is of many particles; LAW_R1.c with R=1; .py with numba",
+        "-o", dest="folder", metavar="DIR", type=Path, help="folder to write to (default: the terminal)"
     )
     generate.add_argument("--stock", action="store_true", help="regenerate the files of generated/ instead")
     generate.add_argument(
@@ -254,12 +246,20 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         type=Path,
         default=Path("softdyn-results/bench"),
-        help="of the report, and, as it is made, of what is measured so far; default: %(default)s",
+        help="of the report on pairs; default: %(default)s",
     )
 
     stress = add(
-        "stress", _stress, "run the pair engine where it is hard, and tell where it is right, and where it refuses"
+        "stress", _stress, "run the engines where it is hard, and tell where they are right, and where they refuse"
     )
+    stress.add_argument(
+        "what",
+        nargs="?",
+        choices=("pair", "particles"),
+        default="pair",
+        help="pairs, or random small scenes of particles against their equations (default: %(default)s)",
+    )
+    stress.add_argument("--scenes", type=int, default=300, metavar="N", help="of particles (default: %(default)s)")
     stress.add_argument(
         "-o",
         dest="folder",
@@ -408,7 +408,7 @@ def _generate(options: argparse.Namespace) -> int:
         raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
     from softdyn.results import written_whole
 
-    manifest, kind = _manifest(options)
+    manifest = _manifest(options)
     text = sys.stderr if options.folder is None else sys.stdout
     for rule, before, after in manifest["savings"]:
         print(f"{rule}: {before} -> {after} operations, {before - after} saved", file=text)
@@ -417,23 +417,15 @@ def _generate(options: argparse.Namespace) -> int:
     if options.folder is None:
         print(manifest["source"], end="")
         return 0
-    path = options.folder / f"{_kernel_name(manifest['name'], kind, options)}{manifest['suffix']}"
+    path = options.folder / f"{manifest['name']}{manifest['suffix']}"
     with written_whole(path) as temporary:
         temporary.write_text(manifest["source"], encoding="utf-8")
     print(f"wrote {path}")
     return 0
 
 
-def _kernel_name(law: str, kind: str, options: argparse.Namespace) -> str:
-    """Name of a kernel's file, without its ending: it tells what the kernel is for, and a module may be called so."""
-    spelled = {".": "p", "-": "m", "+": ""}
-    fixed = [name + "".join(spelled.get(sign, sign) for sign in value) for name, value in _fixed(options.fix).items()]
-    scene = [] if options.scene is None else [options.scene.stem]
-    return re.sub(r"\W", "_", "_".join([law, *scene, *fixed, *([kind] if kind else [])]))
-
-
-def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    """The kernel that ``generate`` asks for, and "contacts" if it is that of many particles."""
+def _manifest(options: argparse.Namespace) -> dict[str, Any]:
+    """The kernel that ``generate`` asks for."""
     from softdyn.api import read_scene
     from softdyn.kernels import make_manifest
     from softdyn.laws import find
@@ -454,8 +446,8 @@ def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
 
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
-        return contact_manifest(find(options.law), options.target, kernel_needs(scene, check(scene))), "contacts"
-    return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)}), ""
+        return contact_manifest(find(options.law), options.target, kernel_needs(scene, check(scene)))
+    return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)})
 
 
 def _fixed(pairs: Sequence[str]) -> dict[str, str]:
@@ -654,13 +646,17 @@ def _bench(options: argparse.Namespace) -> int:
     if options.what == "particles":
         from softdyn.particles.bench import bench_particles
 
-        return bench_particles(options.folder)
+        return bench_particles()
     from softdyn.bench.run import main
 
     return main(options.folder)
 
 
 def _stress(options: argparse.Namespace) -> int:
+    if options.what == "particles":
+        from softdyn.stress.particles import report
+
+        return report.main(options.folder, options.scenes)
     from softdyn.stress.run import main
 
     return main(options.folder)

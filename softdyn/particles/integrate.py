@@ -36,6 +36,8 @@ SAFETY = 0.8
 LARGEST_GROWTH = 3.0
 #: After a step that could not be solved for, that limit starts from 1 and grows so: what was too long a step still is.
 RECOVERY = 1.1
+#: Of the first step: velocities at the start are those of a step of this part of it.
+BRIEF = 1e-3
 #: A strain is reached to this fraction of it.
 STRAINED = 1e-9
 
@@ -184,7 +186,7 @@ def _shorten(system: System, state: State, until: float, dt: float, error: float
 def _accept(system: System, state: State, step: Step, dt: float, when: float, grow: float) -> System:
     """Take the end of a step for the state; returns the system with box and walls as they are there."""
     if state.frames and state.frames[0].t == state.t == 0.0:
-        state.frames[0] = frame_now(system, replace(state, v=step.first_v))
+        state.frames[0] = frame_now(system, replace(state, v=_first_velocities(system, state, step, dt)))
     for output in step.outputs:
         state.frames.append(frame_within(output, state))
     state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
@@ -206,6 +208,16 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
     state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
     state.power = step.power
     return step.system
+
+
+def _first_velocities(system: System, state: State, step: Step, dt: float) -> Array:
+    """Velocities at the start of a run, by a step so short that nothing has relaxed within it."""
+    try:
+        return take_step(
+            system, state.contacts, Newton(), state.t, state.x, step.first_v, state.y_rate, BRIEF * dt
+        ).first_v
+    except (StepFailed, linear.Indefinite):
+        return step.first_v
 
 
 def _strain(checked: Checked, box: Box, t: float) -> float:

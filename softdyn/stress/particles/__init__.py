@@ -1,0 +1,1 @@
+"""Small random scenes of particles against their equations, written down once more and integrated by scipy."""

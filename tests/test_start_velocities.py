@@ -1,0 +1,23 @@
+"""Velocities of the first frame follow from the forces there, however fast these then relax."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from softdyn import particles
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+def test_the_first_velocities_are_those_of_the_first_forces(rtol: float) -> None:
+    """Extrapolated from within the first step they were off by a tenth: pressed spheres spring apart within it."""
+    scene = particles.ParticleScene(
+        law="rognon_gay", parameters={"E": 100.0, "eta": 1.0}, positions=[[0.0, 0.0], [1.96, 0.0]], radii=1.0, gap=0.01,
+        pushes=[particles.Push([0], force=[0.1, -0.2])], drag=1.0, until=50.0, times=3, rtol=rtol,
+    )  # fmt: skip
+    result = particles.simulate(scene)
+    F = result.contacts(0)["F"][0]
+    exact = np.array([[0.1 - F, -0.2], [F, 0.0]]) / (6 * math.pi)
+    assert np.abs(result.v[0] - exact).max() < 3 * rtol * np.abs(exact).max()
