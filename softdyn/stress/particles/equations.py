@@ -375,7 +375,9 @@ def tell(eq: Equations, t: float, state: Array) -> Now:
     push = F[:, None] * n + T
 
     stress = -np.einsum("c,ca,cb->ab", r, push, n)
-    volume = float(np.prod(np.exp(z[:3])[: eq.d])) if eq.periodic[: eq.d].all() else 1.0
+    depth = float(eq.case.scene.depth or 2 * eq.radii.mean())
+    boxed = eq.periodic[: eq.d].all()
+    volume = float(np.prod(np.exp(z[:3])[: eq.d])) * depth ** (3 - eq.d) if boxed else 1.0
     gradient = box_gradient(eq, given, (stress + stress.T) / (2 * volume))
     cell_rate = gradient @ cell
     far = np.concatenate([np.zeros((eq.count, 3)), given["wall"]])[eq.j] + eq.shift @ cell_rate.T

@@ -217,9 +217,11 @@ def _dragged(draft: Draft) -> Case:
     if box is not None:
         least = 2 * (2 * float(radii.max()) + float(reach or 0.0))
         tilt *= least
+    deep = box is not None and d < 3 and draft.chance(0.3)
     return _case(
         draft, scene, x=x, radii=radii, until=T, gap=gap * length, reach=None if reach is None else reach * length,
         box=None if box is None else [b * length if b else None for b in box], tilt=tilt * length, walls=walls,
+        depth=draft.uniform(1.0, 5.0) * length if deep else None,
         shear_rate=shear, stress=stress, drag=drag, pushes=pushes, holds=holds, tangential=slides,
     )  # fmt: skip
 
