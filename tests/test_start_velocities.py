@@ -21,3 +21,15 @@ def test_the_first_velocities_are_those_of_the_first_forces(rtol: float) -> None
     F = result.contacts(0)["F"][0]
     exact = np.array([[0.1 - F, -0.2], [F, 0.0]]) / (6 * math.pi)
     assert np.abs(result.v[0] - exact).max() < 3 * rtol * np.abs(exact).max()
+
+
+def test_a_box_under_stress_moves_from_the_start() -> None:
+    """Its first frame said that it is at rest, while its particles were not."""
+    scene = particles.ParticleScene(
+        law="rognon_gay", parameters={"E": 10.0, "eta": 1.0}, positions=[[1.0, 1.0], [3.0, 1.2]], radii=1.0, gap=0.05,
+        reach=0.4, box=[6.0, 6.0], stress={"xy": 0.1}, drag=1.0, until=2.0, times=3, rtol=1e-4,
+    )  # fmt: skip
+    result = particles.simulate(scene)
+    stress = (result.stress[0] + result.stress[0].T) / 2
+    assert abs(result.stress[0]).max() > 1e-3
+    assert result.gradient[0, 0, 1] == pytest.approx(0.1 - stress[0, 1], rel=1e-5)

@@ -6,7 +6,7 @@ import math
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from softdyn.particles.faults import require_balanced, require_films, require_sh
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
+from softdyn.particles.results import Frame
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State, frame_now, frame_within, present
 from softdyn.particles.step import Step, take_step
@@ -186,7 +187,7 @@ def _shorten(system: System, state: State, until: float, dt: float, error: float
 def _accept(system: System, state: State, step: Step, dt: float, when: float, grow: float) -> System:
     """Take the end of a step for the state; returns the system with box and walls as they are there."""
     if state.frames and state.frames[0].t == state.t == 0.0:
-        state.frames[0] = frame_now(system, replace(state, v=_first_velocities(system, state, step, dt)))
+        state.frames[0] = _first_frame(system, state, step, dt)
     for output in step.outputs:
         state.frames.append(frame_within(output, state))
     state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
@@ -210,14 +211,11 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
     return step.system
 
 
-def _first_velocities(system: System, state: State, step: Step, dt: float) -> Array:
-    """Velocities at the start of a run, by a step so short that nothing has relaxed within it."""
-    try:
-        return take_step(
-            system, state.contacts, Newton(), state.t, state.x, step.first_v, state.y_rate, BRIEF * dt
-        ).first_v
-    except (StepFailed, linear.Indefinite):
-        return step.first_v
+def _first_frame(system: System, state: State, step: Step, dt: float) -> Frame:
+    """Frame of the start of a run: velocities and rates of the box by a step in which nothing has time to relax."""
+    with suppress(StepFailed, linear.Indefinite):
+        step = take_step(system, state.contacts, Newton(), state.t, state.x, step.first_v, state.y_rate, BRIEF * dt)
+    return frame_now(replace(system, box=step.first_box), replace(state, v=step.first_v))
 
 
 def _strain(checked: Checked, box: Box, t: float) -> float:

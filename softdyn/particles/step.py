@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softdyn.particles import sliding
 from softdyn.particles.balance import Balance, Given, Newton, balance, largest, with_torques
 from softdyn.particles.energy import powers
-from softdyn.particles.geometry import Contacts, directions, lattice
+from softdyn.particles.geometry import Box, Contacts, directions, lattice
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
 from softdyn.particles.surroundings import balance_under_stress, coordinates, moves, placed
 from softdyn.particles.system import System, works
@@ -52,6 +52,8 @@ class Step:
         With the box and the walls as they are at the end.
     first_v : array, shape (N, d + rotations)
         Velocities at the start, extrapolated from within.
+    first_box : Box
+        At the start, with its rates there.
     outputs : tuple of Output
     power : dict
         Of each kind, at the end.
@@ -64,6 +66,7 @@ class Step:
     work: dict[str, float]
     system: System
     first_v: Array
+    first_box: Box
     outputs: tuple[Output, ...]
     power: dict[str, float]
 
@@ -159,9 +162,22 @@ def take_step(
         own = powers(other.system, contacts, other.found, when, *other.rates[:2])
         work = _work(dt, [*row, GAMMA], [*spent, own])
         between.append(Output(float(when), other.found, other.rates[0], work, other.system))
-    first_v = _combined(rates, np.array([0.0, *rate_weights(0.0)]), 0)
+    ahead = np.array([0.0, *rate_weights(0.0)])
+    first_v, first_box = _combined(rates, ahead, 0), _with_rates(system, _combined(rates, ahead, 2))
     whole = _work(dt, ROWS[-1], spent)
-    return Step(at.found, error, at.rates[0], at.rates[1], whole, at.system, first_v, tuple(between), spent[-1])
+    return Step(
+        at.found, error, at.rates[0], at.rates[1], whole, at.system, first_v, first_box, tuple(between), spent[-1]
+    )
+
+
+def _with_rates(system: System, z_rate: Array) -> Box:
+    """The box with the rates that an imposed stress gives it."""
+    box, d = system.box, system.dimension
+    if system.imposed is None:
+        return box
+    stretch = z_rate[:d] if z_rate[:d].any() else None
+    shear_rate = float(z_rate[d] * box.lengths[0] / box.lengths[1]) if d > 1 else 0.0
+    return replace(box, shear_rate=shear_rate, stretch=stretch)
 
 
 def _begin(system: System, contacts: Contacts, newton: Newton, t: float, x: Array, dt: float) -> _Begun:
