@@ -31,5 +31,5 @@ def test_a_box_under_stress_moves_from_the_start() -> None:
     )  # fmt: skip
     result = particles.simulate(scene)
     stress = (result.stress[0] + result.stress[0].T) / 2
-    assert abs(result.stress[0]).max() > 1e-3
+    assert abs(stress[0, 1]) > 1e-5
     assert result.gradient[0, 0, 1] == pytest.approx(0.1 - stress[0, 1], rel=1e-5)
