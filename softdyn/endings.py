@@ -13,8 +13,10 @@ import sys
 import tempfile
 import threading
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import TextIO
 
 import softdyn
 from softdyn.errors import SoftdynError
@@ -72,7 +74,8 @@ def ended(command: Callable[[], int], arguments: Sequence[str], goes_on: Callabl
         How a command that was interrupted goes on; empty if it starts anew.
     """
     try:
-        with terminable():
+        with terminable(), warnings.catch_warnings():
+            warnings.showwarning = _tell_warning
             status = command()
             sys.stdout.flush()
             return status
@@ -88,6 +91,19 @@ def ended(command: Callable[[], int], arguments: Sequence[str], goes_on: Callabl
             _leave_stdout()
         status, message = explained(error, arguments)
         return _told(f"error: {message}", status)
+
+
+def _tell_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Tell what a library warns of as softdyn tells its own warnings: in one line, without code."""
+    words = " ".join(str(message).split())
+    print(f"softdyn: warning: {words} ({category.__name__}, {os.path.basename(filename)}:{lineno})", file=sys.stderr)
 
 
 def _told(message: str, status: int) -> int:

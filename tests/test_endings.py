@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import softdyn
@@ -331,6 +332,38 @@ def test_a_nul_in_a_scene_is_named(key: str, base: str, tmp_path: Path, capsys: 
     said = refused(capsys, ["run", str(tmp_path / "scene.toml")])
     assert "NUL" in said
     assert "\0" not in said
+
+
+SIZES = st.sampled_from([10.0**k for k in (-300, -200, -99, -30, -3, 0, 3, 30, 99, 200, 300)])
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_particles_of_numbers_of_any_size_end_in_words(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Run, or refused; warnings of numpy are errors in tests, and would be a fault."""
+    size = data.draw(SIZES)
+    one = lambda: data.draw(st.one_of(st.just(1.0), SIZES))  # noqa: E731
+    path = tmp_path_factory.mktemp("sizes") / "scene.toml"
+    path.write_text(
+        f'law = "rognon_gay"\nparameters = {{E = {one()}, eta = {one()}}}\nuntil = {{t = {one()}}}\n'
+        f"flow = {{drag = {one()}}}\nparticles = {{positions = [[0.0], [{2.1 * size!r}]], radii = {size}}}\n"
+        f"contacts = {{gap = {one()}, range = {one()}}}\n"
+    )
+    assert main(["run", str(path)]) in (0, 2)
+
+
+def test_what_a_library_warns_of_is_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    def warn() -> int:
+        warnings.simplefilter("always")
+        warnings.warn("overflow encountered\nin multiply", RuntimeWarning, stacklevel=1)
+        return 0
+
+    assert endings.ended(warn, [], lambda: "") == 0
+    said = capsys.readouterr().err
+    assert said.startswith("softdyn: warning: overflow encountered in multiply (RuntimeWarning, test_endings.py:")
+    assert said.count("\n") == 1
 
 
 # ---------------------------------------------------------------- closed streams

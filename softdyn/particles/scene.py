@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Beyond this ratio of radii, two spheres no longer meet as two half-spaces do while both are near-spherical.
 LARGEST_RATIO = 10.0
+#: Numbers lie between these, lest products of three of them be none.
+SIZES = (1e-100, 1e100)
 #: Lengths of a periodic box that a particle may be away from it.
 FARTHEST = 1e6
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
@@ -259,6 +261,9 @@ def check(scene: ParticleScene) -> Checked:
         raise SceneError(
             f"[particles] radii must be positive and finite, unlike that of {which(~good)}: {radii[first]:g}"
         )
+    faults += _size_faults(scene, x, radii)
+    if faults:
+        raise SceneError(listed(faults))
     if radii.max() > LARGEST_RATIO * radii.min():
         small, large = int(np.argmin(radii)), int(np.argmax(radii))
         faults.append(
@@ -359,6 +364,22 @@ def check(scene: ParticleScene) -> Checked:
         shear=shear_flow(scene),
         times=_times(scene),
     )
+
+
+def _size_faults(scene: ParticleScene, x: Array, radii: Array) -> list[str]:
+    """Numbers whose squares and products would leave the range of double precision."""
+    low, high = SIZES
+    given: dict[str, Any] = {"[contacts] gap": scene.gap, "[contacts] range": scene.reach, "[until] t": scene.until}
+    given |= {"[flow] shear_rate": scene.shear_rate, "[flow] drag": scene.drag}
+    for name, value in scene.parameters.items():
+        values = value if isinstance(value, Mapping) else {"": value}
+        given |= {f"[parameters] {name}{f' of {kind}' if kind else ''}": one for kind, one in values.items()}
+    numbers = {name: float(value) for name, value in given.items() if is_number(value)}
+    found = [f"{name} = {value:g}" for name, value in numbers.items() if value and not low < abs(value) < high]
+    far, odd = np.abs(x).max(axis=1) >= high, (radii <= low) | (radii >= high)
+    found += [f"[particles] positions of {which(far)}"] if far.any() else []
+    found += [f"[particles] radii of {which(odd)}"] if odd.any() else []
+    return [f"{one}: choose units in which numbers lie between {low:g} and {high:g}" for one in found]
 
 
 def _array(name: str, values: Any) -> Array:

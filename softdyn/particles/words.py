@@ -19,7 +19,10 @@ ALL = "all"
 def is_number(value: Any) -> bool:
     """Whether a value is a finite number, and no bool."""
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    return number and math.isfinite(value)
+    try:
+        return number and math.isfinite(value)
+    except OverflowError:  # of a whole number beyond all doubles
+        return False
 
 
 def is_list(values: Any, size: int) -> bool:
