@@ -63,6 +63,8 @@ DRAWN = """
   .gif, .mp4        an animation of many particles in one or two dimensions; .mp4 needs the program ffmpeg
 """
 
+#: Of every command that takes one.
+A_LAW = "a stock law (see softdyn laws), path/law.py, or path/law.py:name; a law file is Python, and is run"
 #: Endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
 #: Those of animations.
@@ -124,15 +126,15 @@ def _parser() -> argparse.ArgumentParser:
     add("laws", _laws, "list the stock laws")
 
     derive = add("derive", _derive, "derive a law's dynamics")
-    derive.add_argument("law", metavar="LAW")
+    derive.add_argument("law", metavar="LAW", help=A_LAW)
     derive.add_argument("--format", choices=("text", "latex", "json"), default="text", help="default: %(default)s")
 
     check = add("check", _check, "prove or disprove the limits that a law claims")
-    check.add_argument("law", metavar="LAW")
+    check.add_argument("law", metavar="LAW", help=A_LAW)
     check.add_argument("--json", action="store_true", help="one JSON object instead of text")
 
     regimes = add("regimes", _regimes, "find the asymptotic regimes of a law, and the crossovers between them")
-    regimes.add_argument("law", metavar="LAW")
+    regimes.add_argument("law", metavar="LAW", help=A_LAW)
     regimes.add_argument("--json", action="store_true", help="one JSON object instead of text")
     regimes.add_argument("--plot", metavar="PICTURE", type=Path, help="draw them too: .png, .svg or .pdf")
     regimes.add_argument(
@@ -140,15 +142,15 @@ def _parser() -> argparse.ArgumentParser:
     )
 
     report = add("report", _report, "write all that is known of a law as one web page")
-    report.add_argument("law", metavar="LAW")
+    report.add_argument("law", metavar="LAW", help=A_LAW)
     report.add_argument("-o", dest="output", metavar="FILE", type=Path, help="default: the law's name with .html")
 
     compare = add("compare", _compare, "tell how far two laws are from each other, over the plane of gap and force")
-    compare.add_argument("law", metavar="LAW")
-    compare.add_argument("other", metavar="LAW")
+    compare.add_argument("law", metavar="LAW", help=A_LAW)
+    compare.add_argument("other", metavar="LAW", help="the other one")
 
     generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
-    generate.add_argument("law", metavar="LAW", nargs="?")
+    generate.add_argument("law", metavar="LAW", nargs="?", help=A_LAW)
     generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel; needed unless --stock")
     generate.add_argument(
         "--scene",
@@ -198,7 +200,9 @@ def _parser() -> argparse.ArgumentParser:
     )
 
     many = add("sweep", _sweep, "simulate a scene of two particles for many values of some of its numbers")
-    many.add_argument("scene", metavar="SCENE.toml", type=Path)
+    many.add_argument(
+        "scene", metavar="SCENE.toml", type=Path, help="of two particles; its end alone, unless it asks for outputs"
+    )
     many.add_argument(
         "--vary",
         metavar="NAME=VALUES",
