@@ -7,12 +7,15 @@ no value, since none of its conditions holds there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice, pairwise, product
+from itertools import combinations, islice, pairwise, product
 
 from sympy import (
+    Abs,
     Expr,
     Heaviside,
     Integer,
+    Max,
+    Min,
     Piecewise,
     Poly,
     PolynomialError,
@@ -29,6 +32,7 @@ from sympy import (
     real_roots,
     sec,
     sech,
+    sign,
     sin,
     sinh,
     tan,
@@ -66,6 +70,17 @@ def in_plain_functions(expr: Expr) -> Expr:
         if expr.has(function):
             expr = expr.replace(function, other)
     return expr
+
+
+def has_kinks(*expressions: Expr) -> bool:
+    """Whether expressions have a kink or a jump where h, delta or a passes anything else than delta = 0."""
+    changing: set[Expr] = set()
+    for expr in expressions:
+        changing |= {node.args[0] for node in expr.atoms(Abs, sign)}
+        changing |= {one - other for node in expr.atoms(Max, Min) for one, other in combinations(node.args, 2)}
+        changing |= {node.lhs - node.rhs for node in expr.atoms(Relational)}
+    # what is delta times something of one sign changes its own at delta = 0 alone
+    return any(expr.has(*DOMAINS) and (expr / delta).cancel().is_nonzero is not True for expr in changing)
 
 
 def gap_of(expr: Expr, samples: Mapping[Symbol, Sequence[Rational]]) -> tuple[Piecewise, str] | None:

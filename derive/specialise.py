@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Abs, Dummy, Expr, Rational, S, Symbol, sign
+from sympy import Abs, Dummy, Expr, Max, Min, Rational, S, Symbol, sign
 from sympy.core.relational import Relational
 
 from softdyn.derive import dynamics as d
@@ -267,7 +267,7 @@ def one_sign(equations: Equations, needs: Needs) -> Equations:
     side = 1 if needs.deflection == "compression" else -1
 
     def resolve(expr: Expr) -> Expr:
-        if not expr.has(Abs, sign, Relational):
+        if not expr.has(Abs, sign, Max, Min, Relational):
             return expr
         return expr.subs(delta, side * size).subs(size, side * delta)
 

@@ -49,6 +49,7 @@ MEANINGS = {
     "size_ratio": "R1 R2/(R1 + R2)^2 of a pair",
     "force": "the external force in sweeps",
     "velocity": "that of the centres in sweeps",
+    "compliance_p1": "that of a spring",
 }
 #: Names of what is derived: a law's own parameter of such a name is another symbol, and is shown as own_NAME.
 DERIVED = frozenset(

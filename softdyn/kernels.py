@@ -55,6 +55,8 @@ class Kernel:
     functions : Functions
     dry : bool
         Whether the law is that of a dry contact: no gap, no friction.
+    kinked : bool
+        Whether the law has kinks or jumps elsewhere than at delta = 0, where steps end anyway.
     ranges : mapping from str to (low, high, whether low is left out, whether high is)
         Within which some of the parameters must lie; others are positive, if ``positive`` names them.
     """
@@ -72,6 +74,7 @@ class Kernel:
     functions: Functions
     positive: tuple[str, ...]
     dry: bool
+    kinked: bool
     ranges: Mapping[str, Range]
 
 
@@ -145,6 +148,7 @@ def get_kernel(
         functions=functions,
         positive=tuple(manifest["positive"]),
         dry=manifest["dry"],
+        kinked=manifest["kinked"],
         ranges=manifest["ranges"],
     )
 
@@ -240,9 +244,10 @@ def manifest_of(
 
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
     """Derive a kernel, which takes the derivation stage, and so sympy."""
+    from softdyn.derive.branches import has_kinks
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.kernel import kernel_ir
-    from softdyn.derive.law import is_dry, parameters_of, plain_ranges
+    from softdyn.derive.law import expressions, is_dry, parameters_of, plain_ranges
     from softdyn.derive.specialise import Needs
     from softdyn.laws import load
 
@@ -258,6 +263,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "components": ir.components,
         "width": ir.width,
         "dry": is_dry(law),
+        "kinked": has_kinks(*expressions(law).values()),
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],

@@ -213,7 +213,7 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
 
                 return result_from(about, arrays)
         else:
-            about = read_json(path.read_text(encoding="utf-8"))
+            about = read_json(path.read_text(encoding="utf-8-sig"))
             arrays = {
                 name: np.array([math.nan if v is None else v for v in values], dtype=float)
                 for name, values in about.items()

@@ -40,6 +40,7 @@ _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 _WHOLE = re.compile(r"[+-]?\d+")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\]|/\s*\S+)\s*$")
+_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
@@ -269,6 +270,11 @@ def _split(line: str, separator: str | None, width: int = 1) -> list[str]:
     return cells
 
 
+def _titles(line: str, separator: str | None) -> list[str]:
+    """Cells of a line that may be headings; between spaces, units in brackets are no cells of their own."""
+    return _split(_BRACKETS.sub(" ", line) if separator is None else line, separator)
+
+
 def _starts_as_number(cell: str) -> bool:
     return bool(_NUMBER.match(cell) or _NOT_FINITE.fullmatch(cell))
 
@@ -293,7 +299,7 @@ def _shape(path: Path, encoding: str, known: Sequence[Column]) -> Shape:
         return Shape(encoding, None, {}, 1, None, 0)
     mark = separator or _separator([line for _, line in lines])
     headings = None
-    first = _split(lines[0][1], mark)
+    first = _titles(lines[0][1], mark)
     if not any(map(_starts_as_number, first)):
         headings = first
         lines.pop(0)
@@ -330,7 +336,7 @@ def _commented(comment: str, mark: str | None, width: int, known: Sequence[Colum
     if comment.startswith("format "):  # YADE: #format x_y_z_r
         cells = comment.removeprefix("format ").split("_")
     else:
-        cells = _split(comment, mark) if mark and mark in comment else _split(comment, "," if "," in comment else None)
+        cells = _titles(comment, mark if mark and mark in comment else "," if "," in comment else None)
     cells = [_UNIT.sub("", cell) for cell in cells]
     if len(cells) != width or not all(_WORD.fullmatch(cell) for cell in cells):
         return None

@@ -26,7 +26,9 @@ from sympy import (
     sqrt,
 )
 
+import softdyn
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.branches import has_kinks
 from softdyn.derive.films import find_films
 from softdyn.derive.regimes import discover
 from softdyn.derive.specialise import Needs
@@ -42,13 +44,16 @@ SPLINE = interpolating_spline(
 )
 
 
+FRICTION = 3 * pi * eta * a**4 / (2 * (R * h / (R + h)) ** 3)
+
+
 def law_with(**parts: Any) -> ContactLaw:
     hbar = R * h / (R + h)
     declared = {
         "name": "cases",
         "a": sqrt(2 * R * (hbar + Abs(delta))),
         "F_ela": Rational(4, 9) * E * a * delta,
-        "zeta": 3 * pi * eta * a**4 / (2 * hbar**3),
+        "zeta": FRICTION,
         "parameters": {A: FORCE, L: LENGTH},
         "typical": {A: E * R**2 / 1000, L: R / 100},
     }
@@ -144,6 +149,66 @@ def test_branches_that_cover_the_domain_are_taken(case: Any) -> None:
     law = law_with(F_adh=A * case)
     value = lambdify((h, R, A, L), law.F_adh, "mpmath")
     assert all(mpmath.isfinite(value(mpmath.mpf(gap), 1, 1, mpmath.mpf("0.7"))) for gap in (1e-9, 0.3, 0.9, 3, 1e6))
+
+
+def test_kinks_elsewhere_than_at_rest_are_known() -> None:
+    p = Symbol("p", positive=True)
+    none = (
+        Abs(delta),
+        h * Abs(delta / R),
+        Max(delta, 0),
+        Max(delta / h, 0),
+        sign(delta),
+        Piecewise((h, p < 1), (1, True)),
+    )
+    some = (Abs(delta - R), Max(delta, h), Min(h, R), sign(h - p), Piecewise((1, h < R), (0, True)), Abs(a - R))
+    assert not has_kinks(*none, exp(-h / R))
+    assert all(has_kinks(expr) for expr in (*some, sign(delta * (h - R))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rtol", [1e-5, 1e-9])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"F_adh": A * Max(1 - h / L, 0)},
+        {"F_adh": A * Heaviside(L - h)},
+        {"zeta": FRICTION * (1 + Max(1 - h / L, 0)), "F_adh": A * exp(-h / L)},
+        {"zeta": FRICTION * Piecewise((2, h < L), (1, True)), "F_adh": 0},
+    ],
+    ids=["kink of a force", "jump of a force", "kink of a friction", "jump of a friction"],
+)
+def test_runs_over_kinks_and_jumps_keep_their_tolerance(parts: dict[str, Any], rtol: float) -> None:
+    """Wherever the kink lies, within ten rtol of Gauss's quadrature on either side of it, added up."""
+    law = law_with(**parts)
+    rng = np.random.default_rng(3)
+    lengths = np.exp(rng.uniform(np.log(0.011), np.log(0.95), 30))
+    own = {"A": 5e-4} if A in law.F_adh.free_symbols else {}
+    common = {"R": 1.0, "E": 1.0, "eta": 1.0, **own}
+    for length in lengths.tolist():
+        scene: dict[str, Any] = {"law": law, "parameters": {**common, "L": length}, "target": "c"}
+        times = 0.0
+        for start, end in ((1.0, length * (1 + 1e-15)), (length * (1 - 1e-15), 0.01)):
+            exact = softdyn.simulate(h=start, force=1e-3, until_h=end, gaps=2, method="quadrature", **scene)
+            times += exact.t[-1]
+        by_gap = softdyn.simulate(h=1.0, force=1e-3, until_h=0.01, gaps=5, rtol=rtol, **scene)
+        assert abs(by_gap.t[-1] / times - 1) < 10 * rtol
+        by_time = softdyn.simulate(h=1.0, force=1e-3, until_t=times, times=[times], rtol=rtol, **scene)
+        assert abs(by_time.h[-1] / 0.01 - 1) < 10 * rtol
+
+
+@pytest.mark.slow
+def test_a_kink_in_the_deflection_keeps_the_tolerance() -> None:
+    """Surfaces that stiffen from a deflection on; against the same run with a tolerance ten thousand times less."""
+    law = law_with(F_ela=Rational(4, 9) * E * a * Max(delta, 2 * delta - L / 10), F_adh=0)
+    for length in np.geomspace(0.02, 0.2, 12).tolist():
+        scene: dict[str, Any] = {
+            "law": law, "parameters": {"R": 1.0, "E": 1.0, "eta": 1.0, "L": length}, "h": 1.0, "target": "c",
+            "force": "1e-3*(1 + 0.5*sin(1e-4*t))", "until_t": 3e4, "times": 7,
+        }  # fmt: skip
+        rough, fine = softdyn.simulate(rtol=1e-7, **scene), softdyn.simulate(rtol=1e-11, **scene)
+        np.testing.assert_allclose(rough.h, fine.h, rtol=1e-6)
+        np.testing.assert_allclose(rough.delta, fine.delta, rtol=1e-6)
 
 
 def test_conditions_are_checked_for_their_dimensions() -> None:

@@ -22,9 +22,9 @@ SHARED = settings(max_examples=150, deadline=None, suppress_health_check=[Health
 Drawn = Callable[..., object]
 
 
-def headings(draw: Drawn, names: list[str], separator: str) -> list[str]:
-    """The names with notes of units, if these do not hold the separator."""
-    units = ["", "(s)", "[N]", "/mm"] if separator.strip() == "" and separator != "\t" else ["", " (s)", " [N]", "/mm"]
+def headings(draw: Drawn, names: list[str]) -> list[str]:
+    """The names, some with notes of units."""
+    units = ["", "(s)", " (s)", " [N]", "/mm"]
     return [name + draw(st.sampled_from(units)) for name in names]
 
 
@@ -44,7 +44,7 @@ def written_tables(draw: Drawn, names: tuple[str, ...], words: tuple[str, ...] =
         text = text.replace(".", ",") if comma else text
         return f'"{text}"' if quote and draw(st.booleans()) else text
 
-    head = separator.join(headings(draw, order, separator))
+    head = separator.join(headings(draw, order))
     lines = [separator.join(cell(content[name][row]) for name in order) for row in range(rows)]
     noise = st.sampled_from(["", "", "", "# a remark", "#", "   "])
     body = [part for line in lines for part in (draw(noise), line + draw(st.sampled_from(["", "", " # a remark"])))]

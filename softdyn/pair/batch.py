@@ -30,6 +30,7 @@ from softdyn.pair.run import (
     kernel_needs,
     model_warnings,
     simulate_pair,
+    step_rtol,
 )
 from softdyn.pair.states import initial_deflection
 from softdyn.results import written_whole
@@ -269,7 +270,7 @@ def _together(
     rows = np.column_stack([np.full(runs, t_end), np.full(runs, u_stop), u, deltas, parameters, constants])
     longest = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
     automatic = float(scene.method == "auto")
-    settings = np.array([float(scene.rtol), drive.start, longest, float(MOST_STEPS), automatic])
+    settings = np.array([step_rtol(scene, kernel), drive.start, longest, float(MOST_STEPS), automatic])
     # [output] tells which outputs there are: a run that does not get to all of them is made alone
     out, status, error = _call(kernel, drive, settings, rows[sound], targets[sound], at_gaps, progress)
     arrays = {name: np.full((runs, targets.shape[1]), math.nan) for name in ("t", "h", "delta", *scene.quantities)}
