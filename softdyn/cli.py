@@ -547,13 +547,14 @@ def _closure(stats: Any) -> str:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from softdyn.pair.sweep import read_varied, sweep
+    from softdyn.pair.sweep import in_words, read_varied, sweep
     from softdyn.scene import read_scene
 
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
     vary = read_varied(options.vary)
     scene = read_scene(options.scene)
+    print(f"softdyn: {in_words(scene, vary)}", file=sys.stderr)
     with _sweep_bar() as progress:
         result = sweep(scene, vary, folder=_parts_of(options.output), scheduler=options.scheduler, progress=progress)
     result.save(options.output)

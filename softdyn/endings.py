@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import os
 import platform
-import signal
 import sys
 import tempfile
-import threading
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TextIO
 
 import softdyn
 from softdyn.errors import SoftdynError
+from softdyn.signals import Terminated, terminable
 
 DONE, REFUTED, REFUSED, EXHAUSTED, FAULT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 70, 130, 143
 STATUSES = """
@@ -32,34 +31,6 @@ exit status:
   130  interrupted (SIGINT); 143 terminated (SIGTERM): a run with -o, a sweep and a bench keep what they have
 whatever is not 0 or 1 comes with one message on stderr
 """
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM was received: what is done on an interrupt is done."""
-
-
-@contextmanager
-def terminable() -> Iterator[None]:
-    """Within it SIGTERM raises :class:`Terminated`, once, as SIGINT raises KeyboardInterrupt.
-
-    Only in the main thread, and where nobody else has said what SIGTERM does.
-    """
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-    ):
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # what is being written is written
-        raise Terminated
-
-    signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def ended(command: Callable[[], int], arguments: Sequence[str], goes_on: Callable[[], str]) -> int:

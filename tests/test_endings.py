@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import softdyn
-from softdyn import archive, endings
+from softdyn import archive, endings, signals
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.results import written_whole
@@ -414,7 +414,7 @@ def test_a_handler_of_somebody_elses_is_left_alone() -> None:
     mine = lambda *_: None  # noqa: E731
     before = signal.signal(signal.SIGTERM, mine)
     try:
-        with endings.terminable():
+        with signals.terminable():
             assert signal.getsignal(signal.SIGTERM) is mine
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -231,7 +231,10 @@ def test_a_run_resumes_where_it_was_interrupted(tmp_path: Path, monkeypatch: pyt
         simulate_particles(scene, None, checkpoint, resume=True)
 
 
-def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(
+    sent: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Ctrl-C while the last frame is made, when the state is there already: the frame is not lost."""
     scene = read_particle_scene(written(tmp_path, EMULSION))
     whole = simulate_particles(scene)
@@ -239,7 +242,7 @@ def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(tmp_path: Path, mon
 
     def interrupted(system: Any, state: Any) -> Any:
         if state.t == whole.t[-1]:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), sent)
         return made(system, state)
 
     monkeypatch.setattr(integrate, "frame_now", interrupted)
@@ -252,6 +255,36 @@ def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(tmp_path: Path, mon
         signal.signal(signal.SIGINT, usual)
     monkeypatch.undo()
     assert np.array_equal(simulate_particles(scene, None, checkpoint, resume=True).t, whole.t)
+
+
+@pytest.mark.parametrize(("sent", "status", "word"), [
+    (signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted"),
+])  # fmt: skip
+def test_a_signal_keeps_the_state_says_so_and_the_run_goes_on(
+    sent: signal.Signals, status: int, word: str, tmp_path: Path
+) -> None:
+    """As a batch system sends it before it kills."""
+    path = written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1.0"))
+    command = [sys.executable, "-m", "softdyn", "run", str(path), "-o", str(tmp_path / "a.npz")]
+    # a checkpoint of every step would slow it down: the first step is what a sleep cannot tell
+    code = (
+        "import signal, sys, softdyn.particles.run as run; from softdyn.cli import main;"
+        "signal.signal(signal.SIGINT, signal.default_int_handler); run.CHECKPOINT_EVERY = 0.0;"
+        f"sys.exit(main({command[3:]!r}))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    checkpoint = tmp_path / "a.checkpoint.npz"
+    limit = time.monotonic() + 60
+    while not checkpoint.exists() and process.poll() is None and time.monotonic() < limit:
+        time.sleep(0.01)
+    process.send_signal(sent)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == status
+    assert said == f"softdyn: {word}; its state is in {checkpoint}: the same command with --resume goes on from it\n"
+    assert main([*command[3:], "--resume"]) == 0
+    assert load_particles(tmp_path / "a.npz").t[-1] == pytest.approx(1e4)
 
 
 def test_a_killed_run_resumes(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 import softdyn
+from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.pair import sweep as module
 from softdyn.pair.run import simulate_pair
@@ -243,3 +244,41 @@ def test_a_cluster_that_loses_a_worker_loses_nothing(monkeypatch: pytest.MonkeyP
     here = sweep(SCENE, values)
     for name, array in here.arrays.items():
         assert_close(found.arrays[name], array)
+
+
+@pytest.mark.parametrize(
+    ("vary", "outputs", "words"),
+    [
+        (["force=linspace(1,2,10000000)", "h=linspace(1,2,10000000)"], "", "100000000000000 runs: a table of"),
+        (["force=linspace(1,2,10000000)", "h=1,2,3,4,5"], "times = 10000000", "10000000 outputs of each: a table of"),
+        (["force=linspace(1,2,10000)", "h=linspace(1,2,10000)"], "gaps = 10000", "of memory: vary fewer values"),
+    ],
+)
+def test_a_sweep_that_is_too_large_is_refused_at_once(
+    vary: list[str], outputs: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        'law = "rognon_gay"\nparameters = {R = 1.0, E = 1.0, eta = 1.0}\npair = {h = 1.0}\ndrive = {force = 0.01}\n'
+        f"until = {{h = 0.1}}\n[output]\n{outputs}\n"
+    )
+    began = time.process_time()
+    arguments = [word for values in vary for word in ("--vary", values)]
+    assert main(["sweep", str(path), *arguments, "-o", str(tmp_path / "t.npz")]) == 2
+    assert time.process_time() - began < 5
+    assert words in capsys.readouterr().err.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_sweep_says_how_large_it_is_before_it_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        'law = "rognon_gay"\nparameters = {R = 1.0, E = 1.0, eta = 1.0}\npair = {h = 1.0}\ndrive = {force = 0.01}\n'
+        "until = {h = 0.1}\noutput = {gaps = 20}\n"
+    )
+    assert main(["sweep", str(path), "--vary", "force=logspace(-3,-2,100)", "-o", str(tmp_path / "t.npz")]) == 0
+    said = capsys.readouterr().err
+    assert "softdyn: 100 runs, 20 outputs of each: a table of 96.8 kB" in said
+    with np.load(tmp_path / "t.npz") as table:
+        numbers = sum(table[name].size for name in table.files if table[name].dtype == float)
+    assert 8 * numbers == 96_800

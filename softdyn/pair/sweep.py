@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from hashlib import sha256
 from multiprocessing import get_context
-from os import cpu_count
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,8 @@ Progress = Callable[[int, int], None]
 #: Runs in a part, a few tenths of a second of work: of runs that are made one by one, and of those that are not.
 PART = 250
 PLAIN_PART = 5000
+#: Runs of a sweep at most: a quarter of an hour, where they take least.
+MOST_RUNS = 10**8
 _RANGE = re.compile(r"(linspace|logspace)\(([^,()]+),([^,()]+),([^,()]+)\)")
 
 
@@ -105,8 +107,8 @@ def sweep(
     Raises
     ------
     SceneError
-        If a name cannot be varied, ``folder`` holds the parts of another sweep or damaged ones, or the scheduler cannot
-        be reached.
+        If a name cannot be varied, there is no room for so many runs, ``folder`` holds the parts of another sweep or
+        damaged ones, or the scheduler cannot be reached.
     """
     named_numbers("[parameters]", scene.parameters)
     named_numbers("[drive] constants", scene.constants)
@@ -116,6 +118,7 @@ def sweep(
             raise SceneError(f"{name} is varied over a list of numbers, one at least, not over {vary[name]!r}")
         varied_scene(scene, {name: float(values[name][0])})
     runs = math.prod(len(given) for given in values.values())
+    require_room(scene, values, folder)
     size = PLAIN_PART if is_plain(scene) else PART
     parts = range(0, runs, size)
     done: dict[int, Batch] = {}
@@ -136,6 +139,59 @@ def sweep(
     if folder is not None:
         shutil.rmtree(folder)
     return result
+
+
+def size_of(scene: Scene, values: Mapping[str, Sequence[float] | Array]) -> tuple[int, int, int]:
+    """Runs of a sweep, outputs of each, and bytes of the table of all."""
+    runs = math.prod(len(given) for given in values.values())
+    asked = scene.times if scene.times is not None else scene.gaps
+    outputs = 1 if asked is None else int(asked) if isinstance(asked, (int, np.integer)) else len(asked)
+    return runs, outputs, 8 * runs * (outputs * (3 + len(scene.quantities)) + len(values))
+
+
+def in_words(scene: Scene, values: Mapping[str, Sequence[float] | Array]) -> str:
+    """How large a sweep is."""
+    runs, outputs, size = size_of(scene, values)
+    of_each = f", {outputs} outputs of each" if outputs > 1 else ""
+    return f"{runs} runs{of_each}: a table of {_bytes(size)}, twice that in memory and on disk on the way"
+
+
+def require_room(scene: Scene, values: Mapping[str, Sequence[float] | Array], folder: Path | None) -> None:
+    """Refuse a sweep that is too large for this machine, before its first run.
+
+    Raises
+    ------
+    SceneError
+    """
+    runs, _, size = size_of(scene, values)
+    if runs > MOST_RUNS:
+        raise SceneError(f"{in_words(scene, values)}; at most {MOST_RUNS} are made at once: vary fewer values")
+    memory = _memory()
+    if 2 * size > memory:
+        raise SceneError(
+            f"{in_words(scene, values)}, and this machine has {_bytes(memory)} of memory: vary fewer values, or ask "
+            "for fewer outputs"
+        )
+    if folder is not None:
+        there = next((one for one in folder.absolute().parents if one.is_dir()), None)
+        free = math.inf if there is None else shutil.disk_usage(there).free
+        if 2 * size > free:
+            raise SceneError(f"{in_words(scene, values)}, and {there} has {_bytes(free)} free: name another place")
+
+
+def _memory() -> float:
+    """Bytes of memory of this machine; inf where it does not say."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        return math.inf
+
+
+def _bytes(size: float) -> str:
+    for unit, of_it in (("GB", 1e9), ("MB", 1e6)):
+        if size >= of_it:
+            return f"{size / of_it:.3g} {unit}"
+    return f"{size / 1e3:.3g} kB"
 
 
 def run_part(task: tuple[Scene, Mapping[str, Array], int, int]) -> Batch:
@@ -167,7 +223,7 @@ def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, Ba
         yield from ((task[2], run_part(task)) for task in tasks)
         return
     # a fresh process knows nothing of threads that the caller may have
-    with ProcessPoolExecutor(max_workers=min(cpu_count() or 1, len(tasks)), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(max_workers=min(os.cpu_count() or 1, len(tasks)), mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(run_part, task): task[2] for task in tasks}
         try:
             for future in as_completed(waiting):

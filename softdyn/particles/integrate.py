@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +22,7 @@ from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State, frame_now, frame_within, present
 from softdyn.particles.step import Step, take_step
 from softdyn.particles.system import System
+from softdyn.signals import undisturbed
 
 Array = NDArray[np.float64]
 #: Called after every step with the time, the number of steps, and that of Newton iterations.
@@ -41,23 +40,6 @@ RECOVERY = 1.1
 BRIEF = 1e-3
 #: A strain is reached to this fraction of it.
 STRAINED = 1e-9
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Hold an interrupt back until the state is whole again: a checkpoint of half a step is none to go on from."""
-    usual = signal.getsignal(signal.SIGINT)
-    if usual is None or threading.current_thread() is not threading.main_thread():
-        yield  # interrupts come to the main thread alone, and to Python's handlers
-        return
-    came: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, usual)
-    if came:
-        signal.raise_signal(signal.SIGINT)
 
 
 def integrate(
@@ -266,8 +248,9 @@ def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: 
     y_rate[new] = state.y_rate[known]
     fresh = (contacts.h < system.reach) & ~contacts.touched
     contacts.touched |= fresh
-    state.contacts, state.listed, state.y_rate = contacts, listed, y_rate
-    state.counts["made"] += int(fresh.sum())
-    state.counts["dropped"] += dropped
-    state.counts["listings"] += 1
-    newton.forget()
+    with undisturbed():
+        state.contacts, state.listed, state.y_rate = contacts, listed, y_rate
+        state.counts["made"] += int(fresh.sum())
+        state.counts["dropped"] += dropped
+        state.counts["listings"] += 1
+        newton.forget()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from softdyn.particles.scene import Checked, ParticleScene, check
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import TANGENTIAL_WORKS, System, works
+from softdyn.signals import terminable
 
 Array = NDArray[np.float64]
 #: Seconds between two checkpoints.
@@ -42,8 +44,8 @@ def simulate_particles(
     progress : function of (t, steps, Newton iterations), optional
         Called after every step.
     checkpoint : str or Path, optional
-        File to which the state is written now and then, and when the run is interrupted or cannot go on; it is removed
-        at the end.
+        File to which the state is written now and then, and when the run is interrupted (SIGINT, or SIGTERM, which
+        raises :class:`softdyn.signals.Terminated`) or cannot go on; it is removed at the end.
     resume : bool
         Whether to go on from that file, if it is there.
 
@@ -77,7 +79,8 @@ def simulate_particles(
             last = time.monotonic()
 
     try:
-        integrate(scene, checked, system, newton, state, progress, now_and_then)
+        with terminable() if checkpoint is not None else nullcontext():
+            integrate(scene, checked, system, newton, state, progress, now_and_then)
     except IntegrationError as error:
         error.partial = _result(scene, checked, system, newton, state, began)
         if checkpoint is None:
