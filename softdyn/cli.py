@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -166,7 +167,12 @@ def _parser() -> argparse.ArgumentParser:
         help="put a number in the place of a parameter; repeatable",
     )
     generate.add_argument(
-        "-o", dest="folder", metavar="DIR", type=Path, help="folder to write to (default: the terminal)"
+        "-o",
+        dest="folder",
+        metavar="DIR",
+        type=Path,
+        help="folder to write to (default: the terminal): LAW.c; LAW_SCENE.c for a scene, LAW_SCENE_contacts.c if it "
+        "is of many particles; LAW_R1.c with R=1; .py with numba",
     )
     generate.add_argument("--stock", action="store_true", help="regenerate the files of generated/ instead")
     generate.add_argument(
@@ -412,7 +418,7 @@ def _generate(options: argparse.Namespace) -> int:
         raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
     from softdyn.results import written_whole
 
-    manifest = _manifest(options)
+    manifest, kind = _manifest(options)
     text = sys.stderr if options.folder is None else sys.stdout
     for rule, before, after in manifest["savings"]:
         print(f"{rule}: {before} -> {after} operations, {before - after} saved", file=text)
@@ -421,15 +427,23 @@ def _generate(options: argparse.Namespace) -> int:
     if options.folder is None:
         print(manifest["source"], end="")
         return 0
-    path = options.folder / f"{manifest['name']}{manifest['suffix']}"
+    path = options.folder / f"{_kernel_name(manifest['name'], kind, options)}{manifest['suffix']}"
     with written_whole(path) as temporary:
         temporary.write_text(manifest["source"], encoding="utf-8")
     print(f"wrote {path}")
     return 0
 
 
-def _manifest(options: argparse.Namespace) -> dict[str, Any]:
-    """The kernel that ``generate`` asks for."""
+def _kernel_name(law: str, kind: str, options: argparse.Namespace) -> str:
+    """Name of a kernel's file, without its ending: it tells what the kernel is for, and a module may be called so."""
+    spelled = {".": "p", "-": "m", "+": ""}
+    fixed = [name + "".join(spelled.get(sign, sign) for sign in value) for name, value in _fixed(options.fix).items()]
+    scene = [] if options.scene is None else [options.scene.stem]
+    return re.sub(r"\W", "_", "_".join([law, *scene, *fixed, *([kind] if kind else [])]))
+
+
+def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
+    """The kernel that ``generate`` asks for, and "contacts" if it is that of many particles."""
     from softdyn.api import read_scene
     from softdyn.kernels import make_manifest
     from softdyn.laws import find
@@ -450,8 +464,8 @@ def _manifest(options: argparse.Namespace) -> dict[str, Any]:
 
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
-        return contact_manifest(find(options.law), options.target, kernel_needs(scene, check(scene)))
-    return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)})
+        return contact_manifest(find(options.law), options.target, kernel_needs(scene, check(scene))), "contacts"
+    return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)}), ""
 
 
 def _fixed(pairs: Sequence[str]) -> dict[str, str]:

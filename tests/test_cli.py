@@ -150,7 +150,7 @@ def test_generate_reports_what_each_rule_saved(scene: Path, tmp_path: Path, caps
     report = capsys.readouterr().out
     for rule in ("no remote force", "fixed parameters", "outputs asked for"):
         assert rule in report
-    text = (tmp_path / "rognon_gay.c").read_text()
+    text = (tmp_path / "rognon_gay_scene_R1.c").read_text()
     assert "double R " not in text
     assert main(["generate", "rognon_gay", "--target", "numba"]) == 0
     captured = capsys.readouterr()
@@ -159,6 +159,30 @@ def test_generate_reports_what_each_rule_saved(scene: Path, tmp_path: Path, caps
     assert "NAME=VALUE" in refused(capsys, "generate", "rognon_gay", "--target", "c", "--fix", "R")
     assert "'Q' cannot be fixed" in refused(capsys, "generate", "rognon_gay", "--target", "c", "--fix", "Q=1")
     assert "needs LAW and --target" in refused(capsys, "generate", "rognon_gay")
+
+
+def test_kernels_of_one_law_for_several_ends_are_files_of_their_own(scene: Path, tmp_path: Path) -> None:
+    """None is written over another; and those in Python are called as a module may be."""
+    many = tmp_path / "my scene-2.toml"
+    many.write_text(
+        'law = "rognon_gay"\nparameters = {E = 1.0, eta = 1.0}\nuntil = {t = 1.0}\nflow = {drag = 1.0}\n'
+        "particles = {positions = [[0.0], [1.99]], radii = [1.0, 1.0]}\n"
+    )
+    wanted = {
+        "rognon_gay": [],
+        "rognon_gay_scene": ["--scene", str(scene)],
+        "rognon_gay_my_scene_2_contacts": ["--scene", str(many)],
+        "rognon_gay_R1p5em3": ["--fix", "R=1.5e-3"],
+        "rognon_gay_R1p5e3": ["--fix", "R=1.5e3"],
+        "rognon_gay_scene_R2_E1": ["--scene", str(scene), "--fix", "R=2", "--fix", "E=1"],
+    }
+    folder = tmp_path / "kernels"
+    for more in wanted.values():
+        assert main(["generate", "rognon_gay", "--target", "numba", "-o", str(folder), *more]) == 0
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+    assert set(texts) == set(wanted)
+    assert len(set(texts.values())) == len(wanted)
+    assert all(name.isidentifier() for name in texts)
 
 
 @pytest.mark.slow
