@@ -76,6 +76,9 @@ Command = Callable[[argparse.Namespace], int]
 
 def _goes_on(options: argparse.Namespace) -> str:
     """How an interrupted command goes on, if it left something to go on from."""
+    if getattr(options, "command", None) is _bench:
+        kept = options.folder / f"{'particles' if options.what == 'particles' else 'bench'}.partial.txt"
+        return f"; what it has measured is in {kept}" if kept.exists() else ""
     output = getattr(options, "output", None)
     if output is None:
         return ""
@@ -256,7 +259,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         type=Path,
         default=Path("softdyn-results/bench"),
-        help="of the report on pairs; default: %(default)s",
+        help="of the report, and, as it is made, of what is measured so far; default: %(default)s",
     )
 
     stress = add(
@@ -665,7 +668,7 @@ def _bench(options: argparse.Namespace) -> int:
     if options.what == "particles":
         from softdyn.particles.bench import bench_particles
 
-        return bench_particles()
+        return bench_particles(options.folder)
     from softdyn.bench.run import main
 
     return main(options.folder)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from softdyn.bench import run as bench
 from softdyn.bench.precise import how_made
 from softdyn.bench.reference import Case, cases
 from softdyn.bench.rules import kernels_by_rule
+from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
 from softdyn.pair.run import kernel_needs
@@ -150,3 +153,95 @@ def test_a_folder_that_cannot_be_made_is_an_error_before_anything_is_measured(
     monkeypatch.setattr(bench, "cases", lambda: pytest.fail("something was measured"))
     with pytest.raises(SceneError, match="cannot write to the folder"):
         bench.bench(tmp_path / "file")
+
+
+@pytest.fixture
+def few_cases(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Two integrators on one case, as quick as can be; the list holds how many runs there are before an interrupt."""
+    case, left = cases()[0], [10**6]
+
+    def solve(tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        return case.h * (1 + tolerance), case.delta
+
+    monkeypatch.setattr(bench, "cases", lambda: [case])
+    monkeypatch.setattr(
+        bench, "_integrators", lambda *_: [(f"softdyn, {k}", lambda: solve, [1e-6, 1e-8]) for k in "cd"]
+    )
+    monkeypatch.setattr(bench, "_batch", lambda *_: None)
+    monkeypatch.setattr(bench, "worth_of_specialisation", lambda *_: [])
+    monkeypatch.setattr(bench, "_cpu_time", lambda call, *_: call() and 1e-6)
+    return left
+
+
+def test_what_was_measured_before_an_interrupt_is_kept(
+    few_cases: list[int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And told; a report that was whole before stays whole."""
+    (tmp_path / "bench.json").write_text("an earlier one")
+    few_cases[0] = 7  # two for each row: the error, and the time
+    assert main(["bench", "-o", str(tmp_path)]) == 130
+    said = capsys.readouterr().err
+    assert f"interrupted; what it has measured is in {tmp_path / 'bench.partial.txt'}" in said
+    kept = json.loads((tmp_path / "bench.partial.json").read_text(encoding="utf-8"))
+    assert [(run["integrator"], run["tolerance"]) for run in kept["runs"]] == [
+        ("softdyn, c", 1e-6), ("softdyn, c", 1e-8), ("softdyn, d", 1e-6),
+    ]  # fmt: skip
+    text = (tmp_path / "bench.partial.txt").read_text(encoding="utf-8")
+    assert "PARTIAL: stopped before all was measured" in text
+    assert text.count("not measured") == 1, "the batch"
+    assert (tmp_path / "bench.json").read_text() == "an earlier one"
+
+
+def test_a_report_that_is_whole_leaves_no_partial_one(few_cases: list[int], tmp_path: Path) -> None:
+    report = bench.bench(tmp_path, say=lambda _: None)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.json", "bench.png", "bench.txt"]
+    assert "partial" not in report
+    assert "PARTIAL" not in (tmp_path / "bench.txt").read_text(encoding="utf-8")
+
+
+def test_a_bench_of_particles_keeps_what_it_has_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from softdyn.particles import bench as of_particles
+
+    row = {"particles": 1.0, "contacts": 2.0, "seconds": 3.0, "wall": 4.0, "iterations": 5.0, "peak": 6e6}
+    rows = iter([row, {**row, "particles": 7.0}])
+
+    def time_step(*_: object, **__: object) -> dict[str, float]:
+        try:
+            return next(rows)
+        except StopIteration:
+            raise KeyboardInterrupt from None
+
+    monkeypatch.setattr(of_particles, "time_step", time_step)
+    assert main(["bench", "particles", "-o", str(tmp_path)]) == 130
+    said = capsys.readouterr()
+    assert f"what it has measured is in {tmp_path / 'particles.partial.txt'}" in said.err
+    lines = (tmp_path / "particles.partial.txt").read_text(encoding="utf-8").splitlines()
+    assert lines[1] == "PARTIAL: not all is measured"
+    assert lines[2:] == said.out.splitlines()
+    assert [line.split()[2] for line in lines[2:]] == ["1", "7"]
+
+
+def test_what_is_missing_says_how_it_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(bench, "version", version)
+    missing: dict[str, str] = {}
+    bench._integrators(cases()[0], missing)
+    assert set(missing) == {"heyoka", "numbalsoda"}
+    assert missing["heyoka"] == "not installed (pip install 'softdyn[bench]')"
+    assert "pip install 'softdyn[bench-fortran]', where there are a Fortran compiler" in missing["numbalsoda"]
+
+
+def test_what_installs_the_peers_needs_no_fortran_compiler() -> None:
+    """One package without wheels makes the whole of an extra fail."""
+    extras = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    assert extras["bench"] == ["heyoka"]
+    assert "numbalsoda" in extras["bench-fortran"]

@@ -31,6 +31,24 @@ def _processor() -> str:
         return platform.processor() or "unknown processor"
 
 
+def partial_record(folder: Path, name: str) -> Path:
+    """File that holds what a benchmark has measured before it is done."""
+    return folder / f"{name}.partial.json"
+
+
+def keep(folder: Path, name: str, report: dict[str, Any], text: str) -> None:
+    """Write what there is of a report, beside one that an earlier benchmark may have left."""
+    for suffix, content in ((".json", json.dumps(report, indent=1) + "\n"), (".txt", text)):
+        with written_whole(partial_record(folder, name).with_suffix(suffix)) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+
+
+def forget(folder: Path, name: str) -> None:
+    """Remove what :func:`keep` wrote: the report is done."""
+    for suffix in (".json", ".txt"):
+        partial_record(folder, name).with_suffix(suffix).unlink(missing_ok=True)
+
+
 def write_record(
     folder: Path, name: str, report: dict[str, Any], text: str, draw: Callable[[dict[str, Any]], Any]
 ) -> None:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.bench import batch
-from softdyn.bench.record import heading, write_record
+from softdyn.bench.record import forget, heading, keep, write_record
 from softdyn.bench.reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.batch import STATES
@@ -53,6 +53,10 @@ LIMITS = {
     "batch": "more than half is the 50 outputs, each an inversion of the time's polynomial and a force balance",
 }
 PEERS = ("heyoka", "numbalsoda", "scipy", "numba")
+INSTALLED_BY = {
+    "heyoka": "'softdyn[bench]'",
+    "numbalsoda": "'softdyn[bench-fortran]', where there are a Fortran compiler and CMake",
+}
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,8 @@ def bench(
 ) -> dict[str, Any]:
     """Measure everything, and write ``bench.json``, ``bench.txt`` and ``bench.png`` into a folder.
 
+    What is measured is kept as it comes, in ``bench.partial.json`` and ``bench.partial.txt``, until all is there.
+
     Parameters
     ----------
     folder : Path
@@ -86,8 +92,21 @@ def bench(
         If the folder cannot be written to, which is seen before anything is measured.
     """
     require_folder(folder)
-    runs: list[Run] = []
     missing: dict[str, str] = {}
+    report: dict[str, Any] = {
+        **heading("softdyn bench", _versions()),
+        "partial": True,
+        "missing": missing,
+        "cases": {**{case.name: case.about for case in cases()}, "batch": batch.ABOUT},
+        "specialisation": [],
+        "runs": [],
+    }
+
+    def measured(run: Run) -> None:
+        report["runs"].append(vars(run))
+        say(f"{run.case:16} {run.integrator:28} {run.tolerance:.0e}  error {run.error:.1e}  {run.cpu_s * 1e6:10.1f} us")
+        keep(folder, "bench", report, report_text(report))
+
     for case in cases():
         for integrator, make, tolerances in _integrators(case, missing):
             try:
@@ -102,26 +121,20 @@ def bench(
                     say(f"{case.name:16} {integrator:28} {tolerance:.0e}  failed: {failed}")
                     continue
                 cpu = _cpu_time(partial(solve, tolerance), repeats, seconds)
-                runs.append(Run(case.name, integrator, tolerance, error, cpu))
-                say(f"{case.name:16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
-    runs += _batch(missing, repeats, say)
-    report = {
-        **heading("softdyn bench", _versions()),
-        "missing": missing,
-        "cases": {**{case.name: case.about for case in cases()}, "batch": batch.ABOUT},
-        "specialisation": worth_of_specialisation(repeats, seconds),
-        "runs": [vars(run) for run in runs],
-    }
+                measured(Run(case.name, integrator, tolerance, error, cpu))
+    _batch(missing, repeats, measured)
+    report["specialisation"] = worth_of_specialisation(repeats, seconds)
+    del report["partial"]
     text = report_text(report)
     say("\n" + text)
     write_record(folder, "bench", report, text, draw)
+    forget(folder, "bench")
     return report
 
 
-def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) -> list[Run]:
+def _batch(missing: dict[str, str], repeats: int, measured: Callable[[Run], None]) -> None:
     """Many approaches at once, ours and the one peer that makes batches."""
     forces, times, deltas, gaps = batch.reference()
-    runs = []
     for integrator, make, tolerances in batch.integrators(forces, times, deltas):
         try:
             solve = make()
@@ -131,9 +144,7 @@ def _batch(missing: dict[str, str], repeats: int, say: Callable[[str], None]) ->
         for tolerance in tolerances:
             error = batch.error_of(solve(tolerance), deltas, gaps)
             cpu = _cpu_time(partial(solve, tolerance), repeats, 0.0) / batch.RUNS
-            runs.append(Run("batch", integrator, tolerance, error, cpu))
-            say(f"{'batch':16} {integrator:28} {tolerance:.0e}  error {error:.1e}  {cpu * 1e6:10.1f} us")
-    return runs
+            measured(Run("batch", integrator, tolerance, error, cpu))
 
 
 def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]]:
@@ -199,7 +210,7 @@ def _integrators(case: Case, missing: dict[str, str]) -> list[tuple[str, Callabl
         try:
             version(name)
         except PackageNotFoundError:
-            missing[name] = "not installed"
+            missing[name] = f"not installed (pip install {INSTALLED_BY[name]})"
             continue
         if name == "heyoka":
             found.append(("heyoka", lambda: _heyoka(case), [10.0**-k for k in range(5, 16)]))
@@ -460,6 +471,7 @@ def report_text(report: dict[str, Any]) -> str:
     """Tables of times, and of our time over the fastest peer's with the goal."""
     lines = [
         f"softdyn bench, {report['made']}, {report['machine']}",
+        *(["PARTIAL: stopped before all was measured"] if report.get("partial") else []),
         ", ".join(f"{name} {number}" for name, number in report["versions"].items()),
         *(f"missing: {name}: {why}" for name, why in report["missing"].items()),
         "CPU time per trajectory in microseconds to a true error, in h and in delta at every output, of at most",
@@ -468,12 +480,16 @@ def report_text(report: dict[str, Any]) -> str:
         head = "".join(f"{target:>10.0e}" for target in TARGET_ERRORS)
         lines += ["", f"{case}: {about}", f"    {'':28}{head}"]
         times = least_times(report, case)
+        if not times:
+            lines.append("    not measured")
+            continue
         for name, values in times.items():
             lines.append(
                 f"    {name:28}" + "".join(f"{v * 1e6:10.1f}" if math.isfinite(v) else f"{'-':>10}" for v in values)
             )
         ours = times.get("softdyn, c", [math.inf] * 4)
-        peers = [min(values) for values in zip(*(v for n, v in times.items() if is_peer(n)), strict=True)]
+        of_peers = [values for name, values in times.items() if is_peer(name)] or [[math.inf] * len(ours)]
+        peers = [min(values) for values in zip(*of_peers, strict=True)]
         ratios = [
             a / b if math.isfinite(a) and math.isfinite(b) else math.nan for a, b in zip(ours, peers, strict=True)
         ]

@@ -11,12 +11,14 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
+from softdyn.bench.record import heading
 from softdyn.particles import linear
 from softdyn.particles.balance import Newton, contact_forces
 from softdyn.particles.geometry import directions, flow, lattice
@@ -28,6 +30,7 @@ from softdyn.particles.scene import ParticleScene
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import contact_state
+from softdyn.results import require_folder, written_whole
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
@@ -276,51 +279,68 @@ def time_solvers(matrix: bsr_array, d: int) -> dict[str, float]:
     return {name: median_cpu(solve, 3) for name, solve in solvers.items()}
 
 
-def bench_particles() -> int:
-    """Measure, and print one line for each figure."""
+def bench_particles(folder: Path) -> int:
+    """Measure, and tell one line for each figure, on stdout and in ``particles.txt`` in a folder.
+
+    Until all is there the file is ``particles.partial.txt``.
+
+    Raises
+    ------
+    SceneError
+        If the folder cannot be written to, which is seen before anything is measured.
+    """
+    require_folder(folder)
+    partial = folder / "particles.partial.txt"
+    lines = ["softdyn bench particles, {made}, {machine}".format(**heading("softdyn bench particles", {}))]
+
+    def tell(line: str) -> None:
+        print(line, flush=True)
+        lines.append(line)
+        with written_whole(partial) as temporary:
+            text = "\n".join([lines[0], "PARTIAL: not all is measured", *lines[1:]])
+            temporary.write_text(text + "\n", encoding="utf-8")
+
     rows = []  # first, since the memory that compilers take would hide theirs
     for cells in (6, 14, 29):
         row = time_step(cells)
         rows.append(row)
-        print(
+        tell(
             f"implicit step, {row['particles']:.0f} spheres in 3D, {row['contacts']:.0f} contacts: "
             f"{row['seconds']:.3g} s of CPU in {row['wall']:.3g} s, {row['iterations']:.0f} Newton iterations; at most "
-            f"{row['peak'] / 1e6:.0f} MB",
-            flush=True,
+            f"{row['peak'] / 1e6:.0f} MB"
         )
     growth = np.log(rows[-1]["seconds"] / rows[0]["seconds"]) / np.log(rows[-1]["particles"] / rows[0]["particles"])
     memory = (rows[-1]["peak"] - rows[0]["peak"]) / (rows[-1]["contacts"] - rows[0]["contacts"])
-    print(f"cost of a step grows as N^{growth:.2f}; {memory:.0f} bytes per contact at the peak")
+    tell(f"cost of a step grows as N^{growth:.2f}; {memory:.0f} bytes per contact at the peak")
     for tangential in (False, True):
         row = time_step(14, law="equal_spheres", parameters=SPHERES, tangential=tangential)
-        print(
+        tell(
             f"implicit step of equal_spheres, {'normal and tangential' if tangential else 'normal'}, "
-            f"{row['particles']:.0f} spheres, {row['contacts']:.0f} contacts: {row['seconds']:.3g} s",
-            flush=True,
+            f"{row['particles']:.0f} spheres, {row['contacts']:.0f} contacts: {row['seconds']:.3g} s"
         )
     for law, said in ((sliding_law(), ""), ("equal_spheres", ", of a law whose friction holds a logarithm")):
         for target in ("c", "numba"):
             normal, both = (time_kernel(law, target, tangential) for tangential in (False, True))
-            print(
-                f"contact kernel{said}, target {target}: {normal:.1f} ns per contact, {both:.1f} with tangential "
-                "motion",
-                flush=True,
+            tell(
+                f"contact kernel{said}, target {target}: {normal:.1f} ns per contact, {both:.1f} with tangential motion"
             )
     for d, cells in ((2, 20), (2, 60), (2, 150), (3, 6), (3, 10)):
         matrix = newton_matrix(crystal(cells) if d == 3 else plane_crystal(cells))
         seconds = ", ".join(f"{name} {value:.3g} s" for name, value in time_solvers(matrix, d).items())
-        print(f"linear system, {d}D, {matrix.shape[0]} unknowns: {seconds}", flush=True)
+        tell(f"linear system, {d}D, {matrix.shape[0]} unknowns: {seconds}")
     for rate in (1e-4, 1e-6, 1e-8):
         runs = time_explicit(rate)
         ours = runs.pop("implicit")
-        print(
+        tell(
             f"1000 droplets sheared at {rate:g} E/eta by {STRAIN:g}: implicit {ours['seconds']:.3g} s, error "
             f"{ours['error']:.1e}; "
             + "; ".join(
                 f"{name} {run['seconds'] / ours['seconds']:.3g} times as much, error {run['error']:.1e}, at steps of "
                 f"{run['dt']:.3g} eta/E"
                 for name, run in runs.items()
-            ),
-            flush=True,
+            )
         )
+    with written_whole(folder / "particles.txt") as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    partial.unlink()
     return 0
