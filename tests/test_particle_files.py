@@ -287,6 +287,27 @@ def test_a_signal_keeps_the_state_says_so_and_the_run_goes_on(
     assert load_particles(tmp_path / "a.npz").t[-1] == pytest.approx(1e4)
 
 
+def test_a_result_that_cannot_be_saved_leaves_its_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A disk that fills at the end does not take hours of work with it."""
+    path = written(tmp_path, EMULSION)
+    output, checkpoint = tmp_path / "a.npz", tmp_path / "a.checkpoint.npz"
+    monkeypatch.setattr("softdyn.particles.run.CHECKPOINT_EVERY", 0.0)
+    with monkeypatch.context() as patch:
+
+        def full(result: object, path: Path) -> Path:
+            raise SceneError(f"cannot write {path}: No space left on device")
+
+        patch.setattr("softdyn.particles.results.ParticleResult.save", full)
+        assert main(["run", str(path), "-o", str(output)]) == 2
+    said = capsys.readouterr().err
+    assert f"cannot write {output}: No space left on device; a state of the run is in {checkpoint}" in said
+    assert main(["run", str(path), "-o", str(output), "--resume"]) == 0
+    assert load_particles(output).t[-1] == pytest.approx(1e3)
+    assert not checkpoint.exists()
+
+
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
     """SIGKILL in the middle; the last checkpoint is whole."""
     path = written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1.0"))

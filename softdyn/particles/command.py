@@ -12,6 +12,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
+from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene
 from softdyn.terminal import as_it_is
@@ -35,10 +36,12 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     if resume and checkpoint is not None and not checkpoint.exists():
         print(f"softdyn: there is no {checkpoint}; starting anew", file=sys.stderr)
     with _progress_bar(scene) as progress:
-        result = simulate_particles(scene, progress, checkpoint, resume)
+        result = simulate_particles(scene, progress, checkpoint, resume, True)
     written = [] if output is None else list(dict.fromkeys((output.with_suffix(".npz"), output)))
     for path in written:
-        result.save(path)
+        _save(result, path, checkpoint)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
     summary = {
         "status": "success",
         "law": result.law,
@@ -74,6 +77,18 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     if written:
         print(f"wrote {' and '.join(map(str, written))}")
     return 0
+
+
+def _save(result: ParticleResult, path: Path, checkpoint: Path | None) -> None:
+    """Save a result; where that fails, the checkpoint stays, and is named."""
+    try:
+        result.save(path)
+    except SceneError as error:
+        if checkpoint is None or not checkpoint.exists():
+            raise
+        raise SceneError(
+            f"{error}; a state of the run is in {checkpoint}: the same command with --resume goes on from it"
+        ) from None
 
 
 @contextmanager

@@ -34,7 +34,11 @@ IMBALANCE = 3.0
 
 
 def simulate_particles(
-    scene: ParticleScene, progress: Progress | None = None, checkpoint: str | Path | None = None, resume: bool = False
+    scene: ParticleScene,
+    progress: Progress | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    keep: bool = False,
 ) -> ParticleResult:
     """Integrate a scene.
 
@@ -48,6 +52,8 @@ def simulate_particles(
         raises :class:`softdyn.signals.Terminated`) or cannot go on; it is removed at the end.
     resume : bool
         Whether to go on from that file, if it is there.
+    keep : bool
+        Whether to leave it at the end, for who saves the result to remove it then.
 
     Returns
     -------
@@ -93,7 +99,7 @@ def simulate_particles(
         if checkpoint is not None:
             checkpoints.save(checkpoint, state, key)
         raise
-    if checkpoint is not None:
+    if checkpoint is not None and not keep:
         checkpoint.unlink(missing_ok=True)
     return _result(scene, checked, system, newton, state, began)
 
