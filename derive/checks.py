@@ -380,15 +380,17 @@ def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) ->
     whole = all(isinstance(chain, tuple) and len(chain) >= 2 for chain in chains(limit))
     lengths = [length for chain in chains(limit) for length in chain] if whole else []
     allowed = set(known.values()) - {a}
-    strange = [x for x in lengths if not (isinstance(x, Expr) and _is_monomial(x) and x.free_symbols <= allowed)]
+    strange = [x for x in lengths if not (isinstance(x, Expr) and _is_size(x) and x.free_symbols <= allowed)]
     if strange or not whole:
         return [
             f"order must hold sizes, from smallest to largest, such as (h, delta, R), not {strange or order}: products "
-            "of powers of h, delta (-delta in tension), F, R and the parameters"
+            "of powers of h, delta (-delta in tension), F, R and the parameters, exponentials, logarithms"
         ]
     size, pressed = Symbol("delta", positive=True), Symbol("F", positive=True)
     sides = ({delta: sign * size, F: sign * pressed} for sign in (1, -1))
-    if not any(all(length.subs(side).is_positive for length in lengths) for side in sides):
+    # a logarithm is positive where it stands, by being ordered
+    sizes = [x.xreplace({part: Dummy("log", positive=True) for part in x.atoms(log)}) for x in lengths]
+    if not any(all(x.subs(side).is_positive for x in sizes) for side in sides):
         return [f"order holds sizes, which are positive on one side, of compression or tension; {order} is not"]
     if not any(length.has(h, delta, F) for length in lengths):
         return [f"order must say how h and delta compare, as in (h, delta, R); {order} does not"]
@@ -398,6 +400,15 @@ def _order_faults(limit: Limit, law: ContactLaw, known: Mapping[str, Symbol]) ->
         if len(found) > 1:
             faults.append(f"order compares {' with '.join(sorted(found))} in {chain}")
     return faults
+
+
+def _is_size(expr: Expr) -> bool:
+    """Whether an expression is a product of powers of symbols, and of exponentials and logarithms of such products."""
+    factors = [factor for factor in Mul.make_args(expr) if not isinstance(factor, exp)]
+    rates = [term for factor in expr.atoms(exp) for term in Add.make_args(factor.args[0])]
+    inner = [function.args[0] for function in expr.atoms(log)]
+    plain = Mul(*factors).xreplace({function: Dummy("log", positive=True) for function in expr.atoms(log)})
+    return all(map(_is_monomial, (plain, *rates, *inner)))
 
 
 def _is_monomial(expr: Expr) -> bool:

@@ -42,7 +42,9 @@ class Limit:
     order : tuple of Expr, or tuple of such tuples
         From the smallest to the largest: ``(h, delta, R)`` stands for h << delta << R, and ``((delta, h, R), (F, A))``
         for delta << h << R and F << A. Besides h, delta, F and R, products of powers of these and of parameters may
-        stand in it; ``-delta`` and ``-F`` in tension. What it does not name is fixed.
+        stand in it, of their exponentials and logarithms too, as in ``(A*exp(-h/ell), F)``; ``-delta`` and ``-F`` in
+        tension. What it does not name is fixed. All inequalities sharpen, each at its own rate: ell << h alone says
+        nothing of how exp(-h/ell) compares with other ratios.
     claims : mapping from str to Expr
         Leading form of any of ``a``, ``zeta``, ``delta``, ``F``, ``F_adh``, ``C``, ``D``, ``dh_dt``, ``dX_dt``, in h,
         delta, F (or kappa) and the parameters; ``dX_dt`` at constant force.

@@ -8,17 +8,18 @@ and its claimed form are expanded there (:mod:`softdyn.derive.balance`), the for
 delta), so nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the cone, which is cut
 where terms compete; otherwise that term is the ratio found. A verdict other than undecided is also certified
 numerically: the ratio is evaluated in high precision along several scalings, down to eps = 1e-30, and must tend to what
-was found.
+was found. In the series exponentials are smaller than any power, and logarithms larger than no power: so each claim is
+also looked at in numbers on random paths into the whole of its ordering (:mod:`softdyn.derive.witness`), where an
+exponential may be as large as a power of another ratio, and a logarithm larger; one on which it fails refutes it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import pairwise, product
+from itertools import product
 from time import process_time
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import mpmath
 from sympy import Add, Dummy, Expr, Poly, Rational, S, Symbol, lambdify, log, powsimp, simplify
@@ -45,9 +46,19 @@ from softdyn.derive.balance import contact_series, definitions, series_of, settl
 from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, facets, orthants
 from softdyn.derive.forms import joined_logarithms
-from softdyn.derive.law import is_rigid, sample_values
+from softdyn.derive.law import is_rigid, parameters_of, sample_values
 from softdyn.derive.patience import until
-from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, h
+from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta
+from softdyn.derive.witness import (
+    Sample,
+    Witness,
+    axes_of,
+    contradiction,
+    functions,
+    inequalities,
+    samples_of,
+    side_of,
+)
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -57,6 +68,9 @@ Verdict = Literal["proved", "disproved", "undecided"]
 #: The scales of the numerical certificate: each ratio of the ordering is eps to some power.
 CERTIFICATE_SCALES = (10, 20, 30)
 CERTIFICATE_WEIGHTS = ("1", "1/3", "2/5")
+
+#: Quantities that go by another name in what follows from a law.
+NAMES = {"F_ela": "F"}
 
 #: Seconds after which a law's claims that are not yet decided are given up.
 PATIENCE = 15.0
@@ -83,6 +97,12 @@ class Finding:
         The largest terms of quantity/claim/ratio - 1, in h and delta: how fast the ratio is approached.
     certificate : tuple of (eps, deviation)
         Largest deviation of quantity/claim from ``ratio`` over all scalings tried, relative to ``ratio``, at each eps.
+    holds : str
+        On which set the verdict holds, in words.
+    samples : int
+        Random paths into the whole of that set on which the claim was looked at in numbers.
+    witness : Witness or None
+        One on which it fails, if that is how it was refuted.
     """
 
     limit: str
@@ -95,6 +115,9 @@ class Finding:
     chain: tuple[tuple[Expr, Expr], ...] = ()
     rate: tuple[Expr, ...] = ()
     certificate: tuple[tuple[float, float], ...] = ()
+    holds: str = ""
+    samples: int = 0
+    witness: Witness | None = None
 
 
 class Findings(list[Finding]):
@@ -118,20 +141,9 @@ class Piece:
     certificate: tuple[tuple[float, float], ...] = ()
 
 
-def inequalities(limit: Limit) -> list[tuple[Expr, Expr]]:
-    """Return the pairs (small, large) that a limit orders."""
-    return [pair for chain in chains(limit) for pair in pairwise(chain)]
-
-
 def ordering(limit: Limit) -> str:
     """Return the ordering in words, as "h << delta << R"."""
     return ", ".join(" << ".join(str(length) for length in chain) for chain in chains(limit))
-
-
-def side_of(limit: Limit) -> int:
-    """Return the sign of delta and F in a limit: -1 if it orders -delta or -F."""
-    lengths = [length for chain in chains(limit) for length in chain]
-    return -1 if any((-x).has(delta, F) and x.could_extract_minus_sign() for x in lengths) else 1
 
 
 def check_limits(law: ContactLaw, patience: float = PATIENCE) -> Findings:
@@ -143,31 +155,48 @@ def check_limits(law: ContactLaw, patience: float = PATIENCE) -> Findings:
     patience : float
         Seconds of processor time after which what is not yet decided is left undecided.
     """
+    sampled = [(limit, samples_of(law, limit)) for limit in law.limits]
     deadline = process_time() + patience
-    return Findings(
-        _check_claim(law, limit, quantity, claimed, deadline)
-        for limit in law.limits
-        for quantity, claimed in limit.claims.items()
-    )
+    found = Findings()
+    for limit, samples in sampled:
+        found += [
+            _check_claim(law, limit, quantity, claimed, samples, deadline) for quantity, claimed in limit.claims.items()
+        ]
+    return found
 
 
-def _check_claim(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> Finding:
+def _check_claim(
+    law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, samples: Sequence[Sample], deadline: float
+) -> Finding:
     try:
         with until(deadline, OutOfTimeError):
             pieces = _judged(law, limit, quantity, claimed, deadline)
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
     piece = _together(pieces)
+    witness = None
+    if piece.verdict != "disproved" and samples and claimed != 0:
+        witness = contradiction(law, limit, samples, NAMES.get(quantity, quantity), claimed)
+    if witness is not None:
+        piece = replace(piece, verdict="disproved", ratio=None, reason=str(witness), rate=())
     return Finding(
         limit.name, ordering(limit), quantity, claimed, piece.verdict, piece.ratio, piece.reason,
-        piece.chain, piece.rate, piece.certificate,
+        piece.chain, piece.rate, piece.certificate, _set_of(law, limit), len(samples), witness,
     )  # fmt: skip
+
+
+def _set_of(law: ContactLaw, limit: Limit) -> str:
+    """On which set a verdict holds, in words."""
+    named = {symbol for pair in inequalities(limit) for length in pair for symbol in length.free_symbols}
+    fixed = [symbol.name for symbol in parameters_of(law) if symbol in law.parameters and symbol not in named]
+    given = f", at any fixed {', '.join(fixed)}" if fixed else ""
+    return f"as every inequality of {ordering(limit)} sharpens, at whatever rates{given}"
 
 
 def _judged(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> list[Piece]:
     """Judge a claim in each part of its ordering, and where these meet: there, terms that compete are equally large."""
     pieces: list[Piece] = []
-    directions, side = _axes(law, limit), side_of(limit)
+    directions, side = axes_of(law, limit), side_of(limit)
     cones = _region(law, limit, directions, deadline)
     if not cones:
         raise UndecidedError("no scaling has this ordering")
@@ -195,13 +224,6 @@ def _together(pieces: Sequence[Piece]) -> Piece:
 # --------------------------------------------------------------------------------------------------- the ordering
 
 
-def _axes(law: ContactLaw, limit: Limit) -> dict[Symbol, Normal]:
-    """An axis for h, one for delta, and one for each parameter of the law's own that the limit orders."""
-    named = {symbol for pair in inequalities(limit) for length in pair for symbol in length.free_symbols}
-    varying = [h, size, *sorted(named & law.parameters.keys(), key=str)]
-    return {symbol: tuple(int(i == j) for j in range(len(varying))) for i, symbol in enumerate(varying)}
-
-
 def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], deadline: float) -> list[Cone]:
     """Cones of scalings that fill the ordering of a limit."""
     settled = settle(orthants(len(directions)), lambda cone: _is_inside(law, limit, directions, cone, deadline))
@@ -220,7 +242,10 @@ def _is_inside(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal
     pairs = inequalities(limit)
     scale = _knowing_force(law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p))
     for small, large in pairs:
-        low, high = (leading(expand(_sized(x, side), scale), x)[0] for x in (small, large))
+        below, above = (expand(_sized(x, side), scale) for x in (small, large))
+        if not below.terms and not below.remainder:
+            continue  # an exponential, smaller than any power: random points tell where it is not
+        low, high = leading(below, small)[0], leading(above, large)[0]
         quotient = tuple(x - y for x, y in zip(low, high, strict=True))
         if any(x < 0 for x in quotient) and any(x > 0 for x in quotient):
             raise SplitError(quotient, f"{small} << {large}")
@@ -262,7 +287,7 @@ def _judge(
     SplitError
         If the cone must be cut first.
     """
-    name = {"F_ela": "F"}.get(quantity, quantity)
+    name = NAMES.get(quantity, quantity)
     declared = law.F_adh if name == "F_adh" else S.One
     if claimed == 0 or declared == 0:
         equal = claimed == 0 and declared == 0
@@ -425,16 +450,6 @@ def _sums(expr: Expr) -> list[Expr]:
 # ---------------------------------------------------------------------------------------------- the numerical proof
 
 
-@lru_cache(maxsize=32)
-def _functions(law: ContactLaw) -> dict[Symbol, tuple[list[Symbol], Any]]:
-    """Each quantity as a function of mpmath numbers; its arguments, and the function."""
-    functions = {}
-    for symbol, expr in definitions(law).items():
-        arguments = sorted(expr.free_symbols, key=str)
-        functions[symbol] = (arguments, lambdify(arguments, expr, modules="mpmath", dummify=True))
-    return functions
-
-
 def _certify(
     law: ContactLaw,
     cone: Cone,
@@ -510,7 +525,7 @@ def _sample(law: ContactLaw, decades: Mapping[Symbol, Expr], side: int) -> dict[
 
 def _evaluated(law: ContactLaw, values: dict[Symbol, mpmath.mpf], name: str) -> mpmath.mpf:
     """Value of a quantity, from the values of h, delta and the parameters; those on the way are added to them."""
-    for symbol, (arguments, function) in _functions(law).items():
+    for symbol, (arguments, function) in functions(law).items():
         values[symbol] = function(*(values[x] for x in arguments))
     return values[next(symbol for symbol in (delta, *definitions(law)) if symbol.name == name)]
 

@@ -18,7 +18,7 @@ from itertools import combinations, count
 from time import process_time
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, log, powsimp, simplify
+from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, exp, log, powsimp, simplify
 
 from softdyn.derive.asymptotics import (
     KEPT,
@@ -54,9 +54,9 @@ from softdyn.derive.cones import (
 from softdyn.derive.dynamics import a_h
 from softdyn.derive.forms import force, joined_logarithms
 from softdyn.derive.law import is_dry, is_rigid, typical_values
-from softdyn.derive.limits import inequalities, side_of
 from softdyn.derive.patience import until
 from softdyn.derive.symbols import F, R, a, delta, h
+from softdyn.derive.witness import inequalities, side_of
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -584,6 +584,7 @@ def _holds(limit: Limit, regime: Regime, directions: Mapping[Symbol, Normal]) ->
         for low, high in (
             (_exponents(small, regime, directions), _exponents(large, regime, directions))
             for small, large in inequalities(limit)
+            if not (small / large).has(exp, log)  # which vanish, or count as one, beside powers
         )
     ]
     return all(any(normal) for normal in ordering) and bool(cut(regime.cones, ordering))

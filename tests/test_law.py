@@ -358,27 +358,27 @@ def limited(order: Any = (h, delta, R), **claims: Any) -> tuple[Limit, ...]:
         (
             limited((h,), a=R),
             "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not (h,): "
-            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+            "products of powers of h, delta (-delta in tension), F, R and the parameters, exponentials, logarithms",
         ),
         (
             limited((h, R + delta), a=R),
             "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not [R + delta]: "
-            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+            "products of powers of h, delta (-delta in tension), F, R and the parameters, exponentials, logarithms",
         ),
         (
             limited((h, h**q), a=R),
             "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not [h**q]: "
-            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+            "products of powers of h, delta (-delta in tension), F, R and the parameters, exponentials, logarithms",
         ),
         (
             limited(((h, delta, R), (a, R)), a=R),
             "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not [a]: "
-            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+            "products of powers of h, delta (-delta in tension), F, R and the parameters, exponentials, logarithms",
         ),
         (
             limited(3, a=R),
             "limit 'Hertz': order must hold sizes, from smallest to largest, such as (h, delta, R), not 3: "
-            "products of powers of h, delta (-delta in tension), F, R and the parameters",
+            "products of powers of h, delta (-delta in tension), F, R and the parameters, exponentials, logarithms",
         ),
         (
             limited((h, delta, -R), a=R),

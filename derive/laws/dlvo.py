@@ -45,7 +45,7 @@ law = ContactLaw(
         ),
         Limit(
             "Poiseuille",
-            order=((delta, h, R), (ell, h), (A * R, F * h**2)),
+            order=((delta, h, R), (ell, h), (A * R, F * h**2), (repulsion * exp(-h / ell), F)),
             claims={
                 "zeta": near,
                 "delta": F / (2 * modulus * sqrt(R * h)),
@@ -71,7 +71,7 @@ law = ContactLaw(
         ),
         Limit(
             "drawn together",
-            order=((h, delta, R), (ell, h), (F * h**2, A * R)),
+            order=((h, delta, R), (ell, h), (F * h**2, A * R), (repulsion * exp(-h / ell), attraction)),
             claims={"zeta": film, "dh_dt": -A * h / (48 * pi * eta * R * delta**2)},
         ),
     ),

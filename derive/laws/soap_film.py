@@ -27,6 +27,8 @@ from softdyn.derive.laws.droplet import law as droplet
 Pi0 = Symbol("Pi0", positive=True)  # disjoining pressure, extrapolated to contact
 ell = Symbol("ell", positive=True)  # its range
 
+round_film = pi * R * Pi0 * ell  # Derjaguin's repulsion of spheres, extrapolated to contact
+
 law = ContactLaw(
     name="soap_film",
     description="droplet with an exponential disjoining pressure: black films",
@@ -40,7 +42,7 @@ law = ContactLaw(
     limits=(
         Limit(
             "Poiseuille",
-            order=((delta, h, R), (ell, h)),
+            order=((delta, h, R), (ell, h), (round_film * exp(-h / ell), F)),
             claims={"zeta": near, "delta": F / (4 * pi * sigma), "dh_dt": -F / near, "dX_dt": -F / near},
         ),
         Limit(
@@ -55,7 +57,7 @@ law = ContactLaw(
         Limit(
             "round, repelled",
             order=(delta, h, ell, R),
-            claims={"F_adh": pi * R * Pi0 * ell, "dh_dt": 2 * Pi0 * ell * h / (3 * eta * R)},
+            claims={"F_adh": round_film, "dh_dt": 2 * Pi0 * ell * h / (3 * eta * R)},
         ),
         Limit(
             "film, repelled",

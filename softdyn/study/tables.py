@@ -42,6 +42,8 @@ def _evidence(finding: Finding) -> Iterator[str]:
         yield ratio + (f" as 1 + {' + '.join(f'({term})' for term in finding.rate)} + ..." if finding.rate else "")
     if finding.certificate:
         yield "in numbers: " + ", ".join(f"{value:.0e} off at eps = {eps:.0e}" for eps, value in finding.certificate)
+    if finding.verdict == "proved":
+        yield f"holds {finding.holds}; none of {finding.samples} random paths into that set says otherwise"
 
 
 def limits_data(law: str, findings: Sequence[Finding]) -> dict[str, Any]:

@@ -1,0 +1,394 @@
+"""Numbers against a claim, from the whole set that its ordering describes: the certificate that knows of no proof.
+
+Input: a law and a limit. Output: for each claim, a path on which it fails, with numbers, or none.
+
+Points are drawn with a fixed seed inside the ordering, near its faces and in its exponentially small corners: along a
+path, each ratio of the ordering falls as a power of a small eps, or only as a logarithm of it, or stays as it is where
+the ordering lets it; so exp(-h/ell) is compared with powers of other ratios, and log(R/h) with any of them. The only
+thing taken from the law is what it says, in numbers. A claim fails if, as every inequality sharpens, found/claimed
+stays away from 1.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
+from math import lcm
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+import mpmath
+from sympy import Add, Expr, Rational, Symbol, cosh, coth, erf, erfc, exp, lambdify, sinh, tanh
+
+from softdyn.derive.balance import definitions, size
+from softdyn.derive.checks import chains
+from softdyn.derive.cones import Cone, Normal, cut, dot, orthants
+from softdyn.derive.law import ranges_of, sample_values
+from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta, h
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw, Limit
+
+#: Paths tried for each limit, of these with the same dominant terms, and how many are drawn to find them.
+PATHS, ALIKE, DRAWN = 32, 6, 400
+#: Paths of the ordering that may follow each other without one that is new.
+IN_VAIN = 60
+#: Decades by which ratios have fallen along a path; the last ones are asked only to confirm that a claim fails.
+LEVELS, CONFIRMED = (10, 40, 160), (10**4, 10**6, 10**8)
+#: Digits beyond which a point is not computed, and those that do to confirm.
+MOST_DIGITS, ENOUGH_DIGITS = 6000, 600
+#: Binary digits of an argument before its point, beyond which an exponential is not told from 0.
+HUGE = 4000
+#: Speeds of a ratio along a path: a power of eps, or of its logarithm.
+POWERS = tuple(Fraction(w) for w in ("1/4", "1/3", "2/3", "1"))
+SLOWLY = tuple(Fraction(w) for w in ("1/3", "1/2", "1", "2"))
+#: Deviation from 1 that is not called small, and how little it may fall from level to level to count as lasting.
+FAR, LASTING = 0.05, 0.999
+#: Functions that fall, or grow, faster than any power.
+EXPONENTIAL = (exp, sinh, cosh, tanh, coth, erf, erfc)
+
+Numbers = dict[Symbol, mpmath.mpf]
+
+
+@dataclass(frozen=True)
+class Point:
+    """The values of all quantities at one point, and the digits that they were computed with."""
+
+    values: Numbers
+    digits: int
+
+    def of(self, expr: Expr) -> mpmath.mpf | None:
+        """Value of an expression; None if it has none, or no real one."""
+        arguments, function = _compiled(expr)
+        with mpmath.workdps(self.digits):
+            try:
+                value = function(*(self.values[x] for x in arguments))
+                return mpmath.mpf(value) if mpmath.isfinite(value) else None
+            except (ZeroDivisionError, ValueError, OverflowError, TypeError, KeyError):
+                return None
+
+    def quantity(self, name: str) -> mpmath.mpf:
+        """Value of a quantity, by its name."""
+        return self.values[next(symbol for symbol in self.values if symbol.name == name and symbol != size)]
+
+
+@dataclass(frozen=True)
+class Path:
+    """A symbol at the level T is factor * 10**(-power T) * T**(-slow)."""
+
+    power: Mapping[Symbol, Fraction]
+    slow: Mapping[Symbol, Fraction]
+    factor: Mapping[Symbol, Fraction]
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A path on which a claim fails, with numbers along it.
+
+    Attributes
+    ----------
+    points : tuple of (mapping from str to str, str)
+        From point to point, as every inequality of the ordering sharpens: the values of all that varies, in units
+        R = E = eta = 1, and of each small/large; and found/claimed there.
+    """
+
+    points: tuple[tuple[Mapping[str, str], str], ...]
+
+    def __str__(self) -> str:
+        at, found = self.points[1]
+        where = ", ".join(f"{name} = {value}" for name, value in at.items())
+        ratios = ", ".join(ratio for _, ratio in self.points)
+        return f"at {where} found/claimed = {found}; as every inequality sharpens: {ratios}"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A path within an ordering, and the values of all quantities at each of its levels."""
+
+    path: Path
+    points: tuple[Point, ...]
+
+
+def inequalities(limit: Limit) -> list[tuple[Expr, Expr]]:
+    """Return the pairs (small, large) that a limit orders."""
+    return [pair for chain in chains(limit) for pair in pairwise(chain)]
+
+
+def side_of(limit: Limit) -> int:
+    """Return the sign of delta and F in a limit: -1 if it orders -delta or -F."""
+    lengths = [length for chain in chains(limit) for length in chain]
+    return -1 if any((-x).has(delta, F) and x.could_extract_minus_sign() for x in lengths) else 1
+
+
+def axes_of(law: ContactLaw, limit: Limit) -> dict[Symbol, Normal]:
+    """An axis for h, one for delta, and one for each parameter of the law's own that the limit orders."""
+    named = {symbol for pair in inequalities(limit) for length in pair for symbol in length.free_symbols}
+    varying = [h, size, *sorted(named & law.parameters.keys(), key=str)]
+    return {symbol: tuple(int(i == j) for j in range(len(varying))) for i, symbol in enumerate(varying)}
+
+
+def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name: str, claim: Expr) -> Witness | None:
+    """Return a path on which a quantity, over what is claimed of it, does not tend to 1; None if none is found."""
+    for sample in samples:
+        off = [deviation(point, name, claim) for point in sample.points]
+        if not _lasts(off):
+            continue
+        further = [point for level in CONFIRMED if (point := _point(law, limit, sample.path, level)) is not None]
+        off += [deviation(point, name, claim) for point in further]
+        if _lasts(off[1:]):
+            return _told(limit, sample, name, claim)
+    return None
+
+
+def deviation(point: Point, name: str, claim: Expr) -> mpmath.mpf | None:
+    """Return abs(found/claimed - 1), if it has a value."""
+    expected = point.of(claim)
+    return abs(point.quantity(name) / expected - 1) if expected else None
+
+
+def _lasts(off: Sequence[mpmath.mpf | None]) -> bool:
+    """Whether deviations stay away from 0, as far as they are known."""
+    known = [x for x in off if x is not None]
+    return len(known) == len(off) > 1 and known[-1] > FAR and known[-1] >= LASTING * known[-2]
+
+
+def _told(limit: Limit, sample: Sample, name: str, claim: Expr) -> Witness:
+    points = []
+    for point in sample.points:
+        varying = [delta if symbol == size else symbol for symbol in sample.path.power]
+        at = {str(symbol): _text(point.values[symbol]) for symbol in varying}
+        at |= {f"({small})/({large})": _text(point.of(small / large)) for small, large in inequalities(limit)}
+        points.append((at, _text(point.quantity(name) / point.of(claim))))
+    return Witness(tuple(points))
+
+
+def _text(value: mpmath.mpf | None) -> str:
+    """A number to three digits, however small."""
+    if value is None or value == 0 or 1e-4 < abs(value) < 1e4:
+        return "nothing" if value is None else mpmath.nstr(value, 4)
+    decades = mpmath.floor(mpmath.log10(abs(value)))
+    if abs(decades) > 1e12:
+        return f"{'-' if value < 0 else ''}10^({mpmath.nstr(decades, 3)})"
+    return f"{mpmath.nstr(value / mpmath.mpf(10) ** decades, 3)}e{int(decades):+d}"
+
+
+# ------------------------------------------------------------------------------------------------------------ points
+
+
+def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
+    """Paths within the ordering of a limit, with all quantities at each level, the same at every call."""
+    draw = Random(0)
+    directions = axes_of(law, limit)
+    cones = cut(orthants(len(directions)), _monomial_normals(limit, directions))
+    exponents = _exponents(law, limit, directions)
+    found: list[Sample] = []
+    met: Counter[tuple[int, ...]] = Counter()
+    in_vain = 0
+    for number in range(DRAWN if cones else 0):
+        # every other path keeps an exponential comparable with powers of the other ratios
+        slowly = draw.choice(exponents) if exponents and number % 2 else None
+        path = _drawn(law, directions, draw.choice(cones), draw, number < 4, slowly)
+        first = _point(law, limit, path, LEVELS[0])
+        if first is None or not _holds(limit, first):
+            continue
+        balance = _dominant(law, first)
+        in_vain += 1
+        if met[balance] < ALIKE:
+            points = _along(law, limit, path, first)
+            if len(points) == len(LEVELS):
+                met[balance] += 1
+                found.append(Sample(path, points))
+                in_vain = 0
+        if len(found) == PATHS or in_vain == IN_VAIN:
+            break
+    return found
+
+
+def _along(law: ContactLaw, limit: Limit, path: Path, first: Point) -> tuple[Point, ...]:
+    """The points of a path, as long as each inequality sharpens along it."""
+    points = [first]
+    for level in LEVELS[1:]:
+        point = _point(law, limit, path, level)
+        if point is None or not _sharper(limit, points[-1], point):
+            break
+        points.append(point)
+    return tuple(points)
+
+
+def _dominant(law: ContactLaw, point: Point) -> tuple[int, ...]:
+    """Which term is the largest of each sum that a law rests on: what tells paths from each other."""
+    found = []
+    for total in _sums(law):
+        sizes = [abs(value) if (value := point.of(term)) is not None else mpmath.mpf(-1) for term in total]
+        found.append(max(range(len(sizes)), key=sizes.__getitem__))
+    return tuple(found)
+
+
+@lru_cache(maxsize=32)
+def _sums(law: ContactLaw) -> tuple[tuple[Expr, ...], ...]:
+    """The terms of each sum in a law."""
+    totals = {total for expr in definitions(law).values() for total in expr.atoms(Add)}
+    return tuple(total.args for total in sorted(totals, key=str))
+
+
+def _monomial_normals(limit: Limit, directions: Mapping[Symbol, Normal]) -> list[Normal]:
+    """The inequalities that are linear in exponents, as normals; those with F, exponentials or logarithms are not."""
+    found = (
+        _normal((small / large).subs(delta, side_of(limit) * size), directions) for small, large in inequalities(limit)
+    )
+    return [normal for normal in found if normal is not None and any(normal)]
+
+
+def _exponents(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal]) -> list[Normal]:
+    """The arguments of exponentials in a law and a limit that are products of powers, as normals."""
+    written = [
+        *definitions(law).values(),
+        *(side for pair in inequalities(limit) for side in pair),
+        *limit.claims.values(),
+    ]
+    arguments = {
+        term: None
+        for expr in written
+        for function in sorted(expr.atoms(*EXPONENTIAL), key=str)
+        for term in Add.make_args(function.args[0].subs(delta, size).expand())
+    }
+    found = dict.fromkeys(_normal(term, directions) for term in arguments)
+    return [normal for normal in found if normal is not None and any(normal)]
+
+
+def _normal(monomial: Expr, directions: Mapping[Symbol, Normal]) -> Normal | None:
+    """Exponent of a product of powers as a linear form of the axes, up to a factor; None if it is no such product."""
+    total = [Rational(0)] * len(directions)
+    for base, power in monomial.as_powers_dict().items():
+        if base.is_number and power.is_number:
+            continue
+        if not base.is_Symbol or not power.is_Rational or base == F:
+            return None
+        if base in directions:
+            total = [x + power * y for x, y in zip(total, directions[base], strict=True)]
+    whole = lcm(*(int(x.q) for x in total))
+    return tuple(int(x * whole) for x in total)
+
+
+def _drawn(
+    law: ContactLaw,
+    directions: Mapping[Symbol, Normal],
+    cone: Cone,
+    draw: Random,
+    plain: bool,
+    slowly: Normal | None,
+) -> Path:
+    """A path into a cone: each of its edges is followed by a power of eps, by a logarithm, or not at all.
+
+    What is ``slowly`` varies by a logarithm only.
+    """
+    weights, logarithms = [], []
+    for ray in cone:
+        kind = draw.random() if slowly is None or dot(slowly, ray) == 0 else 0.9
+        weights.append(draw.choice(POWERS) if kind < 0.5 else Fraction(0))
+        logarithms.append(draw.choice(SLOWLY) if 0.4 <= kind < 0.92 else Fraction(0))
+
+    def along(symbol: Symbol, speeds: Sequence[Fraction]) -> Fraction:
+        rates = (speed * dot(ray, directions[symbol]) for ray, speed in zip(cone, speeds, strict=True))
+        return sum(rates, start=Fraction(0))
+
+    ranges = ranges_of(law)
+    free = [symbol for symbol in (*directions, *law.parameters) if symbol not in ranges]
+    factor = {
+        symbol: Fraction(1) if plain and symbol not in directions else Fraction(draw.randint(40, 250), 100)
+        for symbol in dict.fromkeys(free)
+    }
+    return Path(
+        {symbol: along(symbol, weights) for symbol in directions},
+        {symbol: along(symbol, logarithms) for symbol in directions},
+        factor,
+    )
+
+
+def _point(law: ContactLaw, limit: Limit, path: Path, level: int) -> Point | None:
+    """All quantities of a law at a level of a path, in units R = E = eta = 1; None where they have no value."""
+    decades = max(abs(float(path.power[s]) * level + float(path.slow[s]) * 4) for s in path.power)
+    digits = 40 + int(3 * decades)
+    if level in CONFIRMED:
+        digits = min(digits, ENOUGH_DIGITS)
+    if digits > MOST_DIGITS:
+        return None
+    with mpmath.workdps(digits):
+        values = {symbol: mpmath.mpf(1) for symbol in COMMON_PARAMETERS}
+        values.update({symbol: mpmath.mpf(value.p) / value.q for symbol, value in sample_values(law).items()})
+        for symbol, factor in path.factor.items():
+            own = values.get(symbol, mpmath.mpf(1)) if symbol not in path.power else mpmath.mpf(1)
+            values[symbol] = own * factor.numerator / factor.denominator
+        for symbol, power in path.power.items():
+            slow = path.slow[symbol]
+            fallen = mpmath.mpf(10) ** (mpmath.mpf(-power.numerator * level) / power.denominator)
+            values[symbol] *= fallen * mpmath.mpf(level) ** (mpmath.mpf(-slow.numerator) / slow.denominator)
+        values[delta] = side_of(limit) * values[size]
+        try:
+            for symbol, (arguments, function) in functions(law).items():
+                values[symbol] = mpmath.mpf(function(*(values[x] for x in arguments)))
+        except (ZeroDivisionError, ValueError, OverflowError, TypeError):
+            return None
+        return Point(values, digits)
+
+
+def _exp(x: mpmath.mpf) -> mpmath.mpf:
+    """Return exp(x), or 0 where that has no end of digits."""
+    if mpmath.mag(x) > HUGE:
+        if x > 0:
+            raise OverflowError
+        return mpmath.mpf(0)
+    return mpmath.exp(x)
+
+
+def _bounded(function: Callable[[mpmath.mpf], mpmath.mpf]) -> Callable[[mpmath.mpf], mpmath.mpf]:
+    """A function that is not asked at arguments beyond all bounds."""
+
+    def value(x: mpmath.mpf) -> mpmath.mpf:
+        if mpmath.mag(x) > HUGE / 2:
+            raise OverflowError
+        return function(x)
+
+    return value
+
+
+#: Functions that never come to an end at huge arguments, and what is asked instead.
+GUARDED = {
+    "exp": _exp,
+    **{name: _bounded(getattr(mpmath, name)) for name in ("sinh", "cosh", "tanh", "coth", "erf", "erfc", "sin", "cos")},
+}
+
+
+@lru_cache(maxsize=32)
+def functions(law: ContactLaw) -> dict[Symbol, tuple[list[Symbol], Any]]:
+    """Each quantity as a function of mpmath numbers; its arguments, and the function."""
+    made = {}
+    for symbol, expr in definitions(law).items():
+        arguments = sorted(expr.free_symbols, key=str)
+        made[symbol] = (arguments, lambdify(arguments, expr, modules=[GUARDED, "mpmath"], dummify=True))
+    return made
+
+
+@lru_cache(maxsize=512)
+def _compiled(expr: Expr) -> tuple[list[Symbol], Any]:
+    arguments = sorted(expr.free_symbols, key=str)
+    return arguments, lambdify(arguments, expr, modules=[GUARDED, "mpmath"], dummify=True)
+
+
+def _holds(limit: Limit, point: Point) -> bool:
+    """Whether each inequality of an ordering holds at a point."""
+    ratios = (point.of(small / large) for small, large in inequalities(limit))
+    return all(ratio is not None and 0 < ratio < 1 for ratio in ratios)
+
+
+def _sharper(limit: Limit, before: Point, after: Point) -> bool:
+    """Whether each inequality of an ordering holds at the second point, and by more than at the first."""
+    for small, large in inequalities(limit):
+        earlier, later = (point.of(small / large) for point in (before, after))
+        if earlier is None or later is None or not 0 < later < min(0.65 * earlier, 0.5):
+            return False
+    return True

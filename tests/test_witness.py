@@ -1,0 +1,167 @@
+"""A claim holds on the whole set that its ordering describes, at whatever rates its inequalities sharpen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import mpmath
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sympy import Expr, Rational, Symbol, exp, log
+
+from softdyn.derive import FORCE, LENGTH, ContactLaw, Limit, R, a, delta, h
+from softdyn.derive.laws.dlvo import law as dlvo
+from softdyn.derive.laws.rognon_gay import law as rognon_gay
+from softdyn.derive.laws.soap_film import law as soap_film
+from softdyn.derive.limits import Finding, check_limits
+from softdyn.derive.witness import inequalities, samples_of
+from softdyn.errors import LawError
+
+A, B, ell = Symbol("A", positive=True), Symbol("B", positive=True), Symbol("ell", positive=True)
+Order = tuple[Any, ...]
+
+
+def pushed(F_adh: Expr) -> ContactLaw:
+    """The paper's law with a remote force."""
+    parameters = {symbol: unit for symbol, unit in ((A, FORCE), (B, FORCE), (ell, LENGTH)) if F_adh.has(symbol)}
+    return replace(rognon_gay, name="pushed", F_adh=F_adh, parameters=parameters, limits=())
+
+
+def finding(law: ContactLaw, order: Order, quantity: str, claim: Expr) -> Finding:
+    """Verdict on one claim."""
+    (found,) = check_limits(replace(law, limits=(Limit("trial", order, {quantity: claim}),)), patience=60)
+    return found
+
+
+def claim_of(law: ContactLaw, limit: str, quantity: str) -> Expr:
+    return next(x for x in law.limits if x.name == limit).claims[quantity]
+
+
+FADING = pushed(A * exp(-h / ell) + B)
+SWELLING = pushed(A * (1 + (a / R) ** 2 * log(1 + R / h)))
+
+#: Law, ordering that says too little, quantity, claim; and an ordering that says enough.
+NEEDS_MORE: dict[str, tuple[ContactLaw, Order, str, Expr, Order]] = {
+    "soap film": (
+        soap_film,
+        ((delta, h, R), (Symbol("ell", positive=True), h)),
+        "dh_dt",
+        claim_of(soap_film, "Poiseuille", "dh_dt"),
+        next(x for x in soap_film.limits if x.name == "Poiseuille").order,
+    ),
+    "DLVO": (
+        dlvo,
+        next(x for x in dlvo.limits if x.name == "Poiseuille").order[:3],
+        "dh_dt",
+        claim_of(dlvo, "Poiseuille", "dh_dt"),
+        next(x for x in dlvo.limits if x.name == "Poiseuille").order,
+    ),
+    "what is left of a force": (FADING, ((ell, h, R), (B, A)), "F_adh", B, ((ell, h, R), (A * exp(-h / ell), B))),
+    "a logarithm": (SWELLING, (h, delta, R), "F_adh", A, ((h, delta, R), (delta * log(R / h), R))),
+}
+
+
+@pytest.mark.parametrize("name", list(NEEDS_MORE))
+def test_what_fails_in_an_exponentially_small_corner_is_disproved_with_numbers(name: str) -> None:
+    law, order, quantity, claim, _ = NEEDS_MORE[name]
+    found = finding(law, order, quantity, claim)
+    assert (found.verdict, found.ratio) == ("disproved", None)
+    assert found.witness is not None
+    assert "found/claimed" in found.reason
+    # the numbers of the witness, computed anew: each inequality holds, and the claim is off by more than a percent
+    at, ratio = found.witness.points[-1]
+    assert all(mpmath.mpf(at[f"({small})/({large})"]) < 0.5 for small, large in inequalities(Limit("", order, {})))
+    assert abs(mpmath.mpf(ratio) - 1) > 0.01
+
+
+@pytest.mark.parametrize("name", list(NEEDS_MORE))
+def test_an_ordering_may_say_what_a_claim_needs(name: str) -> None:
+    law, _, quantity, claim, order = NEEDS_MORE[name]
+    found = finding(law, order, quantity, claim)
+    assert (found.verdict, found.ratio) == ("proved", 1)
+    assert found.samples > 0
+    assert found.holds.startswith("as every inequality of")
+
+
+def test_the_witness_is_a_point_of_the_law() -> None:
+    """F_adh = A exp(-h/ell) + B over B, from the numbers that are told."""
+    law, order, quantity, claim, _ = NEEDS_MORE["what is left of a force"]
+    witness = finding(law, order, quantity, claim).witness
+    assert witness is not None
+    at, ratio = witness.points[0]
+    value = {name: mpmath.mpf(text) for name, text in at.items()}
+    exact = 1 + value["A"] / value["B"] * mpmath.exp(-value["h"] / value["ell"])
+    assert mpmath.log(mpmath.mpf(ratio)) == pytest.approx(mpmath.log(exact), rel=0.05)  # three digits of h/ell
+
+
+@pytest.mark.parametrize("order", [(h * sin_, R) for sin_ in (Symbol("unknown"), log(1 + h / R))], ids=str)
+def test_an_ordering_holds_products_powers_exponentials_and_logarithms_only(order: Order) -> None:
+    with pytest.raises(LawError, match="order must hold sizes"):
+        replace(rognon_gay, limits=(Limit("trial", (order, (h, R)), {"a": R}),))
+
+
+def test_the_same_points_are_taken_every_time() -> None:
+    limit = soap_film.limits[0]
+    first, second = ([sample.path for sample in samples_of(soap_film, limit)] for _ in range(2))
+    assert first == second
+    assert first
+
+
+# ---------------------------------------------------------------- random laws with exponentials and logarithms
+
+powers = st.sampled_from([Rational(x) for x in ("1/2", "1", "3/2", "2")])
+
+
+@st.composite
+def corrections(draw: st.DrawFn) -> tuple[Expr, bool]:
+    """A factor that tends to 1, or only seems to: 1 + c x, and whether x vanishes on all of ell << h << delta << R."""
+    p, q = draw(powers), draw(powers)
+    number = Rational(draw(st.integers(1, 9)), draw(st.integers(1, 9)))
+    term, vanishes = draw(
+        st.sampled_from(
+            [
+                (exp(-((h / ell) ** p)), True),
+                (exp(-((h / ell) ** p)) * (h / ell) ** q, True),
+                (exp(-((h / ell) ** p)) * (delta / h) ** q, False),
+                (exp(-((h / ell) ** p)) * (delta / R) ** q, True),
+                (exp(-((h / ell) ** p)) * (R / delta) ** q, False),
+                ((delta / R) ** p * log(1 + R / delta), True),
+                ((delta / R) ** p * log(1 + R / h), False),
+                ((h / R) ** p * log(1 + R / h), True),
+                ((delta / R) ** p * log(1 + h / ell) ** 2, False),
+                ((h / delta) ** p * log(1 + delta / h), True),
+                ((ell / h) ** p * log(1 + delta / ell), False),
+                ((ell / R) ** p * log(1 + delta / ell), True),
+            ]
+        )
+    )
+    return 1 + number * term, vanishes
+
+
+def verdict_on(drawn: tuple[Expr, bool]) -> tuple[str, bool]:
+    factor, vanishes = drawn
+    made = object.__new__(ContactLaw)
+    base = pushed(A * exp(-h / ell))
+    for name in ContactLaw.__dataclass_fields__:
+        object.__setattr__(made, name, getattr(base, name))
+    object.__setattr__(made, "F_adh", A * factor)
+    object.__setattr__(made, "limits", (Limit("trial", (ell, h, delta, R), {"F_adh": A}),))
+    (found,) = check_limits(made, patience=60)
+    return found.verdict, vanishes
+
+
+@settings(max_examples=6, deadline=None)
+@given(corrections())
+def test_no_verdict_on_a_random_law_is_false(drawn: tuple[Expr, bool]) -> None:
+    verdict, vanishes = verdict_on(drawn)
+    assert verdict == ("proved" if vanishes else "disproved")
+
+
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None)
+@given(corrections())
+def test_no_verdict_on_many_random_laws_is_false(drawn: tuple[Expr, bool]) -> None:
+    verdict, vanishes = verdict_on(drawn)
+    assert verdict == ("proved" if vanishes else "disproved")
