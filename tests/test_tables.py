@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -247,3 +248,37 @@ def test_a_table_has_a_largest_number_of_rows(tmp_path: Path, monkeypatch: pytes
     path = saved(tmp_path, "".join(f"{k},1\n" for k in range(101)))
     with pytest.raises(SceneError, match="more than 100 rows"):
         read_table(path)
+
+
+MESSY = st.one_of(
+    st.binary(max_size=200),
+    st.text(max_size=120).map(lambda text: text.encode("utf-8", "surrogatepass")),
+    st.text("0123456789.,;\t \n\r#\"'eE+-xyzFt|()[]/µ\0\ufeff", max_size=200).map(lambda text: text.encode()),
+    st.text("01,;\n", max_size=60).map(lambda text: ("time,force\n" + text).encode("utf-16")),
+)
+
+
+def outcome(read: Callable[[Path], Any], path: Path) -> Any:
+    """What is read, or the refusal."""
+    try:
+        return read(path)
+    except SceneError as error:
+        return error
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(content=MESSY, ending=st.sampled_from(["csv", "txt", "npz", "json", "xyz"]))
+def test_whatever_a_file_holds_it_is_read_or_refused(tmp_path: Path, content: bytes, ending: str) -> None:
+    """Finite numbers at rising times, positions with radii, or one kind of error: nothing else comes out."""
+    path = tmp_path / f"any.{ending}"
+    path.write_bytes(content)
+    table, placed = outcome(read_table, path), outcome(read_particles, path)
+    if not isinstance(table, SceneError):
+        assert np.isfinite(table.t).all()
+        assert np.isfinite(table.F).all()
+        assert (np.diff(table.t) >= 0).all()
+    if not isinstance(placed, SceneError):
+        assert len(placed["positions"]) == len(placed["radii"])
+        assert np.isfinite(placed["positions"]).all()
+    for refused in (table, placed):
+        assert not isinstance(refused, SceneError) or str(path) in str(refused)
