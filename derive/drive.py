@@ -105,6 +105,9 @@ def _assigned(operation: tuple, name: str, those: Sequence[str]) -> list[Assignm
         return [(name, f"pow({those[0]}, {those[1]})")]
     if kind == "select":
         return [(name, f"({those[1]} if {those[0]} < 0.0 else {those[2]})")]
+    if kind == "choose" and len(parts) > 3:
+        # continuous: the function itself, lest the root of abs is one of a negative number within rounding of a kink
+        return [(name, _CALLS[parts[3]].format(*(those[1:] if parts[3] == "abs" else those)))]
     if kind == "choose":
         return [(name, f"({those[0]} if c[{parts[0]}] < 0.0 else {those[1]})")]
     if kind == "call":

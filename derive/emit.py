@@ -16,7 +16,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 import softdyn
 from softdyn.derive.kernel import KernelIR, total_operations
 from softdyn.derive.printing import KINDS
-from softdyn.derive.radau import PANEL_NODES, radau_iia
+from softdyn.derive.radau import PANEL_NODES, blindness, radau_iia
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_kernel import ContactIR
@@ -56,7 +56,9 @@ def _environment() -> Environment:
 
 def kernel_body(ir: KernelIR) -> str:
     """The algorithms of a kernel in the subset of Python that all targets share."""
-    return render_body("common/kernel.py.j2", ir, {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES)})
+    return render_body(
+        "common/kernel.py.j2", ir, {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES), "blind": blindness()}
+    )
 
 
 def render_body(name: str, ir: KernelIR | ContactIR, more: Mapping[str, object]) -> str:

@@ -18,6 +18,7 @@ from softdyn.derive.law import code_names, in_code, is_rigid, law_hash, paramete
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.specialise import (
+    BY_FORCE,
     OUTPUTS,
     RULES,
     SLOPES,
@@ -129,6 +130,8 @@ class KernelIR:
     control: str
     drive_text: str
     constants: int
+    program: tuple[float, ...]
+    program_numbers: int
     deflection: str
     rigid: bool
     outputs: tuple[str, ...]
@@ -185,6 +188,8 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     by_force = needs.control == "force"
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
     entries = (SLOPES[0], SLOPES[2]) if by_force else SLOPES
+    if by_force and isinstance(needs.drive, tuple):
+        entries = (*entries, BY_FORCE)
     slopes = straight_line(entries, definitions)
     asked = [_symbol_named(definitions, name) for name in outputs]
     quantities = straight_line(asked, definitions)
@@ -216,6 +221,8 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
         control=needs.control,
         drive_text=drive.text,
         constants=drive.constants,
+        program=drive.program,
+        program_numbers=drive.numbers,
         deflection=needs.deflection,
         rigid=rigid,
         outputs=outputs,

@@ -99,6 +99,58 @@ def radau_iia(stages: int = STAGES) -> Collocation:
         )
 
 
+@dataclass(frozen=True)
+class Blindness:
+    """What a step's stages do not see of a rate that depends on time alone, as a part of the step's length.
+
+    The step follows the rate's polynomial through its stages. With x from -1 to 1 over the step, a term x^k of the rate
+    adds to the solution what differs from that by ``within`` ``within_growth``^(k - s) at most anywhere within the
+    step, and by ``end`` ``end_growth``^(k - 2 s + 1) at its end, for every k from s, and from 2 s - 1, on; below there
+    is no difference. Any rate bounded by 1 adds what differs by ``any`` at most.
+    """
+
+    within: float
+    within_growth: float
+    end: float
+    end_growth: float
+    any: float
+
+
+@cache
+def blindness(stages: int = STAGES) -> Blindness:
+    """Of Radau IIA: the integrals of the terms less those of their polynomials, the largest of 100 points."""
+    with mpmath.workdps(_DIGITS):
+        points = [2 * c - 1 for c in _nodes(stages)]
+        cardinals = [_integral(_cardinal(points, point)) for point in points]
+        at = [mpmath.mpf(k) / 50 - 1 for k in range(101)]
+        part = [[_at(one, x) - _at(one, mpmath.mpf(-1)) for one in cardinals] for x in at]
+
+        def off(k: int, i: int) -> mpmath.mpf:
+            exact = (at[i] ** (k + 1) - mpmath.mpf(-1) ** (k + 1)) / (k + 1)
+            return abs(exact - mpmath.fsum(w * point**k for w, point in zip(part[i], points, strict=True))) / 2
+
+        within = [max(off(k, i) for i in range(len(at))) for k in range(stages, 3 * stages)]
+        end = [off(k, len(at) - 1) for k in range(2 * stages - 1, 4 * stages)]
+        largest = max(mpmath.fsum(abs(w) for w in row) + x + 1 for row, x in zip(part, at, strict=True)) / 2
+        growths = (
+            max((x / of[0]) ** (mpmath.mpf(1) / n) for n, x in enumerate(of[1:], start=1)) for of in (within, end)
+        )
+        return Blindness(*_floats([within[0], next(growths), end[0], next(growths), largest]))
+
+
+def _cardinal(points: list[mpmath.mpf], point: mpmath.mpf) -> list[mpmath.mpf]:
+    """Coefficients of the polynomial that is 1 at one of the points and 0 at the others."""
+    found = [mpmath.mpf(1)]
+    for other in points:
+        if other != point:
+            found = _times(found, [-other / (point - other), 1 / (point - other)])
+    return found
+
+
+def _integral(polynomial: list[mpmath.mpf]) -> list[mpmath.mpf]:
+    return [mpmath.mpf(0), *(c / (n + 1) for n, c in enumerate(polynomial))]
+
+
 def _nodes(stages: int) -> list[mpmath.mpf]:
     high, low = _legendre(stages), [*_legendre(stages - 1), mpmath.mpf(0)]
     difference = [x - y for x, y in zip(high, low, strict=True)]

@@ -38,6 +38,8 @@ dF_dh = Symbol("dF_dh", real=True)
 #: d(d(ln h)/dt)/d(ln h) and the other entries of the Jacobian of the state's rates; their names, like those of powers,
 #: are none that a parameter can have.
 SLOPES = tuple(Symbol(f"slope_p{entry}", real=True) for entry in ("11", "12", "21", "22"))
+#: d(d(ln h)/dt)/dF at fixed gap, the deflection following from the force balance.
+BY_FORCE = Symbol("slope_p1F", real=True)
 #: 1/k of the spring that moves the centres: 0 where their velocity itself is given.
 compliance = Symbol("compliance_p1", nonnegative=True)
 
@@ -134,6 +136,8 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
         )
         # how the deflection follows ln h
         definitions[SLOPES[2]] = -h * dF_dh / dF_ddelta
+        by_deflection = remote(delta) / zeta - dh_dt * relative(zeta, delta)
+        definitions[BY_FORCE] = (by_deflection / dF_ddelta - 1 / zeta) / h
         return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
     # a spring of compliance s: s dF/dt = dX/dt - V, with V = dX_dt as given, X = 2R + h - 2 delta and F = F_ela
     softness = 2 + compliance * dF_ddelta
@@ -206,6 +210,7 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
             X: 2 * R - 2 * delta,
             SLOPES[0]: S.Zero,
             SLOPES[2]: S.Zero,
+            BY_FORCE: S.Zero,
         }
     else:
         steepness = sound((d.total(zeta, h) / values[zeta]).subs(values))
@@ -222,6 +227,7 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
             lambda2: -h * steepness - h * remote / (F - F_adh),
             SLOPES[0]: remote / zeta - dh_dt * steepness - dh_dt / h,
             SLOPES[2]: S.Zero,
+            BY_FORCE: -1 / (zeta * h),
         }
     return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
 
@@ -235,7 +241,7 @@ def outputs_of(law: ContactLaw) -> tuple[str, ...]:
 def _integrated(control: Control) -> frozenset[Symbol]:
     """What the integration itself uses."""
     if control == "force":
-        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2]})
+        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2], BY_FORCE})
     return frozenset({F_ela, dF_ddelta, dh_dt, ddelta_dt, *SLOPES})
 
 

@@ -90,7 +90,8 @@ _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|
 
 #: ("time",), ("constant", index), ("number", value), ("neg", x), ("+" | "-" | "*" | "/" | "**", x, y),
 #: ("power", x, int), ("call", name, x) or ("call", name, x, y); and what follows from these:
-#: ("select", s, x, y), x where s < 0 and else y, and ("choose", index, x, y), x where that constant is < 0 and else y.
+#: ("select", s, x, y), x where s < 0 and else y, and ("choose", index, x, y), x where that constant is < 0 and else y,
+#: with the name of a continuous function, if it stands for one: within rounding of a kink that may be what is meant.
 #: x, y, s are numbers of earlier operations.
 Operation = tuple
 Shape = tuple[Operation, ...]
@@ -291,7 +292,9 @@ def operands(operation: Operation) -> tuple[int, ...]:
         return ()
     if kind == "power":
         return (parts[0],)
-    return tuple(parts[1:]) if kind in ("call", "choose") else tuple(parts)
+    if kind == "choose":
+        return tuple(parts[1:3])
+    return tuple(parts[1:]) if kind == "call" else tuple(parts)
 
 
 def _renumbered(operation: Operation, new: Mapping[int, int] | Sequence[int]) -> Operation:
@@ -300,7 +303,9 @@ def _renumbered(operation: Operation, new: Mapping[int, int] | Sequence[int]) ->
         return operation
     if kind == "power":
         return (kind, new[parts[0]], parts[1])
-    if kind in ("call", "choose"):
+    if kind == "choose":
+        return (kind, parts[0], new[parts[1]], new[parts[2]], *parts[3:])
+    if kind == "call":
         return (kind, parts[0], *(new[x] for x in parts[1:]))
     return (kind, *(new[x] for x in parts))
 
@@ -419,10 +424,10 @@ def pieces(shape: Shape) -> Pieces:
     for operation in shape:
         switches.add(*operation)
 
-    def choice(switch: int, low: int, high: int) -> int:
+    def choice(switch: int, low: int, high: int, *name: str) -> int:
         if switch not in found:
             found.append(switch)
-        return build.add("choose", count + found.index(switch), low, high)
+        return build.add("choose", count + found.index(switch), low, high, *name)
 
     for i, operation in enumerate(shape):
         kind, *parts = operation
@@ -431,10 +436,10 @@ def pieces(shape: Shape) -> Pieces:
             continue
         name, *those = parts[0], *(places[x] for x in parts[1:])
         if name == "abs":
-            place = choice(parts[1], build.add("neg", those[0]), those[0])
+            place = choice(parts[1], build.add("neg", those[0]), those[0], name)
         elif name in SEVERAL:
             low, high = those if name == "min" else reversed(those)
-            place = choice(switches.add("-", *parts[1:]), low, high)
+            place = choice(switches.add("-", *parts[1:]), low, high, name)
         else:
             place = choice(parts[1], build.number(0.0), build.number(1.0))
             if name == "sign":  # the choice itself

@@ -28,7 +28,7 @@ from softdyn.bench.record import forget, heading, keep, write_record
 from softdyn.bench.reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.batch import STATES
-from softdyn.pair.run import FEWEST_STEPS, MOST_STEPS, kernel_needs, kernel_parameters
+from softdyn.pair.run import MOST_STEPS, kernel_needs, kernel_parameters
 from softdyn.pair.states import initial_deflection
 from softdyn.results import require_folder
 from softdyn.scene import Drive, Scene, drive_of
@@ -248,11 +248,10 @@ def _runs(case: Case, scene: Scene, drive: Drive, kernel: Kernel) -> Solve:
     delta0 = initial_deflection(scene, kernel, drive, p, float(case.parameters["R"]))
     end, outputs = float(case.t[-1]), len(case.t)
     row = np.concatenate([[end, math.nan, math.log(case.h0), delta0], p, *drive.arguments])
-    longest = end / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
     out = np.empty((STATES + len(kernel.outputs)) * outputs + 2)
 
     def solve(tolerance: float) -> tuple[Array, Array]:
-        settings = np.array([tolerance, 0.0, longest, float(MOST_STEPS), float(scene.method == "auto")])
+        settings = np.array([tolerance, 0.0, math.inf, float(MOST_STEPS), float(scene.method == "auto")])
         kernel.functions.runs(1, outputs, 0, settings, row, case.t, out)
         return out[outputs : 2 * outputs], out[2 * outputs : 3 * outputs]
 

@@ -24,7 +24,6 @@ from softdyn.expression import has_kinks
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.run import (
     ALLOWED_ERROR,
-    FEWEST_STEPS,
     LARGEST_RESIDUAL,
     MOST_STEPS,
     kernel_needs,
@@ -268,9 +267,8 @@ def _together(
     if t_end <= drive.start or (at_gaps and np.any(np.diff(targets, axis=1) * (u_stop - u[:, None]) < 0)):
         return None  # these say what is wrong, or are out of order
     rows = np.column_stack([np.full(runs, t_end), np.full(runs, u_stop), u, deltas, parameters, constants])
-    longest = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
     automatic = float(scene.method == "auto")
-    settings = np.array([step_rtol(scene, kernel), drive.start, longest, float(MOST_STEPS), automatic])
+    settings = np.array([step_rtol(scene, kernel), drive.start, math.inf, float(MOST_STEPS), automatic])
     # [output] tells which outputs there are: a run that does not get to all of them is made alone
     out, status, error = _call(kernel, drive, settings, rows[sound], targets[sound], at_gaps, progress)
     arrays = {name: np.full((runs, targets.shape[1]), math.nan) for name in ("t", "h", "delta", *scene.quantities)}

@@ -34,8 +34,6 @@ FIRST_CHUNK = 128
 #: A solved force balance holds to rounding times the stiffness of the law in delta.
 LARGEST_RESIDUAL = 1e-9
 MOST_STEPS = 2_000_000
-#: An expression of time is looked at in 8 points of each of at least so many steps, lest a pulse be missed.
-FEWEST_STEPS = 16
 #: Numbers of a step in time: its start, its length, what ends it, ln h and its 8 stages; then its estimated errors.
 IN_TIME = 12
 
@@ -130,7 +128,12 @@ def simulate_pair(
             "kernel": kernel.key,
         },
         events=_events(kernel, drive, p, steps, stopped_by, t, h, delta),
-        warnings=(*model_warnings(kernel, p, largest, delta), *_unreached(scene, t), *_ill_conditioned(scene, stats)),
+        warnings=(
+            *model_warnings(kernel, p, largest, delta),
+            *_unreached(scene, t),
+            *_ill_conditioned(scene, stats),
+            *_unresolved(drive, stats),
+        ),
     )
 
 
@@ -216,7 +219,7 @@ def _integrate_to_tolerance(
     t, h = _sample(scene, kernel, drive, steps, stopped_by)
     stats["error"] = error = _estimated_error(scene, steps, t)
     for _ in range(REPEATS):
-        if error <= ALLOWED_ERROR * asked or rtol <= TIGHTEST:
+        if error <= ALLOWED_ERROR * asked or rtol <= TIGHTEST or "unresolved" in stats:
             break
         # errors of the steps go as the tolerance; half of what would just do
         rtol = max(rtol * 0.5 * min(ALLOWED_ERROR * asked / error, 0.2), TIGHTEST)
@@ -269,6 +272,8 @@ def _integrate(
         "stiffness": float(state[10]),
         "rtol": rtol,
     }
+    if state[17] > 0:
+        stats |= {"unresolved": int(state[17]), "unresolved_from": float(state[18])}
     return steps, "h" if status == 1 else "t", stats
 
 
@@ -287,13 +292,13 @@ def integrate_steps(
     Returns
     -------
     steps : array, shape (steps, numbers of a step)
-    state : array
+    state : array, shape (21,)
         As the kernel left it, and last its status: 0 at the time, 1 past ln h, else why it ended.
     """
     t_end, u_stop = ends
-    state = np.zeros(17)
+    state = np.zeros(20)
     state[:3] = drive.start, math.log(start[0]), start[1]
-    state[12] = (t_end - drive.start) / FEWEST_STEPS if isinstance(drive.shape, tuple) else math.inf
+    state[12] = math.inf
     state[13] = float(method == "auto")
     width = kernel.width
     recorded: list[Array] = []
@@ -312,6 +317,9 @@ def integrate_steps(
             break
         if interval.kink and len(recorded[-1]):
             recorded[-1][-1, 2] = KINK
+        if interval.doubtful:
+            state[18] = state[0] if state[17] == 0 else state[18]
+            state[17] += 1
     return recorded[0] if len(recorded) == 1 else np.concatenate(recorded), np.append(state, status)
 
 
@@ -540,6 +548,17 @@ def _ill_conditioned(scene: Scene, stats: dict[str, Any]) -> tuple[str, ...]:
     known = f"known to {error:.1e} only, relative, and rtol is {scene.rtol:g}" if error < SMALL_ERROR else "not known"
     aside = "; the times of given gaps may be better conditioned ([output] gaps)" if scene.times is not None else ""
     return (f"{what} {known}: on the way errors, of rounding if no other, grow by as much{aside}",)
+
+
+def _unresolved(drive: Drive, stats: dict[str, Any]) -> tuple[str, ...]:
+    if "unresolved" not in stats:
+        return ()
+    what = "base of the spring" if drive.control == "spring" else drive.control
+    where = f"{stats['unresolved']} steps, the first at t={stats['unresolved_from']:.6g}"
+    return (
+        f"the {what} varies too fast to be followed, or cannot be bounded, within {where}: what it does between the "
+        "points of these steps, and what comes of it, is not known",
+    )
 
 
 def model_warnings(kernel: Kernel, p: Array, largest: float, delta: Array) -> tuple[str, ...]:

@@ -99,6 +99,6 @@ def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
     functions.evaluate(0, none, none, *(none for _ in manifest["inputs"]), p, none)
     functions.solve_delta(0, none, none, p, none)
     functions.drive(0, none, *drive, none, none)
-    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(17), none)
+    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(20), none)
     functions.passages(0, none, none, none, none)
     functions.sample(0, none, 0, none, none)
