@@ -220,7 +220,7 @@ def test_what_cannot_be_bounded_is_warned_of() -> None:
     assert any("cannot be bounded" in text for text in result.warnings)
 
 
-@pytest.mark.parametrize("terms", [330, 1500])
+@pytest.mark.parametrize("terms", [330, pytest.param(1500, marks=pytest.mark.slow)])
 def test_long_sums_are_run(terms: int) -> None:
     """Too long for recursion, and for what compilers nest."""
     text = "1e-8*(" + "+".join(["t"] * terms) + ")"
@@ -229,6 +229,7 @@ def test_long_sums_are_run(terms: int) -> None:
     assert found.h[0] == pytest.approx(expected.h[0], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_no_result_depends_on_how_an_expression_is_written() -> None:
     """The same pulse in forms whose plain intervals differ by orders of magnitude."""
     constants = {"c": 4.1234e4, "w": 1.0}
