@@ -298,14 +298,16 @@ def _shape(path: Path, encoding: str, known: Sequence[Column]) -> Shape:
     if not lines:
         return Shape(encoding, None, {}, 1, None, 0)
     mark = separator or _separator([line for _, line in lines])
-    headings = None
+    headings, title = None, ""
     first = _titles(lines[0][1], mark)
     if not any(map(_starts_as_number, first)):
-        headings = first
-        lines.pop(0)
+        headings, title = first, lines.pop(0)[1]
     if not lines:
         return Shape(encoding, mark, {}, number + 1, headings, len(first))
     rows = [_split(line, mark, len(headings) if headings else 1) for _, line in lines]
+    if headings and len(headings) == 1 < len(rows[0]):  # they may be separated otherwise than the numbers
+        others = [_titles(title, other) for other in (";", "\t", ",", None)]
+        headings = next((found for found in others if len(found) == len(rows[0])), headings)
     if headings is None:
         commented = (_commented(comment, mark, len(rows[0]), known) for comment in reversed(comments))
         headings = next((found for found in commented if found), None)
@@ -485,7 +487,9 @@ def _number(cell: str, where: str, marks: dict[str, str]) -> float:
         why = "the cell is empty"
     elif re.fullmatch(r"[dD][+-]?\d+", rest):
         why = f"{cell!r} has its exponent after a D: write e"
-    elif number and re.match(r"[.,]\d", rest):
+    elif "\u2212" in cell:
+        why = f"{cell!r} has a minus sign of print: write -"
+    elif number and re.match(r"[.,' \u00a0\u202f]?\d", rest):
         why = f"{cell!r} is no number: digits are not grouped"
     elif number and re.match(r"[^\W\d]|[%°/]", rest):
         why = (

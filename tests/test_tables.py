@@ -133,6 +133,8 @@ def test_the_line_of_a_fault_is_named(
         ("0 s,1 N\n1 s,2 N\n", ["line 1: time: '0 s' is a number with a unit", "as in time (s)"]),
         ("time,force\ns,N\n0,1\n", ["line 2: time: 's' is no number", "starts with #"]),
         ("0,1.0D-3\n1,1\n", ["exponent after a D: write e"]),
+        ("time,force\n0,1 000\n1,2\n", ["line 2: force: '1 000' is no number: digits are not grouped"]),
+        ("time,force\n0,\u22121\n1,2\n", ["line 2", "has a minus sign of print: write -"]),
         ("time,force\n", ["at least two rows of time and force", "0 found"]),
     ],
 )
@@ -195,6 +197,11 @@ def test_files_of_other_formats_are_told_by_name(tmp_path: Path, name: str, cont
             read(path)
 
 
+def test_headings_may_be_separated_otherwise_than_numbers(tmp_path: Path) -> None:
+    for text in ("force,time\n5;0\n6;1\n", "force time\n5,0\n6,1\n", "# force, time\n5 0\n6 1\n"):
+        assert read_table(saved(tmp_path, text), "force").F.tolist() == [5, 6]
+
+
 def test_a_table_of_particles_as_yade_writes_it(tmp_path: Path) -> None:
     text = "#format x_y_z_r\n# exported by yade\n0.0\t0.0\t0.0\t0.001\n0.0021\t0.0\t0.0\t0.002\n"
     placed = read_particles(saved(tmp_path, text))
@@ -203,7 +210,8 @@ def test_a_table_of_particles_as_yade_writes_it(tmp_path: Path) -> None:
 
 
 def test_a_diameter_is_twice_a_radius(tmp_path: Path) -> None:
-    placed = read_particles(saved(tmp_path, "Diameter,x,y\n2,0,0\n3,2.6,0\n"))
+    placed = read_particles(saved(tmp_path, "Diameter,x,Y\n2;0;0\n3;2,6;0\n"))
+    assert placed["positions"].tolist() == [[0, 0], [2.6, 0]]
     assert placed["radii"].tolist() == [1, 1.5]
     for text, words in (
         ("x,y,diameter,radius\n0,0,2,1\n", "radius or diameter is needed, one of them"),
@@ -212,6 +220,7 @@ def test_a_diameter_is_twice_a_radius(tmp_path: Path) -> None:
         ("x,y,diametre\n0,0,1\n", "unknown column 'diametre'; did you mean 'diameter'"),
         ("0,0,1\n2,0,1\n", "the first line must name the columns"),
         ("x,y,radius\n", "no particle"),
+        ("x,y,radius,species\n0,0,1,a\n3,0,1,\n", "line 3: the species is empty"),
     ):
         with pytest.raises(SceneError, match=words):
             read_particles(saved(tmp_path, text))

@@ -302,8 +302,8 @@ def _films(result: ParticleResult, x: Array, cell: Array) -> dict[str, Any]:
 
 #: Columns of a table of particles.
 COLUMNS = (
-    Column("x"),
-    *(Column(axis, needed=False) for axis in "yz"),
+    Column("x", ("X",)),
+    *(Column(axis, (axis.upper(),), needed=False) for axis in "yz"),
     Column("radius", ("r", "R"), needed=False),
     Column("diameter", needed=False),
     Column("species", ("type",), needed=False, words=True),
@@ -320,5 +320,8 @@ def _from_table(path: Path) -> dict[str, Any]:
     radii = read["radius"] if "radius" in read else read["diameter"] / 2
     if not len(read):
         raise SceneError(f"table of particles {path}: there are headings, and no particle")
+    nameless = np.flatnonzero(read["species"] == "") if "species" in read else np.empty(0, np.int64)
+    if len(nameless):
+        raise SceneError(f"{read.at(int(nameless[0]))}: the species is empty")
     placed: dict[str, Any] = {"positions": np.column_stack([read[axis] for axis in axes]), "radii": radii}
     return {**placed, "species": read["species"].tolist()} if "species" in read else placed
