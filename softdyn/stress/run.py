@@ -28,6 +28,7 @@ from softdyn.results import PairResult, require_folder
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
 from softdyn.stress.reference import Case, Reference, cases, references
 from softdyn.stress.scenes import random_scenes
+from softdyn.stress.varying import varying_cells
 
 Array = NDArray[np.float64]
 
@@ -258,6 +259,7 @@ def all_cells(say: Callable[[str], None] = lambda _: None) -> list[Cell]:
         add(reference_cells(case, stored[case.key]))
     for make in (unit_cells, law_cells, hostile_cells):
         add(make())
+    add(varying_cells(RTOLS))
     return found
 
 
