@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
@@ -63,6 +64,15 @@ def _list(values: Any) -> list[Any] | None:
     return None if values is None else list(values)
 
 
+def _digest(content: Mapping[str, NDArray[Any]]) -> str:
+    """Digest of all arrays: a run goes on from exactly what was written."""
+    total = sha256()
+    for name, array in sorted(content.items()):
+        total.update(f"{name} {array.dtype.str} {array.shape} ".encode())
+        total.update(str(array).encode() if array.dtype.kind == "U" else np.ascontiguousarray(array).tobytes())
+    return total.hexdigest()
+
+
 def save(path: Path, state: State, key: str) -> None:
     """Write a checkpoint.
 
@@ -99,6 +109,7 @@ def save(path: Path, state: State, key: str) -> None:
     }
     for number, frame in enumerate(state.frames):
         content |= {f"frame{number}_{name}": np.asarray(getattr(frame, name)) for name in FRAME}
+    content["digest"] = np.array(_digest(content))
     with written_whole(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **content)
 
@@ -113,7 +124,8 @@ def load(path: Path, key: str, checked: Checked) -> State:
     """
     try:
         arrays: dict[str, NDArray[Any]] = read_arrays(path)
-        about = read_json(str(arrays.pop("about")))
+        digest = str(arrays.pop("digest")) if "digest" in arrays else None
+        about = read_json(str(arrays["about"]))
         if about["kind"] != "checkpoint":
             raise ValueError("it is another kind of file")
         if about["key"] != key:
@@ -121,6 +133,8 @@ def load(path: Path, key: str, checked: Checked) -> State:
                 f"the checkpoint {path} belongs to another scene, or to another version of it: remove it, or run "
                 "without --resume"
             )
+        if digest != _digest(arrays):
+            raise ValueError("it is damaged: its content is not what was written")
         frames = [
             Frame(
                 **{name: arrays[f"frame{number}_{name}"] for name in FRAME if name != "t"},

@@ -333,10 +333,28 @@ def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
         for letter, size in zip(shape, array.shape, strict=True):
             if sizes.setdefault(letter, size) != size:
                 raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other arrays")
-    start = arrays["contact_start"]
+    names, start = arrays["species_names"], arrays["contact_start"]
+    if names.ndim != 1 or names.dtype.kind != "U":
+        raise ValueError("species_names is not a list of words")
+    most = {
+        "species": len(names),
+        "contact_i": sizes["N"],
+        "contact_j": sizes["N"] + sizes["w"],
+        "contact_start": sizes["c"] + 1,
+    }
+    for name, size in most.items():
+        if arrays[name].dtype.kind not in "iu" or ((arrays[name] < 0) | (arrays[name] >= size)).any():
+            raise ValueError(f"{name} does not hold whole numbers from 0 to {size - 1}")
     if start.shape != (sizes["f"] + 1,) or start[0] != 0 or start[-1] != sizes["c"] or (np.diff(start) < 0).any():
         raise ValueError("contact_start does not fit the contacts")
-    return ParticleResult(about["law"], about["target"], about["parameters"], arrays, about["energy"], about["stats"])
+    for name in ("t", "x", "radii", "cell", "wall_point", "wall_normal", "contact_h"):
+        if not np.isfinite(arrays[name]).all():
+            raise ValueError(f"{name} is not finite everywhere")
+    if not (arrays["radii"] > 0).all() or not (arrays["contact_h"] > 0).all():
+        raise ValueError("not all radii and gaps are positive")
+    law, target = str(about["law"]), str(about["target"])
+    parameters, energy, stats = (dict(about[name]) for name in ("parameters", "energy", "stats"))
+    return ParticleResult(law, target, parameters, arrays, energy, stats)
 
 
 def load_particles(path: str | Path) -> ParticleResult:

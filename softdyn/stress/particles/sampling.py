@@ -333,14 +333,12 @@ def _still(draft: Draft) -> Case:
         both = radii[1:, None] + radii[None, 1:] + apart
         radii[0] = max(radii[0], float((both / beside).max()) - float(radii[1:].min()))
         x = np.concatenate([np.zeros((1, d)), ways * (radii[0] + radii[1:, None] + apart)])
-        velocity = None
         for k in range(1, count):
-            if draft.chance(0.5):
-                # from rest where the start has to be balanced as it is
-                velocity = [draft.drive(draft.uniform(-0.04, 0.04) * length / T, T) for _ in range(d)]
-                holds.append(Hold([k], "xyz"[:d], velocity, [0.0] if slides and draft.chance(0.5) else None))
-            else:
-                holds.append(Hold([k], "xyz"[:d]))
+            moves = draft.chance(0.5)
+            velocity = [draft.drive(draft.uniform(-0.04, 0.04) * length / T, T) for _ in range(d)] if moves else None
+            # one spin at least is given: else torques that balance as they are would say nothing of the whole's
+            turns = slides and (k == count - 1 or draft.chance(0.5))
+            holds.append(Hold([k], "xyz"[:d], velocity, [0.0] if turns else None))
         pushes.append(Push([0], [draft.drive(size * draft.uniform(-1, 1) * force, T, plain=slides) for _ in range(d)]))
         if slides:
             gap = None
