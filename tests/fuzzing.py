@@ -41,12 +41,13 @@ def survives(act: Callable[[], Any], what: object) -> Any:
             warnings.simplefilter("error")
             return act()
     except SoftdynError as refusal:
-        assert str(refusal).strip(), f"an error without words: {what}"
-        return None
+        said = str(refusal)
     except Enough:
         return None
     except Exception as fault:
         raise AssertionError(f"{type(fault).__name__}: {fault}\nof {what}") from fault
+    assert said.strip(), f"an error without words: {what}"
+    return None
 
 
 def mutated_toml(text: str, random: Random) -> str:

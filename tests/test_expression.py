@@ -121,3 +121,8 @@ def test_random_expressions_agree_with_python(text: str, t: float) -> None:
     except (ZeroDivisionError, OverflowError):
         expected = math.nan
     np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_a_root_of_what_is_negative_has_no_value_in_any_function() -> None:
+    """Python makes it complex, and of that abs made a real number that kernels do not have."""
+    assert math.isnan(evaluate(parse("abs(t**0.5)"), -4.0))

@@ -1,4 +1,4 @@
-"""Random expressions of time: read as Python reads them, or refused; and enclosed, differentiated, cut at their kinks."""
+"""Random expressions of time: read as Python reads them, or refused; differentiated, and cut at their kinks."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-
 from fuzzing import Random, survives
+
 from softdyn.expression import FUNCTIONS, SEVERAL, evaluate, parse, pieces, value_and_slope, values
 
 PLAIN = {name: function for name, function in FUNCTIONS.items() if name not in SEVERAL}
@@ -36,7 +36,7 @@ def by_python(text: str, t: float) -> float:
     """What Python makes of a text that this file has made itself."""
     names = {**FUNCTIONS, "abs": math.fabs, "t": t, "pi": math.pi, "q": 1.7}
     try:
-        value = eval(text, {"__builtins__": {}}, names)  # noqa: S307
+        value = eval(text, {"__builtins__": {}}, names)
         return float(value) if isinstance(value, (int, float)) else math.nan
     except (ValueError, ZeroDivisionError, OverflowError, TypeError):
         return math.nan
@@ -92,7 +92,7 @@ def test_monstrous_texts_are_read_or_refused_at_once() -> None:
     for text in (
         "(" * 5000, "-" * 9000 + "t", "t" + "+t" * 4000, "t**" * 500 + "t", "sin(" * 300 + "t" + ")" * 300, "1" * 9999,
         "1e" + "9" * 500, "t+" * 6000, "q" * 9000, "", " ", "\x00", "t\n\n", "max(t" + ",t" * 2000 + ")", "9**9**9**9",
-        "-2**-2**-2", "t**-t", "0**0", "(-8)**(1/3)", "1e308*1e308", "log(-1)", "max()", "min(,)", "sin", "sin t", "t t",
+        "-2**-2**-2", "t**-t", "0**0", "(-8)**(1/3)", "1e308*1e308", "log(-1)", "max()", "min(,)", "sin", "t t",
     ):  # fmt: skip
         expression = survives(lambda text=text: parse(text, {"q": 1.0}), repr(text[:60]))
         if expression is not None:

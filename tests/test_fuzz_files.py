@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fuzzing import Enough, Random, mutated_arrays, mutated_bytes, rezipped, survives
 
 import softdyn
-from fuzzing import Enough, Random, mutated_arrays, mutated_bytes, rezipped, survives
 from softdyn import particles
 from softdyn.particles.results import ParticleResult
 from softdyn.results import PairResult, load_result

@@ -12,8 +12,8 @@ from types import FrameType
 
 import numpy as np
 import pytest
-
 from fuzzing import Enough, mutated_toml, survives
+
 from softdyn.pair.run import simulate_pair
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.results import ParticleResult
