@@ -32,6 +32,9 @@ f = w everywhere a pulled contact snaps off, since -F/(w zeta) has no bound; wit
 pressed deep before it feels a force.) A contact stores g U, dissipates w zeta (dh/dt)^2, takes w F_adh from remote
 forces, and adds g_h U to the slope in h of what it stores.
 
+Where the fluid resists the particles by themselves, zeta is that times what it exceeds these drags by, a function of h:
+see :mod:`softdyn.derive.far_field`.
+
 Newton's iteration solves H, and the implicit function theorem gives the consistent tangent dF/dr along it.
 """
 
@@ -43,9 +46,10 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Integer, Max, Min, Piecewise, Rational, Symbol, diff, simplify
+from sympy import Expr, Integer, Max, Min, Piecewise, Rational, S, Symbol, diff, simplify
 
 from softdyn.derive import dynamics as d
+from softdyn.derive import far_field
 from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
 from softdyn.derive.elementary import for_lanes
@@ -92,6 +96,10 @@ remote_h, remote_delta = Symbol("remote_h", real=True), Symbol("remote_delta", r
 H, H_h, H_r, h_r = (Symbol(name, real=True) for name in ("H", "H_h", "H_r", "h_r"))
 # the force that reaches the particles, and its consistent tangent
 F, F_r = Symbol("F", real=True), Symbol("F_r", real=True)
+# by how much the friction exceeds the drags of the particles by themselves, relative to these, and its slope
+excess, excess_h = Symbol("excess", positive=True), Symbol("excess_h", real=True)
+#: The part of these drags that a scene leaves out: 0 where there is all of them. No parameter of a law has such a name.
+undragged = Symbol("undragged_p1", nonnegative=True)
 friction, remote, dh_dt = Symbol("friction", real=True), Symbol("remote", real=True), Symbol("dh_dt", real=True)
 
 #: y, and the weight: 1 up to half the range, 0 beyond it, with a continuous slope.
@@ -235,7 +243,7 @@ def stage_equation() -> dict[Symbol, Expr]:
     return {**equation, F: weighted, F_r: force}
 
 
-def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbol, Expr]:
+def contact_definitions(law: ContactLaw, tangential: bool = False, drag: bool = False) -> dict[Symbol, Expr]:
     """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
     # the names of a law's own parameters may be those of the kernel's variables
     law = in_code(law)
@@ -247,6 +255,13 @@ def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbo
     def of_law(symbol: Symbol, variable: Symbol) -> Expr:
         return sound(total(symbol, variable).subs(values))
 
+    beside: dict[Symbol, Expr] = {}
+    carried, slope = S.One, S.Zero
+    x = far_field.excess(law) if drag else None
+    if x is not None:
+        beside = {excess: x, excess_h: sound(diff(x, h))}
+        carried = (excess + undragged) / (1 + excess)
+        slope = excess_h * (1 - undragged) / ((excess + undragged) * (1 + excess))
     generic = d.generic_dynamics()
     sliding: dict[Symbol, Expr] = {}
     if tangential and law.tangential is not None:
@@ -257,12 +272,13 @@ def contact_definitions(law: ContactLaw, tangential: bool = False) -> dict[Symbo
         delta: (overlap + h) / 2,
         a: sound(law.a),
         F_ela: values[F_ela],
-        zeta: values[zeta],
+        **beside,
+        zeta: carried * values[zeta],
         F_adh: values[F_adh],
         dF_ddelta: sound(2 * generic.stiffness.subs(values)),
         dF_dh: sound(values[d.F_a] * values[d.a_h]),
         C: dF_ddelta / 2,
-        log_zeta_h: relative(h),
+        log_zeta_h: relative(h) + slope,
         log_zeta_delta: relative(delta),
         remote_h: of_law(F_adh, h),
         remote_delta: of_law(F_adh, delta),
@@ -310,7 +326,8 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         )
     if faults:
         raise LawError(law.name, tuple(faults))
-    definitions = contact_definitions(law, needs.tangential)
+    definitions = contact_definitions(law, needs.tangential, needs.drag)
+    names += (undragged.name,) if excess in definitions else ()
     sliding = tangential_outputs(needs)
     savings: list[Saving] = []
 
@@ -357,7 +374,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         "drag": straight_line(list(resisting), resisting),
     }
     lines = {part: [(name, for_lanes(text)) for name, text in code] for part, code in lines.items()}
-    codes = code_names(law)
+    codes = {**code_names(law), undragged.name: undragged.name}
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
 

@@ -41,7 +41,9 @@ def forces(radius: Array, modulus: Array, gap: Array, delta: Array) -> tuple[Arr
     bar = radius * gap / (radius + gap)
     a = np.sqrt(2 * radius * (bar + np.abs(delta)))
     remote = modulus * radius**2 / 1000 * np.exp(-5 * gap / radius)
-    return 4 / 9 * modulus * a * delta, 3 * np.pi * a**4 / (2 * bar**3), remote
+    # drag beside it has the 6 pi R of 6 pi R (1 + R/h), at delta = 0: R/(R + h) of zeta is left
+    zeta = 3 * np.pi * a**4 / (2 * bar**3) * radius / (radius + gap)
+    return 4 / 9 * modulus * a * delta, zeta, remote
 
 
 def by_equations() -> tuple[Array, Array]:

@@ -684,7 +684,7 @@ def test_pairs_are_counted_once() -> None:
 
 @pytest.mark.parametrize("tangential", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_film_that_attraction_drains_ends_the_run_by_name(tangential: bool) -> None:
-    """Nearly rigid spheres that attract each other touch at the integral of (zeta + 3 pi eta R)/F_adh over the gap.
+    """Nearly rigid spheres that attract each other touch at the integral of zeta/F_adh over the gap, drag counted once.
 
     Without the end of the run gaps fall to 1e-104, where h^3 underflows, and energies reach 1e104 without an error.
     Spheres flatten below (A/E)^(2/5), 2e-5 of the first gap squared: time does not tell. Each of some hundred steps is
@@ -702,7 +702,7 @@ def test_a_film_that_attraction_drains_ends_the_run_by_name(tangential: bool) ->
         width = float(dlvo.a.subs({symbol: {**values, "h": gap}[str(symbol)] for symbol in dlvo.a.free_symbols}))
         at = {**values, "h": gap, "a": width}
         zeta, F_adh = (float(term.subs({symbol: at[name] for name, symbol in names.items()})) for term, names in terms)
-        return (zeta + 3 * np.pi) / -F_adh
+        return zeta / -F_adh
 
     nodes, weights = np.polynomial.legendre.leggauss(20)
     touch = sum(0.005 * w * slowness(0.005 * (1 + node)) for node, w in zip(nodes, weights, strict=True))

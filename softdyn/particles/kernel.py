@@ -45,6 +45,8 @@ class ContactKernel:
         Time spent on deriving, building and loading it.
     contacts, state, energy, drag : functions
         See the template ``contacts``; drag is None in a kernel without.
+    bounded : bool
+        Whether its friction has a limit far apart; in a kernel without drag it does not matter.
     positive : tuple of str
         Parameters that must be positive.
     ranges : mapping from str to (low, high, whether low is left out, whether high is)
@@ -64,6 +66,7 @@ class ContactKernel:
     state: Callable[..., None]
     energy: Callable[..., None]
     drag: Callable[..., None] | None
+    bounded: bool
     positive: tuple[str, ...]
     ranges: Mapping[str, Range]
 
@@ -73,6 +76,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
     from softdyn.derive.emit import suffix
     from softdyn.derive.emit_contacts import emit_contacts
+    from softdyn.derive.far_field import is_bounded
     from softdyn.derive.law import parameters_of, plain_ranges
     from softdyn.laws import load
 
@@ -85,6 +89,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "outputs": ir.outputs,
         "tangential": ir.tangential,
         "drag": ir.drag_outputs,
+        "bounded": not needs["drag"] or is_bounded(law),
         "positive": [symbol.name for symbol in parameters_of(law, ir.tangential != (), True) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "source": emit_contacts(ir, target),
@@ -143,6 +148,7 @@ def get_contact_kernel(
         state=state,
         energy=energy,
         drag=resisting,
+        bounded=bool(manifest["bounded"]),
         positive=tuple(manifest["positive"]),
         ranges=manifest["ranges"],
     )

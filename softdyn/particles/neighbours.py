@@ -97,7 +97,7 @@ def find_contacts(
     made, dropped : int
         New ones that are within range, and those left behind that had been.
     """
-    reach = np.inf if scene.reach is None else float(scene.reach)
+    reach = checked.reach
     skin = SKIN * float(checked.radii.min())
     i, j, shift = find_pairs(x, checked.radii, box, t, walls, reach + skin)
     contacts = bare_contacts(i, j, shift, checked.radii)

@@ -20,6 +20,11 @@ from softdyn.scene import range_fault, suggestion
 
 Array = NDArray[np.float64]
 
+#: Of the single drags, the part that a scene leaves out: a parameter of kernels with drag.
+UNDRAGGED = "undragged_p1"
+#: What does not stand among a scene's parameters.
+FROM_SCENE = ("R", "size_ratio", UNDRAGGED)
+
 MIXING: dict[str, Callable[[Array, Array], Array]] = {
     "arithmetic": lambda one, other: (one + other) / 2,
     "geometric": lambda one, other: np.sqrt(one * other),
@@ -93,14 +98,14 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
         Listing missing, unknown, non-positive and out-of-range parameters.
     """
     names = (*kernel.uniform, *kernel.varying)
-    given = {"R": float(checked.radii[0]), **scene.parameters}
+    given = {**scene.parameters}
     faults = [
         f"[parameters] {name!r} is not a parameter of the law{suggestion(name, [n for n in names if n != 'R'])}"
         for name in given
-        if name not in names and name != "R" and not (name == "eta" and scene.drag)
+        if (name not in names or name in FROM_SCENE) and not (name == "eta" and scene.drag)
     ]
     for name in names:
-        if name == "size_ratio":
+        if name in FROM_SCENE:
             continue
         if name not in given:
             faults.append(f"[parameters] {name} is missing")
@@ -116,6 +121,7 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
         faults.append("[parameters] eta is missing, and the drag on a particle is 6 pi eta R")
     if faults:
         raise SceneError(listed(faults))
+    given |= {"R": float(checked.radii[0]), UNDRAGGED: max(0.0, 1 - float(scene.drag))}
     return np.array([float(given[name]) for name in kernel.uniform])  # type: ignore[arg-type]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import IntegrationError
+from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.balance import Newton
 from softdyn.particles.faults import deep_deflection
@@ -108,7 +108,7 @@ def kernel_needs(scene: ParticleScene, checked: Checked) -> dict[str, Any]:
     """What a scene needs of the kernel of its contacts; the fields of ``derive.contact_kernel.ContactNeeds``."""
     return {
         "varying": tuple(sorted(varying_parameters(scene, checked))),
-        "fading": scene.reach is not None,
+        "fading": math.isfinite(checked.reach),
         "tangential": bool(scene.tangential),
         "drag": bool(scene.drag),
     }
@@ -123,6 +123,11 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     """
     checked = check(scene)
     kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(scene, checked))
+    if scene.reach is None and not kernel.bounded:
+        raise SceneError(
+            "the law's friction zeta grows without bound, or has no limit, as h -> oo: with drag it would hold distant "
+            "particles together; give contacts a range, [contacts] range"
+        )
     p = uniform_values(scene, checked, kernel)
     fixed, force, velocity = checked.fixed, checked.force, checked.velocity
     if kernel.tangential:
@@ -130,7 +135,7 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     system = System(
         kernel=kernel,
         p=p,
-        reach=math.inf if scene.reach is None else float(scene.reach),
+        reach=checked.reach,
         box=checked.box,
         walls=checked.walls,
         radii=checked.radii,

@@ -35,6 +35,9 @@ LARGEST_RATIO = 10.0
 SIZES = (1e-100, 1e100)
 #: Lengths of a periodic box that a particle may be away from it.
 FARTHEST = 1e6
+#: Range of contacts, in largest radii, of a scene with drag that gives none: full up to half of it, where the exact
+#: friction of two spheres exceeds their drags by 1.5 %.
+FAR = 200.0
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
 MOST_WITHOUT_RANGE = 64
 
@@ -104,7 +107,7 @@ class ParticleScene:
         undeformed.
     reach : float, optional
         Range of a contact: beyond this gap there is none, and from half of it on it fades. Without it all pairs are
-        in contact.
+        in contact; with drag, those within 200 of the largest radius.
     tangential : bool
         Whether particles slide, roll and turn, as their law declares.
     films : mapping, optional
@@ -133,7 +136,8 @@ class ParticleScene:
     stress_viscosity : float, optional
         Viscosity eta of the fluid in that; the parameter eta by default.
     drag : float
-        What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none.
+        What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none. With it, contacts carry
+        what of the law's friction exceeds its limit far apart: see :mod:`softdyn.derive.far_field`.
     pushes : sequence of Push
     holds : sequence of Hold
     constants : mapping from str to float
@@ -190,6 +194,8 @@ class Checked:
         Names of the species.
     box : Box
     walls : tuple of Wall
+    reach : float
+        Range of the contacts; inf without one.
     fixed : array of bool, shape (N, d)
     force, velocity : function of t
     torque : function of t
@@ -212,6 +218,7 @@ class Checked:
     names: tuple[str, ...]
     box: Box
     walls: tuple[Wall, ...]
+    reach: float
     fixed: NDArray[np.bool_]
     force: Callable[[float], Array]
     torque: Callable[[float], Array]
@@ -296,9 +303,12 @@ def check(scene: ParticleScene) -> Checked:
         faults.append(f"[accuracy] rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
     if scene.target not in TARGETS:
         faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
-    if scene.gap is not None and scene.reach is not None and scene.gap > scene.reach / 2:
+    reach = math.inf if scene.reach is None else float(scene.reach)
+    if scene.reach is None and scene.drag:
+        reach = FAR * float(radii.max())
+    if scene.gap is not None and scene.gap > reach / 2:
         faults.append(
-            f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {scene.reach / 2:g}: from there on "
+            f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
     if scene.reach is None and scene.box is not None and any(length is not None for length in scene.box):
@@ -353,6 +363,7 @@ def check(scene: ParticleScene) -> Checked:
         names=names,
         box=box,
         walls=walls,
+        reach=reach,
         fixed=fixed,
         force=force,
         torque=torque,

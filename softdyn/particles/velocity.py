@@ -71,6 +71,8 @@ def simulate_by_velocities(
     p = np.array([values_of[name] for name in kernel.parameters])
     count, d = state.x.shape
 
+    carried = _carried(scene) if system.dragged else np.ones_like
+
     def rates(t: float, packed: Array) -> Array:
         x, h = packed[: count * d].reshape(count, d), packed[count * d :]
         n, r = directions(contacts, x, lattice(system.box, t), ())
@@ -80,7 +82,7 @@ def simulate_by_velocities(
         kernel.functions.evaluate(len(h), h, delta, *(inputs[name] for name in kernel.inputs), p, out.reshape(-1))
         value = dict(zip(outputs, out, strict=True))
         F = value["F_ela"]
-        gap_rate = -(F - value["F_adh"]) / value["zeta"]
+        gap_rate = -(F - value["F_adh"]) / (value["zeta"] * carried(h))
         if system.dragged:
             v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.drag[:, None]
         else:
@@ -102,6 +104,22 @@ def simulate_by_velocities(
     if not done.success or not np.isfinite(done.y).all():
         raise IntegrationError(f"the explicit integration ends at t={done.t[-1]:.6g}: {done.message}")
     return done.y[: count * d].T.reshape(-1, count, d), done.y[count * d :].T
+
+
+def _carried(scene: ParticleScene) -> Callable[[Array], Array]:
+    """Fraction of its friction that a contact has where particles have drags of their own, as a function of h."""
+    from sympy import S, lambdify
+
+    from softdyn.derive import far_field, h
+    from softdyn.derive.symbols import R
+    from softdyn.laws import find, load
+
+    law, _ = load(find(scene.law))
+    x = far_field.excess(law) or S.Infinity
+    values = {symbol: scene.parameters.get(symbol.name) for symbol in x.free_symbols - {h, R}}
+    by_gap = lambdify(h, x.subs(values).subs(R, float(np.ravel(scene.radii)[0])), "numpy")
+    left = max(0.0, 1 - float(scene.drag))
+    return lambda gaps: left + (1 - left) / (1 + 1 / by_gap(gaps))
 
 
 def _rate_of(force: Callable[[float], Array], t: float, step: float) -> Array:
