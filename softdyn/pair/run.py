@@ -41,6 +41,8 @@ IN_TIME = 12
 #: tighter, and as much again: tighter than rounding there is nothing to gain.
 ALLOWED_ERROR = 10.0
 REPEATS = 2
+#: Steps that a repeated run may take at least.
+FURTHER_STEPS = 50_000
 TIGHTEST = 1e-16
 #: Of rtol, for steps of a law with kinks or jumps: a step that ends just beyond one errs by more than its defect tells.
 OVER_KINKS = 0.1
@@ -224,7 +226,9 @@ def _integrate_to_tolerance(
         # errors of the steps go as the tolerance; half of what would just do
         rtol = max(rtol * 0.5 * min(ALLOWED_ERROR * asked / error, 0.2), TIGHTEST)
         try:
-            again, stopped_again, stats_again = _integrate(scene, kernel, p, drive, delta0, rtol, progress)
+            # a tighter tolerance takes some more steps; where it takes far more, they are what cannot be held to it
+            most = min(MOST_STEPS, FURTHER_STEPS + 20 * stats["steps"])
+            again, stopped_again, stats_again = _integrate(scene, kernel, p, drive, delta0, rtol, progress, most)
             t_again, h_again = _sample(scene, kernel, drive, again, stopped_again)
         except IntegrationError:
             break  # steps cannot be held to so little: the result says what its error is
@@ -254,13 +258,20 @@ def _estimated_error(scene: Scene, steps: Array, t: Array) -> float:
 
 
 def _integrate(
-    scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, rtol: float, progress: Progress | None
+    scene: Scene,
+    kernel: Kernel,
+    p: Array,
+    drive: Drive,
+    delta0: float,
+    rtol: float,
+    progress: Progress | None,
+    most: float = MOST_STEPS,
 ) -> tuple[Array, str, dict[str, Any]]:
     """Run the kernel's integrator to the end; returns its steps, what stopped it, and statistics."""
     t_end = math.inf if scene.until_t is None else float(scene.until_t)
     u_stop = math.nan if scene.until_h is None else math.log(scene.until_h)
     start, ends = (float(scene.h), delta0), (t_end, u_stop)
-    steps, state = integrate_steps(kernel, drive, p, start, ends, rtol, scene.method, progress)
+    steps, state = integrate_steps(kernel, drive, p, start, ends, rtol, scene.method, progress, most)
     status = int(state[-1])
     if status not in (0, 1):
         raise IntegrationError(_what_happened(status, scene, rtol, state))
@@ -286,6 +297,7 @@ def integrate_steps(
     rtol: float,
     method: str,
     progress: Progress | None = None,
+    most: float = MOST_STEPS,
 ) -> tuple[Array, Array]:
     """Integrate from h and delta to a time or to a value of ln h (nan: none).
 
@@ -312,7 +324,7 @@ def integrate_steps(
             if progress is not None:
                 progress(float(state[0]), math.exp(min(state[1], 700.0)))
             if status == 2:
-                status, capacity = _stuck(state), CHUNK
+                status, capacity = _stuck(state, most), CHUNK
         if status != 0:
             break
         if interval.kink and len(recorded[-1]):
@@ -342,9 +354,9 @@ def _method(drive: Drive, steps: int, by_gap: int) -> str:
 TOO_MANY, RUNAWAY = -10, -11
 
 
-def _stuck(state: Array) -> int:
+def _stuck(state: Array, most: float) -> int:
     """Status of a run that has not ended: 2 to go on."""
-    if state[4] + state[5] > MOST_STEPS:
+    if state[4] + state[5] > most:
         return TOO_MANY
     # ln h at which h overflows, or vanishes, in double precision
     return 2 if abs(state[1]) < 690 else RUNAWAY
