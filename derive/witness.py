@@ -33,8 +33,8 @@ from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta, h
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
 
-#: Paths tried for each limit, of these with the same dominant terms, and how many are drawn to find them.
-PATHS, ALIKE, DRAWN = 32, 6, 400
+#: Paths tried for each limit, of these with the same dominant terms at first, and how many are drawn to find them.
+PATHS, ALIKE, DRAWN = 48, 16, 1500
 #: Paths of the ordering that may follow each other without one that is new.
 IN_VAIN = 60
 #: Decades by which ratios have fallen along a path; the last ones are asked only to confirm that a claim fails.
@@ -45,7 +45,7 @@ MOST_DIGITS, ENOUGH_DIGITS = 6000, 600
 HUGE = 4000
 #: Speeds of a ratio along a path: a power of eps, or of its logarithm.
 POWERS = tuple(Fraction(w) for w in ("1/4", "1/3", "2/3", "1"))
-SLOWLY = tuple(Fraction(w) for w in ("1/3", "1/2", "1", "2"))
+SLOWLY = tuple(Fraction(w) for w in ("1/5", "1/3", "1/2", "1", "2"))
 #: Deviation from 1 that is not called small, and how little it may fall from level to level to count as lasting.
 FAR, LASTING = 0.05, 0.999
 #: Functions that fall, or grow, faster than any power.
@@ -186,21 +186,24 @@ def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
     cones = cut(orthants(len(directions)), _monomial_normals(limit, directions))
     exponents = _exponents(law, limit, directions)
     found: list[Sample] = []
-    met: Counter[tuple[int, ...]] = Counter()
+    balanced: Counter[tuple[int, ...]] = Counter()
+    alike: Counter[tuple[object, ...]] = Counter()
     in_vain = 0
     for number in range(DRAWN if cones else 0):
         # every other path keeps an exponential comparable with powers of the other ratios
         slowly = draw.choice(exponents) if exponents and number % 2 else None
-        path = _drawn(law, directions, draw.choice(cones), draw, number < 4, slowly)
+        path = _drawn(law, directions, draw.choice(cones), draw, number, slowly)
         first = _point(law, limit, path, LEVELS[0])
         if first is None or not _holds(limit, first):
             continue
         balance = _dominant(law, first)
+        kind = (balance, *(not path.power[x] for x in directions), *(not path.slow[x] for x in directions))
         in_vain += 1
-        if met[balance] < ALIKE:
+        if balanced[balance] < ALIKE and alike[kind] < ALIKE / 4:
             points = _along(law, limit, path, first)
             if len(points) == len(LEVELS):
-                met[balance] += 1
+                balanced[balance] += 1
+                alike[kind] += 1
                 found.append(Sample(path, points))
                 in_vain = 0
         if len(found) == PATHS or in_vain == IN_VAIN:
@@ -279,18 +282,24 @@ def _drawn(
     directions: Mapping[Symbol, Normal],
     cone: Cone,
     draw: Random,
-    plain: bool,
+    number: int,
     slowly: Normal | None,
 ) -> Path:
     """A path into a cone: each of its edges is followed by a power of eps, by a logarithm, or not at all.
 
-    What is ``slowly`` varies by a logarithm only.
+    The first paths follow one edge by a power and the others by logarithms, or the reverse; the rest are drawn. What is
+    ``slowly`` varies by a logarithm only.
     """
     weights, logarithms = [], []
-    for ray in cone:
-        kind = draw.random() if slowly is None or dot(slowly, ray) == 0 else 0.9
+    for i, ray in enumerate(cone):
+        kind, speeds = draw.random(), SLOWLY
+        if number < 4 * len(cone):
+            speeds = SLOWLY[:2]
+            kind = 0.2 if (number // 4 == i) == (number // 2 % 2 == 0) else 0.8
+        if slowly is not None and dot(slowly, ray) != 0:
+            kind = 0.8
         weights.append(draw.choice(POWERS) if kind < 0.5 else Fraction(0))
-        logarithms.append(draw.choice(SLOWLY) if 0.4 <= kind < 0.92 else Fraction(0))
+        logarithms.append(draw.choice(speeds) if 0.4 <= kind < 0.92 else Fraction(0))
 
     def along(symbol: Symbol, speeds: Sequence[Fraction]) -> Fraction:
         rates = (speed * dot(ray, directions[symbol]) for ray, speed in zip(cone, speeds, strict=True))
@@ -299,7 +308,7 @@ def _drawn(
     ranges = ranges_of(law)
     free = [symbol for symbol in (*directions, *law.parameters) if symbol not in ranges]
     factor = {
-        symbol: Fraction(1) if plain and symbol not in directions else Fraction(draw.randint(40, 250), 100)
+        symbol: Fraction(1) if number < 8 and symbol not in directions else Fraction(draw.randint(40, 250), 100)
         for symbol in dict.fromkeys(free)
     }
     return Path(
@@ -389,6 +398,6 @@ def _sharper(limit: Limit, before: Point, after: Point) -> bool:
     """Whether each inequality of an ordering holds at the second point, and by more than at the first."""
     for small, large in inequalities(limit):
         earlier, later = (point.of(small / large) for point in (before, after))
-        if earlier is None or later is None or not 0 < later < min(0.65 * earlier, 0.5):
+        if earlier is None or later is None or not 0 < later < min(0.8 * earlier, 0.7):
             return False
     return True
