@@ -472,7 +472,6 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ),
         ({"positions": [[1, 1], [3.1, np.nan]]}, "particle 1 are not finite"),
         ({"radii": [1.0, -1.0]}, "unlike that of particle 1: "),
-        ({"radii": [1.0, 30.0], "positions": [[0, 0], [32, 0]]}, "factor of 30"),
         ({"box": [4.0, 4.0], "reach": 1.0, "positions": [[1, 1], [3.1, 1]]}, "too small along x, y"),
         ({"parameters": {"E": {"a": 1.0}, "eta": 1.0}}, "particles have none"),
         ({"parameters": {"E": 1.0}}, "eta is missing"),

@@ -272,6 +272,35 @@ def find_pairs(
     return i[order].astype(np.int32), j[order].astype(np.int32), shift[order].astype(small)
 
 
+def close_pairs(place: Array, radii: Array, within: float, period: float | None = None) -> tuple[Integers, Integers]:
+    """Pairs of places, the first number the smaller, among which are all whose surfaces are closer than ``within``.
+
+    Particles of like size are looked for together, within a factor of two: small ones do not look as far as large ones,
+    however wide the distribution.
+
+    Parameters
+    ----------
+    place : array, shape (n, d)
+    radii : array, shape (n,)
+    within : float
+    period : float, optional
+        Edge of the periodic box, a cube, in which all places are.
+    """
+    size = np.floor(np.log2(radii / radii.min())).astype(np.int64)
+    members = [np.flatnonzero(size == one) for one in np.unique(size)]
+    trees = [cKDTree(place[those], boxsize=period) for those in members]
+    largest = [float(radii[those].max()) for those in members]
+    found: list[Integers] = []
+    for a, (those, tree) in enumerate(zip(members, trees, strict=True)):
+        found.append(those[tree.query_pairs(2 * largest[a] + within, output_type="ndarray")].reshape(-1, 2))
+        for b in range(a):
+            cut = largest[a] + largest[b] + within
+            near = tree.sparse_distance_matrix(trees[b], cut, output_type="ndarray")
+            found.append(np.column_stack([those[near["i"]], members[b][near["j"]]]))
+    pairs = np.sort(np.concatenate(found), axis=1)
+    return pairs[:, 0], pairs[:, 1]
+
+
 def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple[Integers, Integers, Integers]:
     count, d = x.shape
     cut = 2 * float(radii.max()) + within
@@ -315,8 +344,7 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
         place, owner, image_of = np.concatenate(places), np.concatenate(owners), np.concatenate(images)
     else:
         place, owner, image_of = x, np.arange(count), np.zeros((count, d), dtype=np.int64)
-    pairs = cKDTree(place).query_pairs(cut, output_type="ndarray")
-    first, second = pairs[:, 0], pairs[:, 1]
+    first, second = close_pairs(place, radii[owner], within)
     mine = first < count
     first, second = first[mine], second[mine]
     i, j = owner[first], owner[second]

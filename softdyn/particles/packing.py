@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.spatial import cKDTree
 
 from softdyn.errors import SceneError
+from softdyn.particles.geometry import close_pairs
 
 Array = NDArray[np.float64]
 
@@ -73,8 +73,7 @@ def random_packing(
     def energy(flat: Array) -> tuple[float, Array]:
         x = flat.reshape(count, dimension) % length
         x[x >= length] = 0.0  # a remainder may round up to the length
-        pairs = cKDTree(x, boxsize=length).query_pairs(cut, output_type="ndarray")
-        i, j = pairs[:, 0], pairs[:, 1]
+        i, j = close_pairs(x, size, 0.0, length)
         along = x[j] - x[i]
         along -= length * np.round(along / length)
         r = np.sqrt(np.einsum("ij,ij->i", along, along))

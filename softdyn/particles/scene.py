@@ -29,8 +29,6 @@ from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
 
 Array = NDArray[np.float64]
 
-#: Beyond this ratio of radii, two spheres no longer meet as two half-spaces do while both are near-spherical.
-LARGEST_RATIO = 10.0
 #: Numbers lie between these, lest products of three of them be none.
 SIZES = (1e-100, 1e100)
 #: Lengths of a periodic box that a particle may be away from it.
@@ -240,8 +238,8 @@ def check(scene: ParticleScene) -> Checked:
         Naming the particles at fault.
     """
     x = _array("positions", scene.positions)
-    if x.ndim != 2 or not 1 <= x.shape[1] <= 3 or len(x) < 2:
-        raise SceneError(f"[particles] positions must be two at least, of 1 to 3 coordinates, not of shape {x.shape}")
+    if x.ndim != 2 or not 1 <= x.shape[1] <= 3 or len(x) < 1:
+        raise SceneError(f"[particles] positions must be one at least, of 1 to 3 coordinates, not of shape {x.shape}")
     count, d = x.shape
     if not np.isfinite(x).all():
         raise SceneError(f"[particles] positions of {which(np.asarray(~np.isfinite(x).all(axis=1)))} are not finite")
@@ -271,12 +269,6 @@ def check(scene: ParticleScene) -> Checked:
     faults += _size_faults(scene, x, radii)
     if faults:
         raise SceneError(listed(faults))
-    if radii.max() > LARGEST_RATIO * radii.min():
-        small, large = int(np.argmin(radii)), int(np.argmax(radii))
-        faults.append(
-            f"[particles] radii differ by a factor of {radii.max() / radii.min():.3g} (particles {small} and {large}); "
-            f"up to {LARGEST_RATIO:g} a contact is that of two near half-spaces"
-        )
     for name, value in (("[until] t", scene.until), ("[accuracy] rtol", scene.rtol)):
         if not is_number(value) or not value > 0:
             faults.append(f"{name} must be a positive number, not {value!r}")
