@@ -338,7 +338,7 @@ def _table_of_result(path: Path, name: str, also: Sequence[str]) -> Table:
         wanted = [quantity for quantity in also if quantity in QUANTITIES]
         quantity = f" ({wanted[0]})" if wanted else ""
         raise SceneError(f"the result {path} holds no {name}{quantity}; it holds {', '.join(result.arrays)}")
-    return _table_from(name, result.t, result.arrays[held[0]])
+    return table_of(name, result.t, result.arrays[held[0]])
 
 
 @dataclass(frozen=True)
@@ -442,12 +442,19 @@ def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
     if isinstance(value, Table):
         value = (value.t, value.F)
     if isinstance(value, (tuple, list)) and len(value) == 2:
-        table = _table_from(name, *value)
+        table = table_of(name, *value)
         return Drive("table", np.zeros(1), table, float(table.t[0]))
     return Drive("constant", np.array([_finite(name, value)]))
 
 
-def _table_from(name: str, t: Any, F: Any) -> Table:
+def table_of(name: str, t: Any, F: Any) -> Table:
+    """Table from a pair of arrays.
+
+    Raises
+    ------
+    SceneError
+        If they are not of one length, times do not rise, or a number is not finite.
+    """
     try:
         table = Table(np.array(t, dtype=float), np.array(F, dtype=float))
     except (TypeError, ValueError, OverflowError):

@@ -150,10 +150,18 @@ def _turns(x: Array, radii: Array, width: int) -> Array:
     return rows[sizes > IN_LINE * sizes[0]].reshape(-1, count, width)
 
 
-def _held_torque(x: Array, radii: Array, force: Array) -> Array:
+def held_torque(x: Array, radii: Array, force: Array) -> Array:
     """Part of some forces that would turn all particles together."""
     turns = _turns(x, radii, force.shape[1])
     return np.tensordot(np.tensordot(turns, force, 2), turns, 1)
+
+
+def unturned(x: Array, radii: Array, moved: Array) -> Array:
+    """A motion of the particles less the rotation of all together that is in that of their centres."""
+    turns = _turns(x, radii, moved.shape[1])
+    of_centres = turns[:, :, : x.shape[1]].reshape(len(turns), -1)
+    amount = np.linalg.lstsq(of_centres.T, moved[:, : x.shape[1]].reshape(-1), rcond=IN_LINE)[0]
+    return np.asarray(moved - np.tensordot(amount, turns, 1))
 
 
 def _gauge_pairs(x: Array) -> list[tuple[int, int]]:
@@ -280,7 +288,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x:
             slid = sliding.slide(known, contacts, values, n, r, turning_by, x - x_star, images, s)
             reaction += sliding.reactions(contacts, known, slid, n, count)
         if turning:
-            reaction -= _held_torque(x[:, :d], system.radii, reaction)
+            reaction -= held_torque(x[:, :d], system.radii, reaction)
         biggest = max(largest(external), largest(F), largest(resisting), largest(slid.force) if slid else 0.0)
         wrong = largest(np.where(free, reaction, 0.0))
         stiffest = max(largest(F_r), largest(values["stiff"])) if known is not None else largest(F_r)

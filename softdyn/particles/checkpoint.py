@@ -21,6 +21,7 @@ from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State
 from softdyn.particles.system import System
 from softdyn.results import written_whole
+from softdyn.scene import Table
 
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")
@@ -43,7 +44,7 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
         scene.mixing,
         scene.gap,
         scene.reach,
-        scene.shear_rate,
+        _plain(scene.shear_rate),
         scene.constants,
         scene.rtol,
     )
@@ -52,7 +53,15 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
     holds = [(np.array(h.particles).tolist(), h.axes, _list(h.velocity), _list(h.spin)) for h in scene.holds]
     total.update(
         json.dumps(
-            [*about, checked.names, walls, pushes, holds, dict(scene.stress), scene.stress_viscosity],
+            [
+                *about,
+                checked.names,
+                walls,
+                pushes,
+                holds,
+                {name: _plain(value) for name, value in scene.stress.items()},
+                scene.stress_viscosity,
+            ],
             default=str,
             sort_keys=True,
         ).encode()
@@ -61,7 +70,14 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
 
 
 def _list(values: Any) -> list[Any] | None:
-    return None if values is None else list(values)
+    return None if values is None else [_plain(value) for value in values]
+
+
+def _plain(value: Any) -> Any:
+    """What says how something changes, with every number of a table."""
+    if isinstance(value, Table):
+        value = (value.t, value.F)
+    return [np.asarray(part, dtype=float).tolist() for part in value] if isinstance(value, (tuple, list)) else value
 
 
 def _digest(content: Mapping[str, NDArray[Any]]) -> str:
@@ -91,6 +107,10 @@ def save(path: Path, state: State, key: str) -> None:
                     "dt": state.dt,
                     "stored0": state.stored0,
                     "work": state.work,
+                    "work_error": state.work_error,
+                    "unseen": state.unseen,
+                    "settled": state.settled,
+                    "turned": state.turned,
                     "power": state.power,
                     "counts": state.counts,
                     "skin": state.listed.skin,
@@ -164,6 +184,10 @@ def load(path: Path, key: str, checked: Checked) -> State:
             box=box,
             walls=tuple(walls),
             work={name: float(value) for name, value in about["work"].items()},
+            work_error=float(about["work_error"]),
+            unseen={name: float(when) for name, when in about["unseen"].items()},
+            settled=float(about["settled"]),
+            turned=float(about["turned"]),
             power=about["power"] and {name: float(value) for name, value in about["power"].items()},
             stored0=float(about["stored0"]),
             counts={name: int(value) for name, value in about["counts"].items()},

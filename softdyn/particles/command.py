@@ -15,6 +15,7 @@ from softdyn.particles.integrate import Progress
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene
+from softdyn.particles.time_functions import is_driven
 from softdyn.terminal import as_it_is
 
 
@@ -105,7 +106,7 @@ def _progress_bar(scene: ParticleScene) -> Iterator[Progress | None]:
 
         def update(t: float, steps: int, iterations: int) -> None:
             bar.n = min(1.0, t / scene.until)
-            rate = 0.0 if isinstance(scene.shear_rate, str) else abs(scene.shear_rate)
+            rate = 0.0 if is_driven(scene.shear_rate) else abs(scene.shear_rate)
             where = f"strain={t * rate:.4g}" if rate else f"t={t:.4g}"
             draw(f"{where} step {steps}, {iterations / max(steps, 1):.1f} iterations each")
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, contact_forces, linearise
+from softdyn.particles.balance import Balance, Newton, contact_forces, held_torque, linearise
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
-from softdyn.particles.system import System, contact_state, gauge_axes, image_velocities
+from softdyn.particles.system import System, contact_state, gauge_axes, image_velocities, turns_freely
 
 Array = NDArray[np.float64]
 
@@ -68,6 +68,8 @@ def velocities(system: System, contacts: Contacts, x: Array, t: float, dt: float
     external = (-3 * system.force(t) + 4 * system.force(t + e) - system.force(t + 2 * e)) / (2 * e)
     right = external - contact_forces(contacts, np.ones(len(h)), changed, count)
 
+    if turns_freely(system):
+        right -= held_torque(x, system.radii, right)
     newton, nothing = Newton(), np.zeros(len(h))
     linearise(system, contacts, newton, Balance(x, nothing, h, F, F_r, n, r, right, 0.0, 0.0), 0.0, None)
     assert newton.solver is not None

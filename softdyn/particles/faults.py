@@ -26,6 +26,8 @@ DRAINED = float(np.finfo(float).eps)
 UNBALANCED = 1e-9
 #: So must their torque; it depends on the positions, and is known to their accuracy.
 UNTURNED = 1e-4
+#: Part of it that may be taken away where particles have moved from the positions at which it balances.
+TURNED = 0.1
 
 
 def require_held(system: System, state: State) -> None:
@@ -57,8 +59,14 @@ def require_held(system: System, state: State) -> None:
         )
 
 
-def require_balanced(system: System, t: float, x: Array) -> None:
-    """External forces along axes on which everything moves freely sum to zero; so do torques, with those of forces."""
+def require_balanced(system: System, state: State) -> None:
+    """External forces along axes on which everything moves freely sum to zero; so do torques, with those of forces.
+
+    Torques balance at the given positions. Where the particles are now, elastic relaxation and the motion since the
+    start leave some: this rotates all particles together, which nothing resists and nothing feels, and is taken away
+    (:func:`softdyn.particles.balance.held_torque`), as long as it is small. The state keeps the largest part.
+    """
+    t, x = state.t, state.x
     external, d = system.force(t), system.dimension
     force = external[:, :d]
     for axis in gauge_axes(system):
@@ -68,19 +76,34 @@ def require_balanced(system: System, t: float, x: Array) -> None:
                 f"the external forces along {AXES[axis]} sum to {total:.6g} at t={t:.6g}, and without drag nothing "
                 "balances them: give the particles a drag ([flow] drag = 1), hold one of them, or balance the forces"
             )
-    if turns_freely(system) and external.any():
-        away, torques = x - x.mean(axis=0), external[:, d:] * system.radii[:, None]
-        total = sliding.torque(away, force).sum(axis=0)
-        allowed = UNTURNED * float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
-        if torques.size:
-            total = total + torques.sum(axis=0)
-            allowed += UNBALANCED * float(np.abs(torques).sum())
-        torque = float(np.abs(total).max())
-        if torque > allowed:
-            raise IntegrationError(
-                f"the external forces have the torque {torque:.6g} at t={t:.6g}, and without drag nothing resists it: "
-                "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
-            )
+    if not turns_freely(system) or not external.any():
+        return
+    remedy = "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
+    torque, levers, rounding = _torque(system, external, system.x0[:, :d])
+    settled = min(TURNED * levers, state.settled * float(np.linalg.norm(force, axis=1).sum()))
+    if torque > UNTURNED * levers + settled + rounding:
+        raise IntegrationError(
+            f"the external forces have the torque {torque:.6g} at t={t:.6g} about the given positions, and without "
+            f"drag nothing resists it: {remedy}"
+        )
+    torque, levers, rounding = _torque(system, external, x)
+    if torque > TURNED * levers + rounding:
+        raise IntegrationError(
+            f"the particles have moved until the external forces have the torque {torque:.6g} at t={t:.6g}, "
+            f"{torque / levers:.2g} of what they could have, and without drag nothing resists it: {remedy}"
+        )
+    state.turned = max(state.turned, torque / levers if levers else 0.0)
+
+
+def _torque(system: System, external: Array, x: Array) -> tuple[float, float, float]:
+    """Torque of external forces, that of as large ones across their levers, and what of it may be rounding."""
+    d = x.shape[1]
+    away, force, torques = x - x.mean(axis=0), external[:, :d], external[:, d:] * system.radii[:, None]
+    total = sliding.torque(away, force).sum(axis=0)
+    if torques.size:
+        total = total + torques.sum(axis=0)
+    levers = float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
+    return float(np.abs(total).max()), levers, UNBALANCED * float(np.abs(torques).sum())
 
 
 def require_films(system: System, state: State, h: Array, when: float) -> None:

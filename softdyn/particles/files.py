@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from softdyn.particles.packing import lattice_packing, random_packing
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push
 from softdyn.particles.words import AXES
-from softdyn.scene import is_particle_scene, read_toml, unknown_keys
+from softdyn.scene import is_particle_scene, read_table, read_toml, unknown_keys
 from softdyn.tables import Column, read_columns
 from softdyn.words import listed, suggestion
 
@@ -112,13 +112,17 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         "gap": data.get("contacts", {}).get("gap"),
         "reach": data.get("contacts", {}).get("range"),
         "tangential": data.get("contacts", {}).get("tangential", False),
-        "shear_rate": flow.get("shear_rate", 0.0),
+        "shear_rate": _read(flow.get("shear_rate", 0.0), folder, "[flow]", "shear_rate"),
         "drag": flow.get("drag", 0.0),
-        "stress": {name: value for name, value in data.get("stress", {}).items() if name != "viscosity"},
+        "stress": {
+            name: _read(value, folder, "[stress]", name)
+            for name, value in data.get("stress", {}).items()
+            if name != "viscosity"
+        },
         "stress_viscosity": data.get("stress", {}).get("viscosity"),
-        "pushes": [Push(**entry) for entry in data.get("push", [])],
-        "holds": [Hold(**entry) for entry in data.get("hold", [])],
-        "walls": [Wall(**entry) for entry in data.get("wall", [])],
+        "pushes": [Push(**entry) for entry in _entries(data, "push", ("force", "torque"), folder)],
+        "holds": [Hold(**entry) for entry in _entries(data, "hold", ("velocity", "spin"), folder)],
+        "walls": [Wall(**entry) for entry in _entries(data, "wall", ("velocity",), folder)],
         **_end(data["until"], flow, data.get("stress", {})),
         **placed,
     }
@@ -135,6 +139,39 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         settings["box"] = [None if length == 0 else length for length in lengths]
         settings["tilt"] = data["box"].get("tilt", 0.0)
     return ParticleScene(**settings)
+
+
+#: Headings of the tables of what changes, besides their own names; with _x and so on behind them, too.
+HEADINGS = {
+    "force": ("F",),
+    "torque": ("T", "moment"),
+    "velocity": ("v", "V"),
+    "spin": ("omega", "angular_velocity"),
+    "shear_rate": ("rate", "gamma_dot"),
+    "pressure": ("p", "P"),
+}
+
+
+def _read(value: Any, folder: Path, where: str, name: str) -> Any:
+    """What says how something changes, with the table that it names in its place."""
+    if not isinstance(value, Mapping):
+        return value
+    if set(value) != {"file"} or not isinstance(value["file"], str):
+        raise SceneError(f'{where} {name}: a table is {{file = "{name}.csv"}}, with no other key')
+    also = HEADINGS.get(name, ("stress", "sigma", f"stress_{name}", f"sigma_{name}"))
+    axes = [f"{heading}_{axis}" for heading in (name, *also) for axis in AXES] if name in HEADINGS else []
+    return read_table(folder / value["file"], name, (*also, *axes))
+
+
+def _entries(data: Mapping[str, Any], name: str, driven: Sequence[str], folder: Path) -> Iterator[Mapping[str, Any]]:
+    """Entries of a list, with the tables that they name."""
+    for number, entry in enumerate(data.get(name, [])):
+        read = {
+            key: [_read(value, folder, f"[[{name}]] {number}", key) for value in entry[key]]
+            for key in driven
+            if isinstance(entry.get(key), list)
+        }
+        yield {**entry, **read}
 
 
 def _list(where: str, value: Any) -> list[Any]:

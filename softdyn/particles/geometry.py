@@ -98,14 +98,14 @@ class Wall:
         unit vector.
     rigid : bool
         Whether it gives in as the particles do, or not at all.
-    velocity : sequence of (float or str), optional
-        One for each axis, numbers or expressions of t; at rest without.
+    velocity : sequence of (float, str or table), optional
+        One for each axis, numbers, expressions of t, or tables; at rest without.
     """
 
     point: Any
     normal: Any
     rigid: bool = True
-    velocity: Sequence[float | str] | None = None
+    velocity: Sequence[Any] | None = None
 
 
 @dataclass

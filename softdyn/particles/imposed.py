@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from softdyn.particles.loads import Driven
 
 Array = NDArray[np.float64]
 
@@ -19,15 +22,19 @@ class Imposed:
     ----------
     names : tuple of str
         "xy", "xx", "yy", "zz", or "pressure".
-    values : function of t
-        Their values, > 0 in tension; for the pressure, minus it.
+    driven : Driven
+        Their values, > 0 in tension; for the pressure, minus it; shape (names, 1).
     viscosity : float
         Of the fluid: resists the box.
     """
 
     names: tuple[str, ...]
-    values: Callable[[float], Array]
+    driven: Driven
     viscosity: float
+
+    def values(self, t: float) -> Array:
+        """Values at a time."""
+        return self.driven(t)[:, 0]
 
     def gradients(self, d: int) -> Array:
         """Velocity gradient of a unit rate of each, shape (names, d, d)."""

@@ -17,8 +17,10 @@ from softdyn.particles.faults import require_balanced, require_films, require_sh
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
+from softdyn.particles.resolve import SHORTEST, breaks, resolved
 from softdyn.particles.results import Frame
 from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.start import pass_break
 from softdyn.particles.state import State, frame_now, frame_within, present
 from softdyn.particles.step import Step, take_step
 from softdyn.particles.system import System
@@ -60,6 +62,7 @@ def integrate(
     """
     system = present(system, state)
     until, grow, recovery = float(scene.until), LARGEST_GROWTH, math.inf
+    goals = np.append(breaks(system), until)
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
     step: Step | None = None
@@ -67,8 +70,8 @@ def integrate(
         step = None  # many numbers that the next one has no use for
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
-        require_balanced(system, state.t, state.x)
-        dt, when = _length(state, until)
+        require_balanced(system, state)
+        dt, when = _length(system, state, float(goals[np.searchsorted(goals, state.t, side="right")]), until)
         ahead = state.x + dt * state.v[:, : system.dimension]
         if _drift(checked, system, state, ahead, system, when) > 1.0 and _drift(checked, system, state) > 0:
             _list_again(scene, checked, system, newton, state)
@@ -94,6 +97,8 @@ def integrate(
         require_shallow(system, state, step.end, when)
         with undisturbed():
             system = _accept(system, state, step, dt, when, grow)
+            if state.t in goals[:-1]:
+                pass_break(system, newton, state)
             if _drift(checked, system, state) > 0.5:
                 _list_again(scene, checked, system, newton, state)
             if state.t in checked.times or _has_strained(scene, checked, state):
@@ -105,12 +110,15 @@ def integrate(
             after_step(state)
 
 
-def _length(state: State, until: float) -> tuple[float, float]:
-    """Length of the next step, and its end: no sliver is left before the end of the run."""
-    left = until - state.t
-    if state.dt >= 0.99 * left:
-        return left, until
-    dt = min(state.dt, 0.5 * left) if state.dt > 0.5 * left else state.dt
+def _length(system: System, state: State, goal: float, until: float) -> tuple[float, float]:
+    """Length of the next step, and its end: all that is given is seen, and no sliver is left before the goal."""
+    left = goal - state.t
+    dt, unseen = resolved(system, state, min(state.dt, left), SHORTEST * until)
+    if unseen and unseen not in state.unseen:
+        state.unseen[unseen] = state.t
+    if dt >= 0.99 * left:
+        return left, goal
+    dt = min(dt, 0.5 * left) if dt > 0.5 * left else dt
     return dt, state.t + dt
 
 
@@ -140,7 +148,7 @@ def _attempt(
     within = checked.times[(checked.times > state.t) & (checked.times < when)]
     try:
         step = take_step(
-            system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, state.power
+            system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, state.power, when
         )
     except (StepFailed, linear.Indefinite) as refused:
         return None, refused
@@ -181,6 +189,7 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
         state.contacts.T = step.end.slid.force
     for name, amount in step.work.items():
         state.work[name] += amount
+    state.work_error += step.work_error
     touching = step.end.h < system.reach
     state.counts["made"] += int(np.sum(touching & ~state.contacts.touched))
     state.contacts.touched |= touching

@@ -6,20 +6,21 @@ which coordinates are given. What is wrong with an entry is refused by its name.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import IntegrationError, SceneError
-from softdyn.expression import FUNCTIONS, parse
-from softdyn.expression import evaluate as evaluate_expression
+from softdyn.errors import SceneError
+from softdyn.expression import FUNCTIONS
 from softdyn.particles.geometry import Box
 from softdyn.particles.imposed import Imposed
 from softdyn.particles.sliding import rotations
+from softdyn.particles.time_functions import TimeFunction, is_driven, time_function
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, particles_named
 from softdyn.scene import suggestion
 
@@ -29,7 +30,52 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: Particles (or walls), the column of theirs that is meant, and what it is as a function of t.
-Term = tuple[NDArray[np.int64], int, Callable[[float], float]]
+Term = tuple[NDArray[np.int64], int, TimeFunction]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """An array whose entries are sums of given functions of time.
+
+    Attributes
+    ----------
+    terms : sequence of Term
+    scale : array
+        Factor of each entry; the shape is that of the array.
+    base : array, optional
+        What they are added to; 0 without.
+    """
+
+    terms: Sequence[Term]
+    scale: Array
+    base: Array | None = None
+
+    def __call__(self, t: float) -> Array:
+        """Values at a time, or before the jump there."""
+        return self._sum(self._constant, lambda function: function(t))
+
+    def after(self, t: float) -> Array:
+        """Values at a time, or behind the jump there."""
+        return self._sum(self._constant, lambda function: function.after(t))
+
+    def integral(self, t: float) -> Array:
+        """Integrals from 0 to a time."""
+        return self._sum(t * self._constant, lambda function: function.integral(t))
+
+    @cached_property
+    def _constant(self) -> Array:
+        values = np.zeros(self.scale.shape) if self.base is None else self.base.copy()
+        for those, column, function in self.terms:
+            if function.constant:
+                values[those, column] += function.number
+        return values
+
+    def _sum(self, constant: Array, of: Callable[[TimeFunction], float]) -> Array:
+        values = constant.copy()
+        for those, column, function in self.terms:
+            if not function.constant:
+                values[those, column] += of(function)
+        return np.asarray(values * self.scale)
 
 
 def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> NDArray[np.int64]:
@@ -57,24 +103,8 @@ def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> 
     return numbers
 
 
-def _function(scene: ParticleScene, value: Any, where: str) -> Callable[[float], float]:
-    """Function of t from a number or an expression."""
-    if isinstance(value, str):
-        expression = parse(value, _constants(scene))
-        start = evaluate_expression(expression, 0.0)
-        if not math.isfinite(start):
-            raise SceneError(f"{where} = {value!r} has no finite value at t = 0")
-
-        def evaluated(t: float) -> float:
-            found = evaluate_expression(expression, t)
-            if not math.isfinite(found):
-                raise IntegrationError(f"{where} = {value!r} has no finite value at t={t:.6g}")
-            return found
-
-        return evaluated
-    if not is_number(value):
-        raise SceneError(f"{where} must be a number or an expression of t, not {value!r}")
-    return lambda t: float(value)
+def _time_function(scene: ParticleScene, value: Any, where: str) -> TimeFunction:
+    return time_function(value, where, _constants(scene), float(scene.until))
 
 
 def _constants(scene: ParticleScene) -> dict[str, float]:
@@ -106,17 +136,7 @@ def _terms(
     """Terms of the components that are not 0; the labels are for errors."""
     parts = list(zip(columns, values, labels, strict=True))
     parts = [part for part in parts if not (is_number(part[1]) and part[1] == 0)]
-    return [(those, column, _function(scene, value, label)) for column, value, label in parts]
-
-
-def _sum_of(terms: Sequence[Term], count: int, width: int) -> Callable[[float], Array]:
-    def total(t: float) -> Array:
-        values = np.zeros((count, width))
-        for those, column, function in terms:
-            values[those, column] += function(t)
-        return values
-
-    return total
+    return [(those, column, _time_function(scene, value, label)) for column, value, label in parts]
 
 
 def _turns(scene: ParticleScene, name: str, values: Any, where: str, d: int) -> list[str]:
@@ -129,9 +149,7 @@ def _turns(scene: ParticleScene, name: str, values: Any, where: str, d: int) -> 
     return [f"{where}: {name} about {axis}" for axis in AXES[-m:]]
 
 
-def pushes(
-    scene: ParticleScene, pushed: Sequence[NDArray[np.int64]], count: int, d: int
-) -> tuple[Callable[[float], Array], Callable[[float], Array]]:
+def pushes(scene: ParticleScene, pushed: Sequence[NDArray[np.int64]], count: int, d: int) -> tuple[Driven, Driven]:
     """External forces and torques."""
     forces: list[Term] = []
     torques: list[Term] = []
@@ -147,12 +165,12 @@ def pushes(
         if push.torque is not None:
             labels = _turns(scene, "torque", push.torque, where, d)
             torques += _terms(scene, particles, range(len(labels)), push.torque, labels)
-    return _sum_of(forces, count, d), _sum_of(torques, count, rotations(d))
+    return Driven(forces, np.ones((count, d))), Driven(torques, np.ones((count, rotations(d))))
 
 
 def holds(
     scene: ParticleScene, held: Sequence[NDArray[np.int64]], count: int, d: int
-) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+) -> tuple[NDArray[np.bool_], Driven]:
     """Which positions are given, shape (N, d), and their velocities."""
     fixed = np.zeros((count, d), dtype=bool)
     terms: list[Term] = []
@@ -172,12 +190,12 @@ def holds(
             fixed[particles, column] = True
         labels = [f"{where}: velocity along {name}" for name in hold.axes]
         terms += _terms(scene, particles, columns, velocity, labels)
-    return fixed, _sum_of(terms, count, d)
+    return fixed, Driven(terms, np.ones((count, d)))
 
 
 def spins(
     scene: ParticleScene, held: Sequence[NDArray[np.int64]], count: int, d: int
-) -> tuple[NDArray[np.bool_], Callable[[float], Array]]:
+) -> tuple[NDArray[np.bool_], Driven]:
     """Particles whose rotation is given, shape (N,), and their angular velocities."""
     turned = np.zeros(count, dtype=bool)
     terms: list[Term] = []
@@ -191,40 +209,36 @@ def spins(
             raise SceneError(f"{where}: {particles_named(twice)} given two spins")
         turned[particles] = True
         terms += _terms(scene, particles, range(len(labels)), hold.spin, labels)
-    return turned, _sum_of(terms, count, rotations(d))
+    return turned, Driven(terms, np.ones((count, rotations(d))))
 
 
-def with_rotations(
-    checked: Checked,
-) -> tuple[NDArray[np.bool_], Callable[[float], Array], Callable[[float], Array]]:
+def with_rotations(checked: Checked) -> tuple[NDArray[np.bool_], Driven, Driven]:
     """Fixed coordinates, force and velocity for the coordinates (x, R theta); forces on these are (force, torque/R)."""
-    m, R = rotations(checked.x.shape[1]), checked.radii[:, None]
+    (_, d), m, R = checked.x.shape, rotations(checked.x.shape[1]), checked.radii[:, None]
     fixed = np.concatenate([checked.fixed, np.repeat(checked.turned[:, None], m, axis=1)], axis=1)
 
-    def force(t: float) -> Array:
-        return np.concatenate([checked.force(t), checked.torque(t) / R], axis=1)
+    def beside(one: Driven, other: Driven, scale: Array) -> Driven:
+        moved = [(those, d + column, function) for those, column, function in other.terms]
+        return Driven([*one.terms, *moved], np.concatenate([one.scale, np.repeat(scale, m, axis=1)], axis=1))
 
-    def velocity(t: float) -> Array:
-        return np.concatenate([checked.velocity(t), R * checked.spin(t)], axis=1)
-
-    return fixed, force, velocity
+    return fixed, beside(checked.force, checked.torque, 1 / R), beside(checked.velocity, checked.spin, R)
 
 
-def wall_velocity(scene: ParticleScene, d: int) -> Callable[[float], Array] | None:
+def wall_velocity(scene: ParticleScene, d: int) -> Driven | None:
     """Velocities of the walls, shape (walls, d); None if all of them are at rest."""
     terms = []
     for number, wall in enumerate(scene.walls):
         if wall.velocity is not None:
             labels = [f"wall {number}: velocity along {axis}" for axis in AXES[:d]]
             terms += _terms(scene, np.array([number]), range(d), wall.velocity, labels)
-    return _sum_of(terms, len(scene.walls), d) if terms else None
+    return Driven(terms, np.ones((len(scene.walls), d))) if terms else None
 
 
-def shear_flow(scene: ParticleScene) -> Callable[[float], float] | None:
+def shear_flow(scene: ParticleScene) -> TimeFunction | None:
     """The shear rate as a function of t; None where it is a number."""
-    if not isinstance(scene.shear_rate, str):
+    if is_number(scene.shear_rate):
         return None
-    return _function(scene, scene.shear_rate, "[flow] shear_rate")
+    return _time_function(scene, scene.shear_rate, "[flow] shear_rate")
 
 
 def imposed_stress(scene: ParticleScene, box: Box) -> Imposed | None:
@@ -240,7 +254,7 @@ def imposed_stress(scene: ParticleScene, box: Box) -> Imposed | None:
     ]
     if not box.periodic.all():
         faults.append("[stress] a stress is imposed on a box that is periodic along all axes: give its lengths")
-    if "xy" in scene.stress and scene.shear_rate:
+    if "xy" in scene.stress and (is_driven(scene.shear_rate) or scene.shear_rate):
         faults.append(
             "[stress] xy and [flow] shear_rate: the shear rate follows from the shear stress; give one of them"
         )
@@ -256,10 +270,9 @@ def imposed_stress(scene: ParticleScene, box: Box) -> Imposed | None:
     if faults:
         raise SceneError(listed(faults))
     names = tuple(name for name in known if name in scene.stress)
-    functions = [_function(scene, scene.stress[name], f"[stress] {name}") for name in names]
-    signs = np.array([-1.0 if name == "pressure" else 1.0 for name in names])
-
-    def values(t: float) -> Array:
-        return signs * np.array([function(t) for function in functions])
-
-    return Imposed(names, values, float(viscosity))  # type: ignore[arg-type]
+    terms = [
+        (np.array([k]), 0, _time_function(scene, scene.stress[name], f"[stress] {name}"))
+        for k, name in enumerate(names)
+    ]
+    signs = np.array([[-1.0 if name == "pressure" else 1.0] for name in names])
+    return Imposed(names, Driven(terms, signs), float(viscosity))  # type: ignore[arg-type]

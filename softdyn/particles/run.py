@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.balance import Newton
+from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.faults import deep_deflection
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
@@ -23,7 +24,7 @@ from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.scene import Checked, ParticleScene, check
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
-from softdyn.particles.system import TANGENTIAL_WORKS, System, works
+from softdyn.particles.system import TANGENTIAL_WORKS, System, turns_freely, works
 from softdyn.signals import terminable
 
 Array = NDArray[np.float64]
@@ -143,19 +144,30 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
         fixed=fixed,
         force=force,
         velocity=velocity,
+        x0=np.pad(checked.x, ((0, 0), (0, fixed.shape[1] - checked.x.shape[1]))),
+        walls0=np.array([wall.point for wall in checked.walls]).reshape(len(checked.walls), checked.x.shape[1]),
         rtol=float(scene.rtol),
         imposed=checked.imposed,
         wall_velocity=checked.wall_velocity,
         shear=checked.shear,
+        lean0=_lean(checked),
     )
     return checked, system
+
+
+def _lean(checked: Checked) -> Array | None:
+    """What the strain of a box under a given shear rate starts from, if it is the integral of that rate."""
+    box, names = checked.box, () if checked.imposed is None else checked.imposed.names
+    if len(box.lengths) < 2 or not box.periodic[:2].all() or any(name != "pressure" for name in names):
+        return None  # sheared by a stress, or stretched along one axis more than along another
+    return np.array([box.tilt, box.lengths[1]]) / box.lengths[0]
 
 
 def _result(
     scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State, began: float
 ) -> ParticleResult:
     stored = stored_energy(present(system, state), state) - state.stored0
-    work = state.work
+    work = {name: state.work[name] for name in works(system)}
     given = work["external"] + work["flow"] + work["box"]
     taken = stored + work["U_h"] + work["gaps"] + work["drag"] + work["remote"]
     taken += sum(work[name] for name in works(system) if name in TANGENTIAL_WORKS)
@@ -172,6 +184,8 @@ def _result(
         "kernel": system.kernel.key,
     }
     energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
+    if turns_freely(system):
+        stats["torque_removed"] = state.turned
     if system.imposed is not None:
         stats["viscosity"] = system.imposed.viscosity
     stats["warnings"] = []
@@ -182,12 +196,28 @@ def _result(
             "large to be factorised: rattlers and loose clusters may drift ([flow] drag = 1 resists them)"
         )
     # where particles go with the flow and touch nothing, all terms are rounding of this
-    carried = float(np.sum(system.resistance * state.v**2)) * state.t
-    if abs(energy["imbalance"]) > IMBALANCE * system.rtol and size > 1e-12 * carried:
+    carried = state.work[CARRIED]
+    # what the steps make of it, what they were expected to, and what is left
+    stats["energy_error"] = (state.work[ELASTIC] - stored) / size if size else 0.0
+    stats["energy_error_expected"] = state.work_error / size if size else 0.0
+    unexplained = energy["imbalance"] - stats["energy_error"]
+    if abs(unexplained) > IMBALANCE * system.rtol and size > 1e-12 * carried:
         stats["warnings"].append(
-            f"the balance of energy is off by {energy['imbalance']:.1e} of the sum of its terms, {size:.3g}: more than "
-            f"{IMBALANCE:g} rtol"
+            f"the balance of energy is off by {unexplained:.1e} of the sum of its terms, {size:.3g}, which no error of "
+            f"the steps explains: more than {IMBALANCE:g} rtol"
         )
+    elif (
+        abs(stats["energy_error"]) > IMBALANCE * system.rtol + stats["energy_error_expected"] and size > 1e-12 * carried
+    ):
+        stats["warnings"].append(
+            f"the balance of energy is off by {stats['energy_error']:.1e} of the sum of its terms, {size:.3g}: the "
+            f"steps were expected to make {stats['energy_error_expected']:.1e} at most; ask for a smaller rtol"
+        )
+    stats["warnings"] += [
+        f"{name} changes too fast to be bounded near t={when:.6g}, however short the steps: what it does there may be "
+        "missed"
+        for name, when in state.unseen.items()
+    ]
     result = gather(scene, checked, system, state.frames, state.history, energy, stats)
     stats["warnings"] += deep_deflection(result.arrays)
     return result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from softdyn.particles.films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.imposed import Imposed
 from softdyn.particles.loads import (
+    Driven,
     holds,
     imposed_stress,
     numbers_of,
@@ -24,6 +25,7 @@ from softdyn.particles.loads import (
     spins,
     wall_velocity,
 )
+from softdyn.particles.time_functions import TimeFunction, is_driven
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, which
 from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
 
@@ -48,15 +50,15 @@ class Push:
     ----------
     particles : sequence of int, or str
         Their numbers, the name of a species, or "all".
-    force : sequence of (float or str), optional
-        One for each axis: numbers, or expressions of t.
-    torque : sequence of (float or str), optional
+    force : sequence of (float, str or table), optional
+        One for each axis: numbers, expressions of t, or tables, as pairs of arrays (times, values).
+    torque : sequence of (float, str or table), optional
         About the centre, where there is tangential motion: one in two dimensions, > 0 from x to y; three in three.
     """
 
     particles: Sequence[int] | str
-    force: Sequence[float | str] | None = None
-    torque: Sequence[float | str] | None = None
+    force: Sequence[Any] | None = None
+    torque: Sequence[Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -69,17 +71,17 @@ class Hold:
         Their numbers, the name of a species, or "all".
     axes : str
         Which of "xyz".
-    velocity : sequence of (float or str), optional
+    velocity : sequence of (float, str or table), optional
         One for each of the axes; 0 without.
-    spin : sequence of (float or str), optional
+    spin : sequence of (float, str or table), optional
         Angular velocity, where there is tangential motion: one number in two dimensions, three in three. Without it the
         particles turn as torques make them.
     """
 
     particles: Sequence[int] | str
     axes: str
-    velocity: Sequence[float | str] | None = None
-    spin: Sequence[float | str] | None = None
+    velocity: Sequence[Any] | None = None
+    spin: Sequence[Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -124,13 +126,14 @@ class ParticleScene:
         what makes a stress of the forces in a box that is periodic along all axes. Twice the mean radius by default; in
         three dimensions, and where there is no stress, it is refused.
     walls : sequence of Wall
-    shear_rate : float or str
-        Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, or an expression of t.
-    stress : mapping from str to (float or str)
+    shear_rate : float, str or table
+        Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, an expression of t, or
+        a table.
+    stress : mapping from str to (float, str or table)
         Imposed on a box that is periodic along all axes, which then shears or stretches as it must: "xy", the shear
         stress, instead of a shear rate; "xx", "yy", "zz", along an axis, > 0 in tension; or "pressure", minus a third
-        (in two dimensions, half) of their sum, at which the box keeps its shape. Numbers, or expressions of t; stress
-        of the contacts and of the fluid, 2 eta D.
+        (in two dimensions, half) of their sum, at which the box keeps its shape. Numbers, expressions of t, or tables;
+        stress of the contacts and of the fluid, 2 eta D.
     stress_viscosity : float, optional
         Viscosity eta of the fluid in that; the parameter eta by default.
     drag : float
@@ -167,8 +170,8 @@ class ParticleScene:
     tilt: float = 0.0
     depth: float | None = None
     walls: Sequence[Wall] = ()
-    shear_rate: float | str = 0.0
-    stress: Mapping[str, float | str] = field(default_factory=dict)
+    shear_rate: Any = 0.0
+    stress: Mapping[str, Any] = field(default_factory=dict)
     stress_viscosity: float | None = None
     drag: float = 0.0
     pushes: Sequence[Push] = ()
@@ -195,18 +198,19 @@ class Checked:
     reach : float
         Range of the contacts; inf without one.
     fixed : array of bool, shape (N, d)
-    force, velocity : function of t
-    torque : function of t
+    force, velocity : Driven
+        Shape (N, d).
+    torque : Driven
         Shape (N, rotations).
     times : array
     turned : array of bool, shape (N,)
         Particles whose rotation is given.
-    spin : function of t
+    spin : Driven
         Angular velocity of these, shape (N, rotations).
     imposed : Imposed, optional
-    wall_velocity : function of t, optional
+    wall_velocity : Driven, optional
         Velocities of the walls, shape (walls, d), if any of them moves.
-    shear : function of t, optional
+    shear : TimeFunction, optional
         The shear rate, if it changes.
     """
 
@@ -218,15 +222,15 @@ class Checked:
     walls: tuple[Wall, ...]
     reach: float
     fixed: NDArray[np.bool_]
-    force: Callable[[float], Array]
-    torque: Callable[[float], Array]
-    velocity: Callable[[float], Array]
+    force: Driven
+    torque: Driven
+    velocity: Driven
     times: Array
     turned: NDArray[np.bool_]
-    spin: Callable[[float], Array]
+    spin: Driven
     imposed: Imposed | None
-    wall_velocity: Callable[[float], Array] | None
-    shear: Callable[[float], float] | None
+    wall_velocity: Driven | None
+    shear: TimeFunction | None
 
 
 def check(scene: ParticleScene) -> Checked:
@@ -287,8 +291,10 @@ def check(scene: ParticleScene) -> Checked:
         faults.append(f"[box] tilt must be a finite number, not {scene.tilt!r}")
     if not is_number(scene.drag) or scene.drag < 0:
         faults.append(f"[flow] drag must be 0 or a positive number, not {scene.drag!r}")
-    if not is_number(scene.shear_rate) and not isinstance(scene.shear_rate, str):
-        faults.append(f"[flow] shear_rate must be a finite number or an expression of t, not {scene.shear_rate!r}")
+    if not is_number(scene.shear_rate) and not is_driven(scene.shear_rate):
+        faults.append(
+            f"[flow] shear_rate must be a finite number, an expression of t or a table, not {scene.shear_rate!r}"
+        )
     if faults:
         raise SceneError(listed(faults))
     if not SMALLEST_RTOL * 100 <= scene.rtol <= 0.1:
@@ -314,16 +320,17 @@ def check(scene: ParticleScene) -> Checked:
     walls = _walls(scene, d, faults)
     if not isinstance(scene.tangential, (bool, np.bool_)):
         faults.append(f"tangential must be true or false, not {scene.tangential!r}")
+    sheared = bool(is_driven(scene.shear_rate) or scene.shear_rate)
     if scene.tangential and d == 1:
         faults.append("[contacts] tangential: in one dimension there is no tangential motion")
-    if scene.shear_rate and d == 1:
+    if sheared and d == 1:
         faults.append("a shear flow needs two dimensions at least")
-    if scene.shear_rate and not scene.drag and not box.periodic[: min(d, 2)].all():
+    if sheared and not scene.drag and not box.periodic[: min(d, 2)].all():
         faults.append(
             "the flow moves the particles by their drag, or by the walls of a sheared periodic box, and here is "
             "neither: give drag = 1, or a box periodic along x and y"
         )
-    if scene.shear_rate and d > 1 and box.periodic[1] and not box.periodic[0]:
+    if sheared and d > 1 and box.periodic[1] and not box.periodic[0]:
         faults.append("[box] a sheared box must be periodic along x where it is along y")
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
         faults.append("[box] tilt: only a box that is periodic along x and y leans")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear, sliding
-from softdyn.particles.balance import Given, Newton, StepFailed, balance, pair_named
+from softdyn.particles.balance import Balance, Given, Newton, StepFailed, balance, pair_named
+from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, lattice
+from softdyn.particles.loads import Driven
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over
 from softdyn.particles.parameters import mixed_parameters
@@ -19,6 +23,8 @@ from softdyn.particles.system import System, contact_state, works
 
 Array = NDArray[np.float64]
 
+#: Gauss's rule on a ramp from 0 to 1.
+_RAMP = tuple((1 + points) / 2 if k == 0 else points / 2 for k, points in enumerate(np.polynomial.legendre.leggauss(8)))
 #: Relative change of a gap in the first step, in units of the root of rtol of which the error of a step is the power.
 FIRST_CHANGE = 0.5
 
@@ -55,32 +61,90 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         listed=listed,
         box=system.box,
         walls=system.walls,
-        work=dict.fromkeys(works(system), 0.0),
+        work=dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
     if not system.dragged and not system.fixed.all():
-        require_balanced(system, 0.0, x)
+        if scene.films is not None:
+            state.settled = float(
+                np.abs(overlaps(system, state) + contacts.h)[contacts.h < system.reach].max(initial=0.0)
+            )
+        require_balanced(system, state)
         require_held(system, state)
-        nothing, place, known = np.zeros(len(contacts)), x.copy(), None
-        if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
-            normal, _ = directions(contacts, x, lattice(system.box, 0.0), system.walls)
-            known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
-            place[:, : x.shape[1]] = x
         try:
-            given = Given(0.0, 0.0, place, nothing, known)
-            found = balance(system, contacts, newton, given, place.copy(), nothing.copy())
+            _take(state, relaxed(system, newton, state))
         except (StepFailed, linear.Indefinite) as error:
             raise IntegrationError(
                 f"at the start, with the gaps as given, the forces have no equilibrium: {why(system, state, error)}"
             ) from None
-        state.x = found.x[:, : x.shape[1]]
-        contacts.h = found.h  # beyond the range pressed gaps follow the centres
-        if found.slid is not None:
-            contacts.T = found.slid.force
         newton.forget()
     state.dt = _first_step(scene, system, state)
     state.stored0 = stored_energy(system, state)
     return state
+
+
+def relaxed(system: System, newton: Newton, state: State) -> Balance:
+    """Elastic equilibrium at the gaps as they are, which nothing but films resists for an instant."""
+    contacts, x = state.contacts, state.x
+    nothing, place, known = np.zeros(len(contacts)), x.copy(), None
+    if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
+        normal, _ = directions(contacts, x, lattice(system.box, state.t), system.walls)
+        known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
+        place[:, : x.shape[1]] = x
+    given = Given(state.t, 0.0, place, nothing, known)
+    return balance(system, contacts, newton, given, place.copy(), nothing.copy())
+
+
+def _held(values: Array) -> Driven:
+    """The same at all times."""
+    return Driven([], np.ones(values.shape), values)
+
+
+def _take(state: State, found: Balance) -> None:
+    state.x = found.x[:, : state.x.shape[1]]
+    state.contacts.h = found.h  # beyond the range pressed gaps follow the centres
+    if found.slid is not None:
+        state.contacts.T = found.slid.force
+
+
+def pass_break(system: System, newton: Newton, state: State) -> None:
+    """Go on behind a kink or a jump of what is given: rates before it are no rates behind it.
+
+    A jump of the forces moves particles that nothing resists at once, at the gaps as they are. The work of the forces
+    is that of a fast ramp, W = [F x] - (jump of F) . integral of x over the ramp, by Gauss's rule.
+
+    Raises
+    ------
+    IntegrationError
+        If there is no equilibrium behind the jump.
+    """
+    state.power = None
+    before, after = system.force(state.t), system.force.after(state.t)
+    if system.dragged or system.fixed.all() or np.array_equal(before, after):
+        return
+    require_balanced(replace(system, force=_held(after)), state)
+    jump, stored = after - before, stored_energy(system, state)
+    start = np.pad(state.x, ((0, 0), (0, after.shape[1] - state.x.shape[1])))
+    work = 0.0
+    try:
+        for s, weight in zip(*_RAMP, strict=True):
+            # slow at both ends, where a contact may have no force yet
+            part, rate = s**2 * (3 - 2 * s), 6 * s * (1 - s)
+            found = relaxed(replace(system, force=_held(before + part * jump)), newton, state)
+            work -= weight * rate * float(np.sum(jump * (found.x - start)))
+        found = relaxed(replace(system, force=_held(after)), newton, state)
+    except (StepFailed, linear.Indefinite) as error:
+        raise IntegrationError(
+            f"the forces jump at t={state.t:.6g}, and have no equilibrium behind: {why(system, state, error)}"
+        ) from None
+    work += float(np.sum(after * (found.x - start)))
+    _take(state, found)
+    newton.forget()
+    state.work["external"] += work
+    stored = stored_energy(system, state) - stored
+    state.work[ELASTIC] += stored
+    if found.slid is not None:  # nothing slides or rolls within an instant
+        state.work["k_t"] += work - stored
 
 
 def _films(scene: ParticleScene, checked: Checked, system: System) -> Contacts:

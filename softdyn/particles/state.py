@@ -42,6 +42,14 @@ class State:
         Energies exchanged since the start.
     power : dict or None
         Their rates, if v and y_rate are the rates at t, and not only guesses of them.
+    work_error : float
+        Estimated error of all of them together.
+    unseen : dict
+        Names of what is given as a function of time and could not be bounded, and the time of the first.
+    settled : float
+        Largest deflection of a contact of an earlier run, at the start: by so much the positions have relaxed.
+    turned : float
+        Largest torque of external forces that was taken away, relative to what it could be.
     stored0 : float
         Elastic energy at the start.
     counts : dict
@@ -61,6 +69,10 @@ class State:
     walls: tuple[Wall, ...]
     work: dict[str, float]
     power: dict[str, float] | None = None
+    work_error: float = 0.0
+    unseen: dict[str, float] = field(default_factory=dict)
+    settled: float = 0.0
+    turned: float = 0.0
     stored0: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)

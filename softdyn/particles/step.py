@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import sliding
-from softdyn.particles.balance import Balance, Given, Newton, balance, largest, with_torques
-from softdyn.particles.energy import powers
+from softdyn.particles.balance import Balance, Given, Newton, balance, largest, unturned, with_torques
+from softdyn.particles.energy import CARRIED, ELASTIC, net_power, powers
 from softdyn.particles.geometry import Box, Contacts, directions, lattice
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
 from softdyn.particles.surroundings import balance_under_stress, coordinates, moves, placed
-from softdyn.particles.system import System, works
+from softdyn.particles.system import System, turns_freely, works
 
 Array = NDArray[np.float64]
 
@@ -57,6 +57,8 @@ class Step:
     outputs : tuple of Output
     power : dict
         Of each kind, at the end.
+    work_error : float
+        Estimated error of all work together.
     """
 
     end: Balance
@@ -69,6 +71,7 @@ class Step:
     first_box: Box
     outputs: tuple[Output, ...]
     power: dict[str, float]
+    work_error: float
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ class _Begun:
         Coordinates of box and walls, if they move otherwise than by a given shear rate; else empty.
     known : Known or None
         What is known of the tangential forces.
+    turned : array, shape (N, rotations)
+        By how much those whose spin is given have turned before.
     """
 
     system: System
@@ -94,6 +99,7 @@ class _Begun:
     x: Array
     z: Array
     known: sliding.Known | None
+    turned: Array
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,7 @@ def take_step(
     dt: float,
     outputs: Sequence[float] | Array = (),
     power: dict[str, float] | None = None,
+    end: float | None = None,
 ) -> Step:
     """Try a step of the given length from time t, with v and y_rate as guesses of the rates.
 
@@ -126,6 +133,8 @@ def take_step(
         Times within the step at which the state is wanted too, if the error allows the step.
     power : dict, optional
         Power of each kind at t, if v and y_rate are the rates there, and not only guesses of them.
+    end : float, optional
+        Time at the end, which t + dt rounds.
 
     Raises
     ------
@@ -136,21 +145,24 @@ def take_step(
     # at the start, and at each stage: of positions, of gaps, of box and walls, of tangential forces and their frames
     rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *_still(contacts))]
     guess_x, guess_y, box_rates = v, y_rate, system.box_rates
-    spent = [power or dict.fromkeys(works(system), 0.0)]
+    spent = [power or dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0)]
     at: _Stage | None = None
-    for row, node in zip(ROWS, NODES, strict=True):
+    end = t + dt if end is None else end
+    for row, when in zip(ROWS, (*(t + NODES[:-1] * dt), end), strict=True):
         at = None  # many numbers that the next stage has no use for
-        at = _stage(begun, rates, row, row, t + node * dt, guess_x, guess_y, box_rates)
+        at = _stage(begun, rates, row, row, float(when), guess_x, guess_y, box_rates)
         rates.append(at.rates)
         guess_x, guess_y, box_rates = at.rates[0], at.rates[1], at.box_rates
-        spent.append(powers(at.system, contacts, at.found, t + node * dt, guess_x, guess_y))
+        spent.append(powers(at.system, contacts, at.found, float(when), guess_x, guess_y, at.rates[3]))
     assert at is not None
 
     x_error, y_error, z_error, T_error = (dt * _combined(rates, np.array([0.0, *ERROR]), k) for k in range(4))
-    error = _error(system, at.found, y_error, x_error, T_error)
-    if system.imposed is not None or system.shear is not None:
+    # what is given by its rate has no error
+    error = _error(system, at.found, y_error, np.where(system.fixed, 0.0, x_error), T_error)
+    if system.imposed is not None:
         # errors of the strains of the box, as of positions
-        error = max(error, largest(z_error[: system.dimension + 1]) / system.rtol)
+        strains = system.dimension + (system.lean0 is None)
+        error = max(error, largest(z_error[:strains]) / system.rtol)
     between = []
     for when in outputs if error <= 1.0 else ():
         theta = (float(when) - t) / dt
@@ -159,14 +171,25 @@ def take_step(
         # the rates of tangential forces at the start are not known
         guess_x, guess_y = _combined(rates, near, 0), _combined(rates, near, 1)
         other = _stage(begun, rates, row, dense_row(theta, False), when, guess_x, guess_y, box_rates)
-        own = powers(other.system, contacts, other.found, when, *other.rates[:2])
+        own = powers(other.system, contacts, other.found, when, other.rates[0], other.rates[1], other.rates[3])
         work = _work(dt, [*row, GAMMA], [*spent, own])
         between.append(Output(float(when), other.found, other.rates[0], work, other.system))
     ahead = np.array([0.0, *rate_weights(0.0)])
     first_v, first_box = _combined(rates, ahead, 0), _with_rates(system, _combined(rates, ahead, 2))
     whole = _work(dt, ROWS[-1], spent)
+    work_error = abs(dt * sum(float(w) * net_power(of) for w, of in zip(ERROR, spent[1:], strict=True)))
     return Step(
-        at.found, error, at.rates[0], at.rates[1], whole, at.system, first_v, first_box, tuple(between), spent[-1]
+        at.found,
+        error,
+        at.rates[0],
+        at.rates[1],
+        whole,
+        at.system,
+        first_v,
+        first_box,
+        tuple(between),
+        spent[-1],
+        work_error,
     )
 
 
@@ -176,6 +199,8 @@ def _with_rates(system: System, z_rate: Array) -> Box:
     if system.imposed is None:
         return box
     stretch = z_rate[:d] if z_rate[:d].any() else None
+    if "xy" not in system.imposed.names:
+        return replace(box, stretch=stretch)  # its shear rate is given
     shear_rate = float(z_rate[d] * box.lengths[0] / box.lengths[1]) if d > 1 else 0.0
     return replace(box, shear_rate=shear_rate, stretch=stretch)
 
@@ -186,7 +211,8 @@ def _begin(system: System, contacts: Contacts, newton: Newton, t: float, x: Arra
         normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
         known, x = sliding.starting(contacts, system.radii, normal), with_torques(system, x)
     z = coordinates(system, t) if moves(system) else np.empty(0)
-    return _Begun(system, contacts, newton, t, dt, x, z, known)
+    turned = system.place(t)[:, system.dimension :] if known is not None else np.empty((len(x), 0))
+    return _Begun(system, contacts, newton, t, dt, x, z, known, turned)
 
 
 def _still(contacts: Contacts) -> tuple[Array, Array]:
@@ -236,8 +262,16 @@ def _stage(
     s = GAMMA * dt
     x_star, y_star = begun.x + dt * _combined(rates, row, 0), dt * _combined(rates, row, 1)
     first = x_star + s * guess_x
+    if not system.dragged:  # rates are no velocities there, and behind a jump not even that
+        far = largest(first - begun.x) / (0.5 * float(system.radii.min()))
+        first = begun.x + (first - begun.x) / max(far, 1.0)
+    if turns_freely(system):  # nothing says how fast all of them turn together: not at all
+        first = begun.x + unturned(begun.x[:, : system.dimension], system.radii, first - begun.x)
     if system.fixed.any():
-        first = np.where(system.fixed, x_star + s * system.velocity(when), first)
+        place, velocity = system.place(when), system.velocity(when)
+        place[:, system.dimension :] -= begun.turned  # rotations count from the start of the step
+        x_star = np.where(system.fixed, place - s * velocity, x_star)
+        first = np.where(system.fixed, place, first)
     known = begun.known
     if known is not None:
         T_star, angle_star = (dt * _combined(rates, sliding_row, which) for which in (3, 4))

@@ -29,8 +29,8 @@ The particles' balance is solved at each trial of g, which S leads; Broyden's co
 K is kept over several iterations, terms of order s^2 where the box shears and stretches at once, and what tangential
 forces have in it.
 
-Everything moves by the same Runge-Kutta stages as the particles, so that a wall and a held particle of one velocity
-stay side by side.
+Walls, and a box whose shear rate is given, are where the integral of what is given says, to rounding; so are held
+particles. What the stress makes unknown moves by the same Runge-Kutta stages as the particles.
 """
 
 from __future__ import annotations
@@ -91,10 +91,12 @@ def placed(system: System, t: float, s: float, z_star: Array, rates: Array) -> t
     if d > 1 and box.periodic[:2].all():
         z_rate[d] = shear * edges[1] / edges[0]
     walls = system.walls
-    if system.wall_velocity is not None:
-        velocity = system.wall_velocity(t)
-        z_rate[d + 1 :] = velocity.reshape(-1)
     z = z_star + s * z_rate
+    if system.lean0 is not None:
+        z[d] = system.lean(t)
+    if system.wall_velocity is not None:
+        z_rate[d + 1 :] = system.wall_velocity(t).reshape(-1)
+        z[d + 1 :] = system.wall_place(t).reshape(-1)
     if system.wall_velocity is not None:
         walls = tuple(replace(wall, point=point) for wall, point in zip(walls, z[d + 1 :].reshape(-1, d), strict=True))
     if system.imposed is not None or system.shear is not None:
@@ -232,7 +234,10 @@ def balance_under_stress(
         here, z_rate = placed(system, t, s, z_star, rates)
         found = solve(here, found.x + np.tensordot(change, moved, 1))
         before, wrong = wrong, excess(here, contacts, found, t)
-        S = S + np.outer(wrong - before - S @ change, change) / float(change @ change)
+        largest = float(np.abs(change).max())
+        if largest > 0:
+            along = change / largest  # whose square is no underflow
+            S = S + np.outer((wrong - before - S @ change) / largest, along) / float(along @ along)
     raise StepFailed(
         f"no rate of the box keeps the imposed stress at t={t:.6g}: it is off by {float(np.abs(wrong).max()):.3g}; is "
         "it a shear stress beyond what the packing bears, or a pressure below 0?"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow
 from softdyn.particles.imposed import Imposed
 from softdyn.particles.kernel import ContactKernel
+from softdyn.particles.loads import Driven
+from softdyn.particles.time_functions import TimeFunction
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -34,16 +35,23 @@ class System:
         What resists the motion of each coordinate through the fluid: force/velocity.
     fixed : array of bool, shape (N, d + rotations)
         Coordinates whose velocity is given.
-    force, velocity : function of t
+    force, velocity : Driven
         External force on each particle, and velocity of the fixed coordinates, shape (N, d + rotations).
+    x0 : array, shape (N, d + rotations)
+        Coordinates at the start; the fixed ones are moved from there.
     rtol : float
         Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
     imposed : Imposed, optional
         Stress imposed on the box.
-    shear : function of t, optional
+    shear : TimeFunction, optional
         The shear rate, if it changes.
-    wall_velocity : function of t, optional
+    wall_velocity : Driven, optional
         Velocities of the walls, shape (walls, d).
+    walls0 : array, shape (walls, d)
+        A point of each at the start.
+    lean0 : array, shape (2,), optional
+        Of a box whose strain is the integral of a given shear rate: tilt, and length along y, over that along x at the
+        start.
     """
 
     kernel: ContactKernel
@@ -54,12 +62,30 @@ class System:
     radii: Array
     resistance: Array
     fixed: Flags
-    force: Callable[[float], Array]
-    velocity: Callable[[float], Array]
+    force: Driven
+    velocity: Driven
+    x0: Array
+    walls0: Array
     rtol: float
     imposed: Imposed | None = None
-    wall_velocity: Callable[[float], Array] | None = None
-    shear: Callable[[float], float] | None = None
+    wall_velocity: Driven | None = None
+    shear: TimeFunction | None = None
+    lean0: Array | None = None
+
+    def place(self, t: float) -> Array:
+        """Where fixed coordinates are at a time, shape (N, d + rotations)."""
+        return self.x0 + self.velocity.integral(t)
+
+    def wall_place(self, t: float) -> Array:
+        """Where the walls are at a time, shape (walls, d)."""
+        assert self.wall_velocity is not None
+        return self.walls0 + self.wall_velocity.integral(t)
+
+    def lean(self, t: float) -> float:
+        """Tilt of a box with a given shear rate over its length along x."""
+        assert self.lean0 is not None
+        strain = self.box.shear_rate * t if self.shear is None else self.shear.integral(t)
+        return float(self.lean0[0] + self.lean0[1] * strain)
 
     @property
     def box_rates(self) -> Array:
