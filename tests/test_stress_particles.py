@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from softdyn.cli import main
-from softdyn.stress.judge import REFUSED, RIGHT, TOLD, WRONG
+from softdyn.stress.judge import RIGHT, TOLD, WRONG
 from softdyn.stress.particles.compare import judge_case
 from softdyn.stress.particles.report import stress_particles
 from softdyn.stress.particles.sampling import random_case
@@ -41,10 +41,10 @@ def test_scenes_of_a_seed_are_the_same_again() -> None:
 
 @pytest.mark.slow
 def test_no_scene_is_silently_wrong(tmp_path: Path) -> None:
-    """Nor without a reference; most are right, few are refused. All 300: ``softdyn stress particles``."""
-    report = stress_particles(tmp_path, scenes=60)
-    assert set(report["counts"]) <= {RIGHT, TOLD, REFUSED}, (tmp_path / "particles.txt").read_text(encoding="utf-8")
-    assert report["counts"][RIGHT] > 50
+    """Most are right; few are refused, or too stiff for the reference. All 300: ``softdyn stress particles``."""
+    report = stress_particles(tmp_path, scenes=30)
+    assert not report["counts"].get(WRONG), (tmp_path / "particles.txt").read_text(encoding="utf-8")
+    assert report["counts"][RIGHT] >= 20
 
 
 def test_the_command_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,6 +40,8 @@ THIN = 1e-7
 #: Singular values below this part of the largest belong to motions that nothing resists.
 FREE = 1e-9
 ACROSS = np.eye(3)
+#: Beyond this effort a scene is left without a reference.
+MOST_EVALUATIONS = 20_000
 
 
 @dataclass(frozen=True)
@@ -596,10 +598,19 @@ def integrate(eq: Equations, first: Array, times: Array, rtol: float) -> Array:
     c, length = len(eq.pairs), float(eq.radii.min())
     around = np.concatenate([np.ones(3), np.full(1 + 3 * eq.walls, length)])
     size = pack(eq, np.full((eq.count, 3), length), np.ones(c), np.full((c, 3), scale), around)
+    taken = 0
+
+    def rates(t: float, state: Array) -> Array:
+        nonlocal taken
+        taken += 1
+        if taken > MOST_EVALUATIONS:
+            raise Beyond(f"{MOST_EVALUATIONS} evaluations of the equations are not enough: t={t:.4g} is reached")
+        return tell(eq, t, state).rates
+
     with np.errstate(all="ignore"):
         done = solve_ivp(
-            lambda t, y: tell(eq, t, y).rates, (float(times[0]), float(times[-1])), first, method="LSODA",
-            t_eval=times, rtol=rtol, atol=0.1 * rtol * size,
+            rates, (float(times[0]), float(times[-1])), first, method="LSODA", t_eval=times, rtol=rtol,
+            atol=0.1 * rtol * size,
         )  # fmt: skip
     if not done.success or not np.isfinite(done.y).all():
         raise Beyond(f"scipy gives up at t={done.t[-1] if len(done.t) else 0:.4g}: {done.message}")
