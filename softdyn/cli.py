@@ -314,7 +314,7 @@ def _derive(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    with _patience(f"the limits of {options.law}"):
+    with _patience(f"the limits of {options.law}", 3 * PATIENCE):  # numbers of every limit come first
         law = law_of(options.law)
         from softdyn.derive.limits import check_limits
         from softdyn.study.tables import limits_data, limits_text
