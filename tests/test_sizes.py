@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softdyn.errors import IntegrationError
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles.files import particle_scene_from
 from softdyn.particles.geometry import Wall, close_pairs
+from softdyn.particles.packing import drawn_radii, random_packing
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
@@ -79,3 +82,45 @@ def test_small_particles_do_not_look_as_far_as_a_large_one() -> None:
     radii = np.append(np.full(10_000, 0.025), 1.0)
     first, _ = close_pairs(rng.uniform(0, 4, (len(radii), 2)), radii, 0.01)
     assert len(first) < 20 * len(radii)
+
+
+def test_radii_are_drawn_as_their_distribution_says_and_again_for_the_same_seed() -> None:
+    """Within five standard errors."""
+    count = 20_000
+    radii = drawn_radii({"mean": 3.0, "sigma": 0.5}, count, 7)
+    np.testing.assert_array_equal(radii, drawn_radii({"mean": 3.0, "sigma": 0.5}, count, 7))
+    assert radii.mean() == pytest.approx(3.0, abs=5 * radii.std() / count**0.5)
+    assert np.log(radii).std() == pytest.approx(0.5, rel=5 / (2 * count) ** 0.5)
+    table = drawn_radii({"values": [1.0, 2.0], "weights": [1, 3]}, count, 7)
+    assert np.mean(table == 2.0) == pytest.approx(0.75, abs=5 * (0.75 * 0.25 / count) ** 0.5)
+    assert set(table.tolist()) == {1.0, 2.0}
+
+
+def test_a_lognormal_packing_is_a_scene() -> None:
+    packing = {
+        "kind": "random", "count": 400, "dimension": 2, "fraction": 0.8, "radii": {"mean": 1.0, "sigma": 0.5},
+        "seed": 2,
+    }  # fmt: skip
+    scene = particle_scene_from(
+        {"law": "equal_spheres", "parameters": {"E": 10.0, "eta": 1.0, "nu": 0.5}, "packing": packing,
+         "contacts": {"gap": 0.01, "range": 0.1}, "flow": {"drag": 1.0, "shear_rate": 1e-3}, "until": {"t": 1.0}},
+        Path(),
+    )  # fmt: skip
+    x, radii, box = random_packing(400, 2, 0.8, {"mean": 1.0, "sigma": 0.5}, 2)
+    np.testing.assert_array_equal(scene.positions, x)
+    assert np.pi * np.sum(radii**2) / np.prod(box) == pytest.approx(0.8, rel=1e-12)
+    assert radii.max() > 10 * radii.min()
+    simulate_particles(scene)
+
+
+@pytest.mark.parametrize(
+    "radii",
+    [
+        {"mean": 1.0}, {"mean": -1.0, "sigma": 0.1}, {"mean": 1.0, "sigma": float("nan")},
+        {"values": [1.0], "weights": []},
+        {"values": [1.0, -1.0], "weights": [1, 1]}, {"values": [1.0], "weights": [0]}, {"mean": "1", "sigma": [1]},
+    ],
+)  # fmt: skip
+def test_what_is_no_distribution_is_refused(radii: dict[str, Any]) -> None:
+    with pytest.raises(SceneError, match="a distribution is"):
+        drawn_radii(radii, 10, 1)

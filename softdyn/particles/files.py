@@ -230,7 +230,9 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
             + (f"; {', '.join(other)} unknown" if other else "")
         )
     radii = packing["radii"] if isinstance(packing["radii"], list) else [packing["radii"]]
-    if not radii or not all(isinstance(radius, (int, float)) and not isinstance(radius, bool) for radius in radii):
+    drawn = kind == "random" and isinstance(packing["radii"], Mapping)
+    plain = all(isinstance(radius, (int, float)) and not isinstance(radius, bool) for radius in radii)
+    if not drawn and (not radii or not plain):
         raise SceneError(f"[packing] radii must be a number, or a list of some, not {radii!r}")
     if kind != "random":
         spacing = packing["spacing"]
@@ -245,7 +247,11 @@ def _packed(packing: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(packing["fraction"], bool) or not isinstance(packing["fraction"], (int, float)):
         raise SceneError(f"[packing] fraction must be a number, not {packing['fraction']!r}")
     x, size, lengths = random_packing(
-        packing["count"], packing["dimension"], float(packing["fraction"]), radii, packing["seed"]
+        packing["count"],
+        packing["dimension"],
+        float(packing["fraction"]),
+        packing["radii"] if drawn else radii,
+        packing["seed"],
     )
     return {"positions": x, "radii": size, "box": list(lengths)}
 

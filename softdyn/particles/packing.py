@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ LARGEST_FRACTION = {2: 1.2, 3: 1.0}
 
 
 def random_packing(
-    count: int, dimension: int, fraction: float, radii: Sequence[float], seed: int
+    count: int, dimension: int, fraction: float, radii: Sequence[float] | Mapping[str, Any], seed: int
 ) -> tuple[Array, Array, Array]:
     """Particles at random places, moved apart until the sum of their squared overlaps is at a minimum.
 
@@ -30,8 +31,9 @@ def random_packing(
     dimension : 2 or 3
     fraction : float
         Volume of all particles, overlaps counted twice, relative to that of the box; area in two dimensions.
-    radii : sequence of float
-        Taken in turn.
+    radii : sequence of float, or mapping
+        Taken in turn; or a distribution that they are drawn from: ``mean`` and ``sigma``, the mean radius and the
+        standard deviation of its logarithm (lognormal), or ``values`` and ``weights``, radii and how often each comes.
     seed : int
         The same seed gives the same packing.
 
@@ -55,7 +57,8 @@ def random_packing(
         )
     if not 2 <= count <= 1_000_000:
         raise SceneError(f"[packing] count must be 2 to 1000000, not {count!r}")
-    choice = np.array(radii, dtype=float).reshape(-1)
+    drawn = drawn_radii(radii, count, seed) if isinstance(radii, Mapping) else radii
+    choice = np.array(drawn, dtype=float).reshape(-1)
     if not len(choice) or not np.isfinite(choice).all() or not (choice > 0).all():
         raise SceneError(f"[packing] radii must be positive numbers, not {radii!r}")
     size = choice[np.arange(count) % len(choice)]
@@ -89,6 +92,40 @@ def random_packing(
     x = found.x.reshape(count, dimension) % length
     x[x >= length] = 0.0
     return x * unit, size * unit, np.full(dimension, length * unit)
+
+
+def drawn_radii(distribution: Mapping[str, Any], count: int, seed: int) -> Array:
+    """Radii drawn from a distribution, the same for the same seed, shape (count,).
+
+    Parameters
+    ----------
+    distribution : mapping
+        See :func:`random_packing`.
+    count, seed : int
+
+    Raises
+    ------
+    SceneError
+    """
+    rng = np.random.default_rng([seed, 1])  # places are drawn from the seed itself
+    try:
+        given = {name: np.array(value, dtype=float) for name, value in distribution.items()}
+    except (TypeError, ValueError):
+        given = {}
+    finite = all(np.isfinite(value).all() for value in given.values())
+    if set(given) == {"mean", "sigma"} and finite and all(value.ndim == 0 for value in given.values()):
+        mean, sigma = float(given["mean"]), float(given["sigma"])
+        if mean > 0 and 0 <= sigma <= 2:
+            # of mean 1: the logarithm's own mean is -sigma^2/2
+            return np.asarray(mean * np.exp(sigma * rng.standard_normal(count) - sigma**2 / 2))
+    if set(given) == {"values", "weights"} and finite and given["values"].ndim == 1 and given["values"].size:
+        values, weights = given["values"], given["weights"]
+        if weights.shape == values.shape and (weights >= 0).all() and weights.sum() > 0 and (values > 0).all():
+            return np.asarray(rng.choice(values, count, p=weights / weights.sum()))
+    raise SceneError(
+        "[packing] radii: a distribution is {mean = ..., sigma = ...}, lognormal, sigma between 0 and 2, or {values = "
+        f"[...], weights = [...]}}, as many positive radii as weights, not {dict(distribution)!r}"
+    )
 
 
 def lattice_packing(kind: str, cells: Sequence[int], spacing: float) -> tuple[Array, Array]:
