@@ -50,6 +50,7 @@ from sympy import (
     sinh,
     tan,
     tanh,
+    true,
 )
 from sympy.core.function import AppliedUndef
 from sympy.core.numbers import ComplexInfinity, ImaginaryUnit, Infinity, NaN, NegativeInfinity
@@ -67,7 +68,7 @@ from softdyn.derive.dimensions import (
     DimensionMismatchError,
     dimension_of,
 )
-from softdyn.derive.soundness import rewritable, tidy
+from softdyn.derive.soundness import is_side, rewritable, tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
 if TYPE_CHECKING:
@@ -260,7 +261,8 @@ def _symbol_faults(
     allowed = {*arguments, *COMMON_PARAMETERS, *law.parameters}
     listing = ", ".join(symbol.name for symbol in (*arguments, *COMMON_PARAMETERS, *law.parameters))
     faults = []
-    for symbol in sorted(expr.free_symbols - allowed, key=str):
+    # which side of delta = 0 a state is on, any expression may ask
+    for symbol in sorted(expr.replace(_is_side, lambda _: true).free_symbols - allowed, key=str):
         where = f"{name}({', '.join(s.name for s in arguments)}): symbol {symbol.name!r} is not allowed here"
         same = known.get(symbol.name)
         if same is not None and same != symbol:
@@ -282,6 +284,10 @@ def _symbol_faults(
             hint = f"; did you mean {near[0]!r}?" if near else "; declare it in parameters={symbol: dimension}"
             faults.append(f"{where}; allowed: {listing}{hint if same is None else ''}")
     return faults
+
+
+def _is_side(node: Basic) -> bool:
+    return isinstance(node, Relational) and is_side(node)
 
 
 def _node_faults(name: str, expr: Expr) -> list[str]:

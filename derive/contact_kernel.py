@@ -66,7 +66,7 @@ from softdyn.derive.law import (
     tangential_expressions,
 )
 from softdyn.derive.printing import Assignment, operations, straight_line
-from softdyn.derive.soundness import sound
+from softdyn.derive.soundness import relative_slope, sound
 from softdyn.derive.specialise import C, dF_ddelta, dF_dh
 from softdyn.derive.symbols import a, delta, h, size_ratio
 from softdyn.errors import LawError
@@ -250,7 +250,11 @@ def contact_definitions(law: ContactLaw, tangential: bool = False, drag: bool = 
     values = partials(law)
 
     def relative(variable: Symbol) -> Expr:
-        return sound((total(zeta, variable) / values[zeta]).subs(values))
+        direct = (total(zeta, variable) / values[zeta]).subs(values)
+        by_factors = total(zeta, variable).subs(
+            {**values, d.zeta_a: relative_slope(values[zeta], a), d.zeta_h: relative_slope(values[zeta], h)}
+        )
+        return sound(by_factors)
 
     def of_law(symbol: Symbol, variable: Symbol) -> Expr:
         return sound(total(symbol, variable).subs(values))

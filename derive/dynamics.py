@@ -166,11 +166,12 @@ def generic_dynamics() -> GenericDynamics:
 
 
 def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
-    """Candidates for a derivative of a: direct, and through a^2, which is simpler where a is a square root."""
+    """Candidates for a derivative of a: direct, through a^2, simpler where a is a root, or relative to a^2."""
     square = law.a**2
     direct = diff(law.a, *variables)
     if len(variables) == 1:
-        return [direct, diff(square, *variables) / (2 * a)]
+        slope = diff(square, *variables)
+        return [direct, slope / (2 * a), a * sound(slope / square) / 2]
     first, second = variables
     slopes = diff(square, first) / (2 * a) * diff(square, second) / (2 * a)
     return [direct, (diff(square, first, second) / 2 - slopes) / a]

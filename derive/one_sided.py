@@ -13,6 +13,7 @@ from sympy import Dummy, Expr, oo, powsimp, simplify
 from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
 from softdyn.derive.balance import size
 from softdyn.derive.law import ContactLaw
+from softdyn.derive.soundness import of_pressed, sides_of
 from softdyn.derive.symbols import E, delta, eta, h
 from softdyn.errors import LawError
 
@@ -44,11 +45,14 @@ def rigid(law: ContactLaw, **about: Any) -> ContactLaw:
     ]
     if faults:
         raise LawError(f"rigid({law.name})", tuple(faults))
-    return _left(law, about, a=law.a.subs(delta, 0), F_ela=oo, zeta=law.zeta, F_adh=law.F_adh)
+    undeflected = {name: getattr(law, name).subs(delta, 0) for name in ("a", "zeta", "F_adh")}
+    return _left(law, about, **undeflected, F_ela=oo)
 
 
 def dry(law: ContactLaw, **about: Any) -> ContactLaw:
     """Limit eta -> 0: the gap closes at once, h -> 0, a -> a(0, delta); dX/dt = -(dF/dt)/C.
+
+    Only a film holds surfaces that are pulled: a law with a branch for these keeps that of pressed ones alone.
 
     Parameters
     ----------
@@ -63,6 +67,8 @@ def dry(law: ContactLaw, **about: Any) -> ContactLaw:
         no limit as h -> 0.
     """
     faults = []
+    branched = sides_of(law.a, law.F_ela) is not None
+    wide, elastic = (of_pressed(expr) for expr in (law.a, law.F_ela))
     if not _proportional(law.zeta, eta):
         faults.append(f"zeta = {law.zeta} is not proportional to eta: it need not vanish with eta")
     if law.F_adh != 0:
@@ -71,12 +77,12 @@ def dry(law: ContactLaw, **about: Any) -> ContactLaw:
         f"{name} = {expr} depends on eta" for name, expr in (("a", law.a), ("F_ela", law.F_ela)) if expr.has(eta)
     ]
     try:
-        radius = _without_gap(law.a)
+        radius = _without_gap(wide, (1,) if branched else (1, -1))
     except UndecidedError as reason:
         faults.append(f"a = {law.a} has no limit as h -> 0: {reason}")
     if faults:
         raise LawError(f"dry({law.name})", tuple(faults))
-    return _left(law, about, a=radius, F_ela=law.F_ela, zeta=0, F_adh=0)
+    return _left(law, about, a=radius, F_ela=elastic, zeta=0, F_adh=0)
 
 
 def _proportional(expr: Expr, symbol: Symbol) -> bool:
@@ -84,16 +90,16 @@ def _proportional(expr: Expr, symbol: Symbol) -> bool:
     return bool(simplify(powsimp(expr.subs(symbol, factor * symbol) / factor) - expr) == 0)
 
 
-def _without_gap(radius: Expr) -> Expr:
-    """Limit of a as h -> 0 at given delta, the same for both signs of delta."""
+def _without_gap(radius: Expr, signs: tuple[int, ...]) -> Expr:
+    """Limit of a as h -> 0 at given delta, the same for the signs of delta asked for."""
     sides = []
-    for side in (1, -1):
+    for side in signs:
         scale = scale_of(((1,),), {h: (1,)}, kept=1)
         order, coefficient = leading(expand(radius.subs(delta, side * size), scale), "a")
         if any(order):
             raise UndecidedError(f"it goes as {coefficient}")
         sides.append(coefficient)
-    if sides[0] != sides[1]:
+    if sides[0] != sides[-1]:
         raise UndecidedError(f"it is {sides[0]} in compression, {sides[1]} in tension")
     return sides[0].subs(size, abs(delta))
 

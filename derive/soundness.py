@@ -11,6 +11,7 @@ from sympy import (
     Abs,
     Add,
     DiracDelta,
+    Dummy,
     Expr,
     Function,
     Heaviside,
@@ -18,6 +19,7 @@ from sympy import (
     Piecewise,
     Pow,
     S,
+    Symbol,
     Wild,
     cosh,
     exp,
@@ -29,8 +31,14 @@ from sympy import (
     together,
 )
 from sympy.codegen.cfunctions import expm1, log1p
+from sympy.core.relational import Relational
+
+from softdyn.derive.symbols import delta
 
 _any = Wild("any")
+
+#: Sizes of delta where surfaces are pressed together, and where they are pulled apart.
+PRESSED, PULLED = Dummy("delta", nonnegative=True), Dummy("delta", positive=True)
 
 #: Rewriting a larger expression takes long, and its expanded form is unreadable.
 MOST_OPERATIONS = 120
@@ -50,6 +58,9 @@ def sound(*candidates: Expr) -> Expr:
     >>> sound((R*h/(R + h)).diff(h))   # not R/(R + h) - R*h/(R + h)**2, which cancels at h >> R
     R**2/(R + h)**2
     """
+    sides = sides_of(*candidates)
+    if sides is not None:
+        return joined(*(sound(*expressions) for expressions in sides))
     forms: list[Expr] = []
     for candidate in candidates:
         plain = tidy(candidate)
@@ -62,6 +73,63 @@ def sound(*candidates: Expr) -> Expr:
     forms = [form for form in forms if len(form.atoms(exp)) == whole]
     best = min(forms, key=lambda form: (cancelling_sums(form), form.count_ops(), forms.index(form)))
     return best.replace(lambda node: isinstance(node, Add) and node.has(exp), _merge_exp_minus_one)
+
+
+def relative_slope(product: Expr, variable: Symbol) -> Expr:
+    """Return the slope of a product relative to it, factor by factor: no power of a large factor stands in it."""
+    sides = sides_of(product)
+    if sides is not None:
+        return joined(*(relative_slope(expr, variable) for (expr,) in sides))
+    factors = [factor_.as_base_exp() for factor_ in Mul.make_args(product)]
+    return Add(*(power * sound(base.diff(variable) / base) for base, power in factors if base.has(variable)))
+
+
+def sides_of(*expressions: Expr) -> tuple[list[Expr], list[Expr]] | None:
+    """Return what expressions are where delta >= 0 and where delta < 0, if any has a branch for each; else None.
+
+    The delta of each is a symbol that knows its sign, so that sums of it are seen not to cancel.
+    """
+    if not any(is_side(condition) for expr in expressions for condition in expr.atoms(Relational)):
+        return None
+    return tuple([at_side(expr, symbol) for expr in expressions] for symbol in (PRESSED, -PULLED))  # type: ignore[return-value]
+
+
+def is_side(condition: Relational) -> bool:
+    """Whether a condition asks for the sign of delta alone."""
+    return condition.free_symbols == {delta} and bool(condition.subs(delta, 1) != condition.subs(delta, -1))
+
+
+def at_side(expr: Expr, deflection: Expr) -> Expr:
+    """Return an expression at a deflection of known sign, without the branches of the other."""
+    return expr.xreplace({delta: deflection}).replace(
+        lambda node: isinstance(node, Piecewise), lambda node: node.func(*node.args)
+    )
+
+
+def of_pressed(expr: Expr) -> Expr:
+    """Return an expression without its branches where delta < 0."""
+    return at_side(expr, PRESSED).xreplace({PRESSED: delta}) if sides_of(expr) is not None else expr
+
+
+def joined(pressed: Expr, pulled: Expr) -> Expr:
+    """Return one expression of two that hold where delta >= 0 and where delta < 0, as :func:`sides_of` has them.
+
+    What both have in common stands outside of the branches.
+    """
+    return _joined(pressed.xreplace({PRESSED: delta}), pulled.xreplace({PULLED: -delta}))
+
+
+def _joined(above: Expr, below: Expr) -> Expr:
+    if above == below:
+        return above
+    if above.is_Pow and below.is_Pow and above.exp == below.exp:
+        return _joined(above.base, below.base) ** above.exp
+    factors, others = Mul.make_args(above), Mul.make_args(below)
+    common = [factor_ for factor_ in factors if factor_ in others]
+    if not common:
+        return Piecewise((above, delta >= 0), (below, True))
+    rest = [Mul(*(x for x in some if x not in common)) for some in (factors, others)]
+    return Mul(*common) * _joined(*rest)
 
 
 def rewritable(expr: Expr) -> bool:

@@ -10,7 +10,7 @@ An example: exact are the force and the radius at delta >> sqrt(R h), for m << 1
 interpolation, and the friction is that of a disc of radius a.
 """
 
-from sympy import Abs, Rational, Symbol, pi, sqrt
+from sympy import Piecewise, Rational, Symbol, pi, sqrt
 
 from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, eta, h
 
@@ -18,13 +18,15 @@ m = Symbol("m", positive=True)  # slope of the cones' surfaces
 c = 2 / (pi * m)  # contact radius by deflection
 
 hbar = R * h / (R + h)  # the smaller of gap and radius, smoothly
+a0 = sqrt(2 * R * hbar)  # radius of the film at delta = 0
+neck = 24 * pi * eta * R**4 * h / (c**4 * delta**4)
 
 law = ContactLaw(
     name="cone",
     description="two blunt elastic cones, tip to tip: a force quadratic in the deflection",
     source="Sneddon, Int. J. Eng. Sci. 3 (1965) 47; friction of arXiv:0803.1573",
-    a=sqrt(2 * R * hbar) + c * Abs(delta),
-    F_ela=E * a * delta,
+    a=Piecewise((a0 + c * delta, delta >= 0), (a0**2 / (a0 - c * delta), True)),
+    F_ela=E * delta * Piecewise((a, delta >= 0), (sqrt(a**2 - 2 * R * delta + (c * delta) ** 2), True)),
     zeta=3 * pi * eta * a**4 / (2 * hbar**3),
     F_adh=0,
     parameters={m: DIMENSIONLESS},
@@ -69,9 +71,10 @@ law = ContactLaw(
             "cones, pulled",
             order=((R * h, delta**2), (-delta, R)),
             claims={
-                "a": -c * delta,
-                "delta": -sqrt(-F / (c * E)),
-                "dh_dt": -2 * E**2 * h**3 / (3 * pi * eta * c**2 * F),
+                "a": -2 * R * h / (c * delta),
+                "zeta": neck,
+                "delta": -((F**2 / (2 * E**2 * R)) ** Rational(1, 3)),
+                "dh_dt": -F / neck,
             },
         ),
     ),

@@ -17,7 +17,7 @@ The film drains as between rigid discs, zeta = 3 pi eta a^4/(2 h^3) (Reynolds): 
 surfactants make them, and a film of even thickness, without a dimple. Valid for delta << R.
 """
 
-from sympy import Abs, Rational, Symbol, log, pi, sqrt
+from sympy import Piecewise, Rational, Symbol, log, pi, sqrt
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, F, Limit, R, a, delta, eta, h
 
@@ -26,16 +26,23 @@ sigma = Symbol("sigma", positive=True)  # surface tension
 hbar = 1 / (1 / R + 1 / h)  # the smaller of gap and radius, smoothly; its slope in this form does not cancel
 brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
 
+# pressed, the film is wider than that of round spheres; pulled, it is narrower
+width = a**2 / (2 * R * hbar)
+flattening, narrowing = width**2 - 2 * width + 1, 1 / width**2 - 2 / width + 1
+pressed_friction = width + flattening * (1 + 4 * width) / (4 + width)
+pulled_friction = 1 / (1 / width + 110 * narrowing / (20 + 9 * narrowing))  # that of equal_spheres
+
 near = 3 * pi * eta * R**2 / (2 * h)
 film = 6 * pi * eta * R**2 * delta**2 / h**3
+neck = 3 * pi * eta * R**2 / (-2 * delta)
 
 law = ContactLaw(
     name="droplet",
     description="two droplets or bubbles: surface tension as a linear spring, a plane film that drains",
     source="Princen 1983, doi:10.1016/0021-9797(83)90323-5; Reynolds' film; Brenner 1961 for the friction of spheres",
-    a=sqrt(2 * R * (hbar + Abs(delta))),
+    a=sqrt(2 * R * Piecewise((hbar + delta, delta >= 0), (hbar**2 / (hbar - delta), True))),
     F_ela=4 * pi * sigma * delta,
-    zeta=3 * pi * eta * brenner * a**4 / (R * hbar**2 * (1 + 3 * (2 * R * hbar / a**2) ** 2)),
+    zeta=3 * pi * eta * R * brenner * Piecewise((pressed_friction, delta >= 0), (pulled_friction, True)),
     F_adh=0,
     parameters={sigma: FORCE / LENGTH},
     typical={sigma: E * R},
@@ -81,6 +88,19 @@ law = ContactLaw(
             "Poiseuille, pulled",
             order=(-delta, h, R),
             claims={"zeta": near, "delta": F / (4 * pi * sigma), "dh_dt": -F / near, "dX_dt": -F / near},
+        ),
+        Limit(
+            "narrow film, pulled",
+            order=(h, -delta, R),
+            claims={
+                "a": sqrt(2 * R / -delta) * h,
+                "zeta": neck,
+                "delta": F / (4 * pi * sigma),
+                "C": 2 * pi * sigma,
+                "D": neck,
+                "dh_dt": -F / neck,
+                "dX_dt": -F / neck,
+            },
         ),
     ),
 )

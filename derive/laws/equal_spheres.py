@@ -28,7 +28,7 @@ Valid for delta << R, which Hertz's law and half-spaces suppose, in Stokes flow,
 Poisson ratios of isotropic solids, -1 < nu <= 1/2; most soft solids are incompressible, nu = 1/2.
 """
 
-from sympy import Abs, Interval, Rational, Symbol, log, pi, sqrt
+from sympy import Interval, Piecewise, Rational, Symbol, log, pi, sqrt
 
 from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, Tangential, a, delta, eta, h, size_ratio
 
@@ -39,21 +39,34 @@ a0 = Rational(3, 2) * sqrt(R * hbar)  # the radius at delta = 0
 modulus = E / (1 - nu**2)  # of plane strain
 brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
 
+# pressed, the film is wider than that of round spheres; pulled, it is narrower, and suction around it holds surfaces
+pressed_film = R * (hbar + delta + 5 * hbar**2 / (2 * (2 * hbar + delta)))
+pulled_film = a0**2 * hbar / (hbar - delta)
+pulled_radius = sqrt(5 * a**2 - 4 * R * delta) / sqrt(5)
+
+width = (a / a0) ** 2  # of the film, as an area, over that of round spheres
+pressed_friction = 54 * width**2 / (4 + 21 / width**2 + 29 / width**6)
+narrowing = 1 / width**2 - 2 / width + 1
+pulled_friction = 1 / (1 / width + 110 * narrowing / (20 + 9 * narrowing))
+
+# what a film adds to sliding, as its area; what it takes away where it narrows, less than round spheres have
+flat = (a**2 - a0**2) * Piecewise((1, delta >= 0), (width, True))
 shear = pi * eta * R * log(1 + R / h)  # sliding of rigid equal spheres at h << R; log as it vanishes at large gaps
 
 near = 3 * pi * eta * R**2 / (2 * h)
 film = 4 * pi * eta * R**2 * delta**2 / h**3
+neck = 3 * pi * eta * R**2 / (-2 * delta)
 
 law = ContactLaw(
     name="equal_spheres",
     description="two equal elastic spheres with their true constants: Brenner's friction, Hertz's force, drainage",
     source="Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573",
-    a=sqrt(R * (hbar + Abs(delta) + 5 * hbar**2 / (2 * (2 * hbar + Abs(delta))))),
-    F_ela=Rational(4, 3) * modulus * a * delta,
-    zeta=8 * pi * eta * brenner * a**4 / (R * hbar**2 * (1 + Rational(25, 2) * (a0 / a) ** 6)),
+    a=sqrt(Piecewise((pressed_film, delta >= 0), (pulled_film, True))),
+    F_ela=Rational(4, 3) * modulus * delta * Piecewise((a, delta >= 0), (pulled_radius, True)),
+    zeta=3 * pi * eta * R * brenner * Piecewise((pressed_friction, delta >= 0), (pulled_friction, True)),
     F_adh=0,
     tangential=Tangential(
-        sliding=Rational(4, 5) * (2 - 3 * size_ratio) * shear + pi * eta * (a**2 - a0**2) / h,
+        sliding=Rational(4, 5) * (2 - 3 * size_ratio) * shear + pi * eta * flat / h,
         coupling=Rational(3, 5) * R * shear,
         rolling=Rational(3, 5) * R**2 * shear,
         k_t=2 * E * a / ((1 + nu) * (2 - nu)),
@@ -124,6 +137,19 @@ law = ContactLaw(
                 "D": near,
                 "dh_dt": -F / near,
                 "dX_dt": -F / near,
+            },
+        ),
+        Limit(
+            "narrow film, pulled",
+            order=(h, -delta, R),
+            claims={
+                "a": 3 * sqrt(R / -delta) * h / 2,
+                "zeta": neck,
+                "delta": -((-3 * sqrt(5) * F / (8 * modulus * sqrt(R))) ** Rational(2, 3)),
+                "C": modulus * sqrt(-4 * R * delta / 5),
+                "D": neck,
+                "dh_dt": -F / neck,
+                "dX_dt": -F / neck,
             },
         ),
     ),

@@ -18,7 +18,7 @@ Typical: bubbles or drops of R = 100 um, sigma = 30 mN/m (E stands for sigma/R =
 = 100 kPa: a common black film, h = 5.1 ell = 51 nm.
 """
 
-from sympy import Symbol, exp, pi
+from sympy import Piecewise, Symbol, exp, pi
 
 from softdyn.derive import LENGTH, PRESSURE, ContactLaw, E, F, Limit, R, a, delta, eta, h
 from softdyn.derive.laws.droplet import film, hbar, near, sigma
@@ -28,6 +28,8 @@ Pi0 = Symbol("Pi0", positive=True)  # disjoining pressure, extrapolated to conta
 ell = Symbol("ell", positive=True)  # its range
 
 round_film = pi * R * Pi0 * ell  # Derjaguin's repulsion of spheres, extrapolated to contact
+# over pi: of the plane film and its rim; of a rim alone that pulled surfaces make steeper, as a^2 tells
+area = Piecewise((a**2 - 2 * R * hbar + R * ell, delta >= 0), (a**2 * ell / (2 * hbar), True))
 
 law = ContactLaw(
     name="soap_film",
@@ -36,7 +38,7 @@ law = ContactLaw(
     a=droplet.a,
     F_ela=droplet.F_ela,
     zeta=droplet.zeta,
-    F_adh=pi * Pi0 * exp(-h / ell) * (a**2 - 2 * R * hbar + R * ell),
+    F_adh=pi * Pi0 * exp(-h / ell) * area,
     parameters={**droplet.parameters, Pi0: PRESSURE, ell: LENGTH},
     typical={**droplet.typical, Pi0: 333 * E, ell: R / 10**4},
     limits=(
