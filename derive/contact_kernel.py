@@ -250,11 +250,10 @@ def contact_definitions(law: ContactLaw, tangential: bool = False, drag: bool = 
     values = partials(law)
 
     def relative(variable: Symbol) -> Expr:
-        direct = (total(zeta, variable) / values[zeta]).subs(values)
-        by_factors = total(zeta, variable).subs(
+        slopes = total(zeta, variable).subs(
             {**values, d.zeta_a: relative_slope(values[zeta], a), d.zeta_h: relative_slope(values[zeta], h)}
         )
-        return sound(by_factors)
+        return sound(slopes)
 
     def of_law(symbol: Symbol, variable: Symbol) -> Expr:
         return sound(total(symbol, variable).subs(values))

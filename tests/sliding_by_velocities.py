@@ -67,9 +67,10 @@ def integrate(
             one, other = radii[i], radii[j]
             deflection = (one + other - r + gap[c]) / 2
             pair = 2 * one * other / (one + other), one * other / (one + other) ** 2
-            F, zeta, remote, A, B, G, k_t = law_of(gap[c], deflection, *pair)
-            # drag beside it has what the friction of undeflected spheres is far apart
-            zeta *= 1 - 3 * math.pi * viscosity * pair[0] / law_of(gap[c], 0.0, *pair)[1]
+            with np.errstate(invalid="ignore"):  # in branches that are not taken
+                F, zeta, remote, A, B, G, k_t = law_of(gap[c], deflection, *pair)
+                # drag beside it has what the friction of undeflected spheres is far apart
+                zeta *= 1 - 3 * math.pi * viscosity * pair[0] / law_of(gap[c], 0.0, *pair)[1]
             D = (one - other) / (one + other)
             excess = (r - one - other) / 2
             lever = one + excess + D * B / A, other + excess - D * B / A

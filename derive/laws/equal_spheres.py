@@ -49,8 +49,9 @@ pressed_friction = 54 * width**2 / (4 + 21 / width**2 + 29 / width**6)
 narrowing = 1 / width**2 - 2 / width + 1
 pulled_friction = 1 / (1 / width + 110 * narrowing / (20 + 9 * narrowing))
 
-# what a film adds to sliding, as its area; what it takes away where it narrows, less than round spheres have
-flat = (a**2 - a0**2) * Piecewise((1, delta >= 0), (width, True))
+# what a film adds to sliding, as its area, and takes away where it narrows; and the radius that is sheared
+flat = Piecewise((a**2 - a0**2, delta >= 0), (a0**2 * (width - 1) / (3 * (width + 1)), True))
+sheared = Piecewise((a, delta >= 0), (12 * a0 / (11 + 1 / width), True))
 shear = pi * eta * R * log(1 + R / h)  # sliding of rigid equal spheres at h << R; log as it vanishes at large gaps
 
 near = 3 * pi * eta * R**2 / (2 * h)
@@ -69,7 +70,7 @@ law = ContactLaw(
         sliding=Rational(4, 5) * (2 - 3 * size_ratio) * shear + pi * eta * flat / h,
         coupling=Rational(3, 5) * R * shear,
         rolling=Rational(3, 5) * R**2 * shear,
-        k_t=2 * E * a / ((1 + nu) * (2 - nu)),
+        k_t=2 * E * sheared / ((1 + nu) * (2 - nu)),
     ),
     parameters={nu: DIMENSIONLESS},
     ranges={nu: Interval.Lopen(-1, Rational(1, 2))},
