@@ -7,7 +7,8 @@ rounded to a radius R, which rules the lubrication: a = sqrt(2 R hbar) + c abs(d
 rognon_gay.
 
 An example: exact are the force and the radius at delta >> sqrt(R h), for m << 1 (flat cones); the sum in a is an
-interpolation, and the friction is that of a disc of radius a.
+interpolation, and the friction is that of a disc of radius a. Pulled, the film narrows instead, and suction around the
+round tips keeps them stiff: D > 0; an estimate, for which there is no reference.
 """
 
 from sympy import Piecewise, Rational, Symbol, pi, sqrt

@@ -13,10 +13,15 @@ sphere and a plane, and whose constants are not Hertz's. Exact here, to leading 
 - friction at h << delta << R: the film drains at its centre under Hertz's pressure, dh/dt = -h^3 F/(4 pi eta a^4),
   which is 0.375 of the rate between parallel discs of that radius.
 
-In between, a and zeta are interpolations. The first correction of the friction, 1 + 0.80 delta/h, is that of surfaces
-held in their deflected shape (0.8035 by quadrature); at constant force, where the deflection relaxes as the gap
-closes, it is 1.51. Nothing is claimed of the elasticity beyond h ~ R, where delta/R ~ F/(E R^2) up to a constant, nor
-of tension, where only the terms of delta << h are those of spheres; D at h << delta follows from the interpolation.
+In between, and where surfaces are pulled apart, a and zeta are fits to elastohydrodynamics (Reynolds' equation and an
+elastic half-space; table and solver are in the repository): friction within 12 % and elastic radius within 10 % for
+-2.5 h < delta < 1.5 h at h << R. Pulled surfaces bulge towards each other: the film narrows, and its friction falls
+below that of rigid spheres, while suction around it holds the surfaces no less stiffly. Force and friction have
+continuous slopes at delta = 0, and D > 0 on both sides; the radius a of the film has a kink there. The first correction
+of the friction, 1 + delta/h, lies between that of surfaces held in their deflected shape, 0.80, and of a constant
+force, 1.51 (both by quadrature). Films have memory that no law of h and delta has: pressed and then pulled, their
+centre goes on closing while the rim opens. At h << -delta the law is an extrapolation. Nothing is claimed of the
+elasticity beyond h ~ R, where delta/R ~ F/(E R^2) up to a constant; D at h << delta follows from the fit.
 
 Tangential motion, in scenes that ask for it: the leading terms, ln(R/h), of the functions Y^A, Y^B and Y^C of Jeffrey &
 Onishi, J. Fluid Mech. 139 (1984) 261, of rigid unequal spheres, R = 2 R1 R2/(R1 + R2), in series with Mindlin's

@@ -1,7 +1,8 @@
 """Two elastic spheres in a viscous fluid, to the letter of Rognon & Gay, arXiv 0803.1573, eqs. 3 to 5.
 
 The paper leaves the prefactors of its limits out; those below are exact for the law as printed. They are not those of
-two equal spheres: near contact the paper's friction is that of a sphere and a plane.
+two equal spheres: near contact the paper's friction is that of a sphere and a plane. The law is meant for spheres that
+are pressed together: its abs(delta) widens a film that is pulled, and holds it shut, where a real one narrows and opens.
 """
 
 from sympy import Abs, Rational, pi, sqrt
@@ -15,7 +16,7 @@ k = 9 * kappa / (4 * sqrt(2))
 
 law = ContactLaw(
     name="rognon_gay",
-    description="two elastic spheres in a viscous fluid: Stokes, Poiseuille, Hertz",
+    description="two elastic spheres pressed together in a viscous fluid: Stokes, Poiseuille, Hertz",
     source="Rognon & Gay, arXiv:0803.1573, eqs. 3-5",
     a=sqrt(2 * R * (hbar + Abs(delta))),
     F_ela=Rational(4, 9) * E * a * delta,

@@ -12,7 +12,7 @@ spheres, pi R Pi0 ell exp(-h/ell) = F.
 
 Exact: the integral over a plane film and a parabolic rim, h << R. One exponential stands for the repulsion of charged
 surfactants (Pi0 and ell as in ``dlvo``) or of their heads; no attraction. Elasticity, friction and their limits of
-validity are those of ``droplet``; in tension there is no film, and the law means round spheres, delta << ell.
+validity are those of ``droplet``; in tension there is no plane film, and the rim is as steep as the narrowed film is.
 
 Typical: bubbles or drops of R = 100 um, sigma = 30 mN/m (E stands for sigma/R = 300 Pa), ell = 10 nm (1 mM salt), Pi0
 = 100 kPa: a common black film, h = 5.1 ell = 51 nm.
