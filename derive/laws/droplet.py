@@ -10,7 +10,7 @@ Exact to leading order: the film's radius, and thus its drainage, at given F << 
 which is that of ``equal_spheres``. Not exact: delta itself. Surfaces under a localised force yield further, by a
 factor that grows as a logarithm (Morse & Witten, Europhys. Lett. 22 (1993) 549; Lacasse, Grest & Levine, Phys. Rev. E
 54 (1996) 5436): about ln(R/h) at delta << h, ln(R/delta) at h << delta; the spring is to be read as an effective one.
-In between, and where droplets are pulled apart and the film narrows, the friction is that of elastic spheres within 12 %
+In between, and where droplets are pulled and the film narrows, the friction is that of elastic spheres within 12 %
 for -2.5 h < delta < 1.5 h (see ``equal_spheres``), with continuous slopes at delta = 0.
 
 The film drains as between rigid discs, zeta = 3 pi eta a^4/(2 h^3) (Reynolds): interfaces that do not flow, as

@@ -2,7 +2,7 @@
 
 The paper leaves the prefactors of its limits out; those below are exact for the law as printed. They are not those of
 two equal spheres: near contact the paper's friction is that of a sphere and a plane. The law is meant for spheres that
-are pressed together: its abs(delta) widens a film that is pulled, and holds it shut, where a real one narrows and opens.
+are pressed together: its abs(delta) widens a film that is pulled, and holds it shut; a real one narrows and opens.
 """
 
 from sympy import Abs, Rational, pi, sqrt
