@@ -115,7 +115,7 @@ def test_a_reversed_film_closes_at_its_centre_before_it_opens() -> None:
     assert rim[lowest] == centre[lowest]
 
 
-@pytest.mark.parametrize("name", ["equal_spheres", "droplet", "cone"])
+@pytest.mark.parametrize("name", ["equal_spheres", "droplet"])
 def test_force_and_friction_are_smooth_through_no_deflection(name: str) -> None:
     """One-sided slopes by differences of (f(d) - f(0))/d at falling d: both sides tend to one value, at every gap."""
     law = LAWS[name]
@@ -154,7 +154,6 @@ def kernel_of(name: str) -> Any:
     [
         "equal_spheres",
         "droplet",
-        "cone",
         *(pytest.param(x, marks=pytest.mark.slow) for x in ("dlvo", "steric", "soap_film")),
     ],
 )

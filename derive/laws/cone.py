@@ -7,11 +7,11 @@ rounded to a radius R, which rules the lubrication: a = sqrt(2 R hbar) + c abs(d
 rognon_gay.
 
 An example: exact are the force and the radius at delta >> sqrt(R h), for m << 1 (flat cones); the sum in a is an
-interpolation, and the friction is that of a disc of radius a. Pulled, the film narrows instead, and suction around the
-round tips keeps them stiff: D > 0; an estimate, for which there is no reference.
+interpolation, and the friction is that of a disc of radius a. It is meant for cones that are pressed: abs(delta)
+widens a film that is pulled, too, where a real one narrows.
 """
 
-from sympy import Piecewise, Rational, Symbol, pi, sqrt
+from sympy import Abs, Rational, Symbol, pi, sqrt
 
 from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, a, delta, eta, h
 
@@ -19,15 +19,13 @@ m = Symbol("m", positive=True)  # slope of the cones' surfaces
 c = 2 / (pi * m)  # contact radius by deflection
 
 hbar = R * h / (R + h)  # the smaller of gap and radius, smoothly
-a0 = sqrt(2 * R * hbar)  # radius of the film at delta = 0
-neck = 24 * pi * eta * R**4 * h / (c**4 * delta**4)
 
 law = ContactLaw(
     name="cone",
     description="two blunt elastic cones, tip to tip: a force quadratic in the deflection",
     source="Sneddon, Int. J. Eng. Sci. 3 (1965) 47; friction of arXiv:0803.1573",
-    a=Piecewise((a0 + c * delta, delta >= 0), (a0**2 / (a0 - c * delta), True)),
-    F_ela=E * delta * Piecewise((a, delta >= 0), (sqrt(a**2 - 2 * R * delta + (c * delta) ** 2), True)),
+    a=sqrt(2 * R * hbar) + c * Abs(delta),
+    F_ela=E * a * delta,
     zeta=3 * pi * eta * a**4 / (2 * hbar**3),
     F_adh=0,
     parameters={m: DIMENSIONLESS},
@@ -72,10 +70,9 @@ law = ContactLaw(
             "cones, pulled",
             order=((R * h, delta**2), (-delta, R)),
             claims={
-                "a": -2 * R * h / (c * delta),
-                "zeta": neck,
-                "delta": -((F**2 / (2 * E**2 * R)) ** Rational(1, 3)),
-                "dh_dt": -F / neck,
+                "a": -c * delta,
+                "delta": -sqrt(-F / (c * E)),
+                "dh_dt": -2 * E**2 * h**3 / (3 * pi * eta * c**2 * F),
             },
         ),
     ),
