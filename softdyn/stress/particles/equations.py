@@ -372,6 +372,9 @@ def tell(eq: Equations, t: float, state: Array) -> Now:
     deflection = (eq.S - r + gap) / 2
     found = np.broadcast_arrays(*eq.law_of(gap, deflection, *eq.q), gap)[:-1]
     elastic, by_gap, by_delta, zeta, remote, *tangential = found
+    if eq.dragged:  # a contact carries what exceeds the drags of its particles by themselves
+        alone, far_away = (eq.law_of(size, 0 * gap, *eq.q)[3] for size in (gap, 1e10 * eq.S))
+        zeta = zeta * (1 - min(float(eq.case.scene.drag), 1.0) * far_away / alone)
     w, film, grip, grip_h = weights(eq, gap, deflection)
     F, T = grip * elastic, T - np.einsum("ca,ca->c", T, n)[:, None] * n
     push = F[:, None] * n + T
