@@ -92,7 +92,9 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             faults += [f"[[{name}]] {number}: {key} is missing" for key in required if key not in entry]
     missing = [key for key in ("law", "parameters", "until") if key not in data]
     faults += [f"[{key}] is missing" if key != "law" else 'law is missing: law = "NAME"' for key in missing]
-    if isinstance(data.get("box"), Mapping) and "lengths" not in data["box"]:
+    # a packing, or a result that is gone on from, has lengths of its own
+    box = data.get("box")
+    if isinstance(box, Mapping) and "lengths" not in box and set(box) != {"depth"}:
         faults.append("[box] lengths is missing, one for each axis; 0 along those that are not periodic")
     if ("particles" in data) == ("packing" in data):
         faults.append("[particles] and [packing] are two ways to say where the particles are: give one of them")
