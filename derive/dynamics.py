@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, simplify, solve
 
 from softdyn.derive.law import is_dry, is_rigid
-from softdyn.derive.soundness import sound, tidy
+from softdyn.derive.soundness import sides_of, sound, tidy
 from softdyn.derive.symbols import F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -166,12 +166,13 @@ def generic_dynamics() -> GenericDynamics:
 
 
 def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
-    """Candidates for a derivative of a: direct, through a^2, simpler where a is a root, or relative to a^2."""
+    """Candidates for a derivative of a: direct, through a^2, simpler where a is a root; of branches, relative to a^2."""
     square = law.a**2
     direct = diff(law.a, *variables)
     if len(variables) == 1:
         slope = diff(square, *variables)
-        return [direct, slope / (2 * a), a * sound(slope / square) / 2]
+        relative = [] if sides_of(square) is None else [a * sound(slope / square) / 2]
+        return [direct, slope / (2 * a), *relative]
     first, second = variables
     slopes = diff(square, first) / (2 * a) * diff(square, second) / (2 * a)
     return [direct, (diff(square, first, second) / 2 - slopes) / a]
