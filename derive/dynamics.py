@@ -166,7 +166,7 @@ def generic_dynamics() -> GenericDynamics:
 
 
 def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
-    """Candidates for a derivative of a: direct, through a^2, simpler where a is a root; of branches, relative to a^2."""
+    """Candidates for a derivative of a: direct, through a^2, simpler for a root; of branches, relative to a^2."""
     square = law.a**2
     direct = diff(law.a, *variables)
     if len(variables) == 1:
