@@ -23,6 +23,8 @@ from typing import Any
 from softdyn.errors import SceneError
 
 VARIABLE = "SOFTDYN_CACHE_DIR"
+#: See :func:`stand_of`.
+Stand = tuple[tuple[int, ...], tuple[int, ...], tuple[tuple[Any, ...], ...]]
 #: Permissions to write, of the group and of everybody else.
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
@@ -42,9 +44,15 @@ def folder() -> Path:
 
         path = Path(platformdirs.user_cache_path("softdyn", appauthor=False))
     try:
+        with suppress(FileNotFoundError):
+            if _safe.get(path) == _permissions(path):
+                return path
         _make(path)
         require_own(path.resolve(), "the kernel cache")
         _require_safe_way(path)
+        permissions = _permissions(path)
+        if not any(stat.S_ISLNK(mode) for mode, _ in permissions):  # where links lead can change unseen
+            _safe[path] = permissions
     except OSError as error:
         raise SceneError(
             f"cannot make the kernel cache {path}: {error.strerror}; set {VARIABLE} to another folder"
@@ -52,8 +60,18 @@ def folder() -> Path:
     return path
 
 
+#: Caches that this process has found safe, with the permissions and owners of their folder and of those above it.
+_safe: dict[Path, tuple[tuple[int, int], ...]] = {}
+
+
+def _permissions(path: Path) -> tuple[tuple[int, int], ...]:
+    return tuple((info.st_mode, info.st_uid) for info in map(os.lstat, (path, *path.parents)))
+
+
 def _make(path: Path) -> None:
     """Make a folder and those above it that are missing, for their owner only, whatever the umask."""
+    if path.is_dir():
+        return
     missing = [one for one in (path, *path.parents) if not one.exists()]
     for one in reversed(missing):
         one.mkdir(mode=0o700, exist_ok=True)
@@ -170,6 +188,9 @@ def read(kind: str, key: str) -> Path | None:
     """
     path = folder() / kind / key
     try:
+        stand = stand_of(path)
+        if _whole.get(path) == stand:
+            return path
         require_own(path.parent, "the folder of the kernel cache")
         require_own(path, "the entry of the kernel cache")
         digests: Mapping[str, str] = note(path)["digests"]
@@ -181,7 +202,31 @@ def read(kind: str, key: str) -> Path | None:
                 return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+    _whole[path] = stand
     return path
+
+
+#: Entries that this process has found whole, and how they then stood.
+_whole: dict[Path, Stand] = {}
+
+
+def stand_of(path: Path) -> Stand:
+    """How an entry stands on the disk: what changes if anybody writes to it, replaces it, or changes its permissions.
+
+    Raises
+    ------
+    OSError
+        If it is not there.
+    """
+    above, own = os.lstat(path.parent), os.lstat(path)
+    with os.scandir(path) as files:
+        inside = sorted((file.name, *_of_file(file.stat(follow_symlinks=False))) for file in files)
+    return (above.st_mode, above.st_uid), _of_file(own), tuple(inside)
+
+
+def _of_file(info: os.stat_result) -> tuple[int, ...]:
+    # the time of the last change of a file is the system's: nobody can set it back
+    return info.st_mode, info.st_uid, info.st_ino, info.st_size, info.st_mtime_ns, info.st_ctime_ns
 
 
 def note(entry: Path) -> Mapping[str, Any]:
