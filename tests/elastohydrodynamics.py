@@ -141,13 +141,18 @@ def escape(film: Film, gap: float = NEAR) -> Array:
 
 
 def reversal(film: Film, pressed: float = 60.0, until: float = 110.0) -> dict[str, list[float]]:
-    """Bodies pressed together and then pulled: gaps at the centre and at their smallest, over time."""
+    """Bodies pressed together and then pulled: force, gaps at the centre and at their smallest, over time."""
+
+    def force(t: float) -> float:
+        return max(-1.0, 1.0 - 2 * t)
+
     run = film.run(FAR, lambda t: min(1.0, t), FAR * 12 + pressed)
-    after = film.run(run.y[:, -1], lambda t: max(-1.0, 1.0 - 2 * t), until, stop=lambda h: h - 1.0)
+    after = film.run(run.y[:, -1], force, until, stop=lambda h: h - 1.0)
     kept = np.append(np.arange(0, len(after.t) - 1, max(1, len(after.t) // 80)), len(after.t) - 1)
-    deflections = [film.centre(after.y[:, k], max(-1.0, 1.0 - 2 * after.t[k]))[1] for k in kept]
+    deflections = [film.centre(after.y[:, k], force(after.t[k]))[1] for k in kept]
     return {
         "t": [float(f"{x:.5g}") for x in after.t[kept]],
+        "force": [float(f"{force(t):.5g}") for t in after.t[kept]],
         "centre": [float(f"{x:.5g}") for x in after.y[0, kept]],
         "smallest": [float(f"{x:.5g}") for x in after.y[:, kept].min(axis=0)],
         "deflection": [float(f"{x:.5g}") for x in deflections],
@@ -183,7 +188,7 @@ def table() -> dict[str, Any]:
         },
         "reversed": {
             "about": "pressed by F, then pulled by F; lengths in (F/(E* sqrt(R')))^(2/3), time in eta R'^2/F from the "
-            "reversal; gaps at the centre and at their smallest",
+            "reversal; force over F, gaps at the centre and at their smallest",
             **reversal(film),
         },
     }

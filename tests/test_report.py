@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from sympy import pi, sin, sstr
+from sympy import pi, sin, sqrt, sstr
 
 from softdyn.derive import ContactLaw, Limit, R, delta, eta, h
 from softdyn.derive.kernel import kernel_ir, total_operations
@@ -20,7 +20,7 @@ from softdyn.derive.regimes import discover
 from softdyn.errors import SceneError
 from softdyn.laws import find, load
 from softdyn.study.formulas import cut, displayed, formula, pieces, widest
-from softdyn.study.report import SCENES, decimal, page, write_report
+from softdyn.study.report import SCENES, decimal, film, page, write_report
 
 VOID = {"meta", "br", "img", "wbr", "link", "input", "hr"}
 HOSTILE = "<script>alert('x')</script> & \"quoted\" </style> {{ 7*7 }}"
@@ -68,7 +68,11 @@ class Page(HTMLParser):
 def law() -> ContactLaw:
     """The paper's law, with hostile words, a wrong claim and one that cannot be decided."""
     paper = load(find("rognon_gay"))[0]
-    wrong = Limit(HOSTILE, order=(delta, h, R), claims={"zeta": 12 * pi * eta * R**2 / h, "a": R * sin(R / h)})
+    wrong = Limit(
+        HOSTILE,
+        order=(delta, h, R),
+        claims={"zeta": 12 * pi * eta * R**2 / h, "a": sqrt(2 * R * h) * (1 + h / R * sin(R / h))},
+    )
     return replace(paper, description=HOSTILE, source=HOSTILE, limits=(*paper.limits, wrong))
 
 
@@ -120,7 +124,7 @@ def test_what_the_author_wrote_is_words(parsed: Page, text: str) -> None:
 
 
 def test_pictures_and_formulas_are_described(parsed: Page) -> None:
-    assert len(parsed.all("img")) == 2
+    assert len(parsed.all("img")) == 3
     assert all(image["alt"] for image in parsed.all("img"))
     formulas = [attributes for _, attributes in parsed.tags if attributes.get("class") == "formula"]
     assert len(formulas) > 100
@@ -187,6 +191,15 @@ def test_every_regime_has_its_forms_and_exponents(law: ContactLaw, parsed: Page)
         assert f"{crossover.line.lhs} = {sstr(crossover.line.rhs)}" in spoken
 
 
+def test_the_film_stands_against_elastohydrodynamics(law: ContactLaw, parsed: Page) -> None:
+    entry = film(law)
+    assert entry is not None
+    assert entry["source"] in parsed.each("src")
+    assert f"off by at most {entry['off']}" in parsed.words
+    assert "#elastohydrodynamics" in parsed.each("href")
+    assert "its centre goes on closing" in parsed.words
+
+
 def test_tension_is_told_where_it_differs_and_only_there(parsed: Page) -> None:
     """D and dX/dt differ in tension, and nothing else, in the two regimes where a varies with h."""
     after = parsed.words.split("In tension, where it differs")[1].split("Crossovers")[0]
@@ -230,6 +243,7 @@ def test_the_page_is_written_whole_or_refused(law: ContactLaw, text: str, tmp_pa
 def test_every_kind_of_stock_law_has_a_page(name: str) -> None:
     written = page(load(find(name))[0])
     assert Page(written).all("h1")
+    assert ("elastohydrodynamics" in Page(written).each("id")) == (name in ("rognon_gay", "droplet", "soap_film"))
     # what sympy makes of a division by zero
     assert "zoo" not in written
     assert "nan" not in " ".join(Page(written).each("aria-label"))

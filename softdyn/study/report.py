@@ -160,6 +160,7 @@ def page(law: ContactLaw) -> str:
         "units": units(law, show),
         "energy": energy(show),
         "conservative": diagram.conservative,
+        "film": film(law),
         "films": None if films is None else film_entries(films, diagram, show),
         "kernels": made,
         "parts": next((list(kernel["operations"]) for kernel in made if not kernel["reason"]), []),
@@ -571,6 +572,23 @@ def figures(diagram: Diagram) -> list[dict[str, Any]]:
         except SoftdynError as reason:
             drawn.append({"alt": alt, "source": "", "reason": str(reason), "tall": False})
     return drawn
+
+
+def film(law: ContactLaw) -> dict[str, Any] | None:
+    """The law's film against elastohydrodynamics, if that describes it."""
+    from softdyn.study import elastohydrodynamics as ehd
+
+    if not ehd.applies(law):
+        return None
+    off = ehd.deviation(law)
+    low, high = (f"{x:g}".replace("-", "−") for x in ehd.INSIDE)
+    return {
+        "source": _data_address(ehd.draw(law)),
+        "between": f"w/h = {low} and {high}",
+        "band": f"{100 * ehd.BAND:.0f} %",
+        "off": f"{100 * (off - 1):.0f} %" if off < 1.5 else f"a factor of {decimal(off)}",
+        "elastic": ehd.is_half_space(law),
+    }
 
 
 def _data_address(figure: Figure) -> str:
