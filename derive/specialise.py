@@ -39,7 +39,7 @@ dF_dh = Symbol("dF_dh", real=True)
 #: are none that a parameter can have.
 SLOPES = tuple(Symbol(f"slope_p{entry}", real=True) for entry in ("11", "12", "21", "22"))
 #: d(d(ln h)/dt)/dF at fixed gap, the deflection following from the force balance.
-BY_FORCE = Symbol("slope_p1F", real=True)
+BY_FORCE = Symbol("by_force_p1", real=True)
 #: 1/k of the spring that moves the centres: 0 where their velocity itself is given.
 compliance = Symbol("compliance_p1", nonnegative=True)
 
@@ -241,7 +241,7 @@ def outputs_of(law: ContactLaw) -> tuple[str, ...]:
 def _integrated(control: Control) -> frozenset[Symbol]:
     """What the integration itself uses."""
     if control == "force":
-        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2], BY_FORCE})
+        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2]})
     return frozenset({F_ela, dF_ddelta, dh_dt, ddelta_dt, *SLOPES})
 
 

@@ -14,7 +14,25 @@ from html import escape
 from math import lcm
 from typing import TYPE_CHECKING
 
-from sympy import Abs, Add, Dummy, Eq, Expr, Matrix, Mul, Pow, Rational, S, Symbol, exp, factorrat, log, sstr
+from sympy import (
+    Abs,
+    Add,
+    Dummy,
+    Eq,
+    Expr,
+    Matrix,
+    Mul,
+    Piecewise,
+    Pow,
+    Rational,
+    S,
+    Symbol,
+    exp,
+    factorrat,
+    log,
+    sstr,
+    true,
+)
 from sympy.printing.conventions import split_super_sub
 from sympy.printing.latex import LatexPrinter, greek_letters_set
 
@@ -121,6 +139,15 @@ class _Printer(LatexPrinter):
 
     def _print_Rational(self, number: Rational) -> str:
         return str(number.p) if number.q == 1 else self._product((number,))
+
+    def _print_Piecewise(self, expr: Piecewise) -> str:
+        # in one line, which mathtext sets, too
+        cases = [
+            rf"{self._print(value)}\ \mathrm{{{'else' if asked == true else 'if'}}}"
+            + ("" if asked == true else rf"\ {self._print(asked)}")
+            for value, asked in expr.args
+        ]
+        return r"\left\{" + r";\ ".join(cases) + r"\right\}"
 
     def _print_Abs(self, expr: Abs, power: str | None = None) -> str:
         (inner,) = expr.args

@@ -22,7 +22,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any
 
 import mpmath
-from sympy import Add, Expr, Rational, Symbol, cosh, coth, erf, erfc, exp, lambdify, sinh, tanh
+from sympy import Add, Expr, Rational, Symbol, cosh, coth, count_ops, erf, erfc, exp, lambdify, sinh, tanh
 
 from softdyn.derive.balance import definitions, size
 from softdyn.derive.checks import chains
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 #: Paths tried for each limit, of these with the same dominant terms at first, and how many are drawn to find them.
 PATHS, ALIKE, DRAWN = 48, 16, 1500
+#: Operations of a law, times paths, that are computed at most; but of any law so many paths.
+OPERATIONS, FEWEST_PATHS = 17_600, 6
 #: Paths of the ordering that may follow each other without one that is new.
 IN_VAIN = 60
 #: Decades by which ratios have fallen along a path; the last ones are asked only to confirm that a claim fails.
@@ -189,6 +191,7 @@ def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
     balanced: Counter[tuple[int, ...]] = Counter()
     alike: Counter[tuple[object, ...]] = Counter()
     in_vain = 0
+    most = max(FEWEST_PATHS, min(PATHS, OPERATIONS // (1 + sum(int(count_ops(x)) for x in definitions(law).values()))))
     for number in range(DRAWN if cones else 0):
         # every other path keeps an exponential comparable with powers of the other ratios
         slowly = draw.choice(exponents) if exponents and number % 2 else None
@@ -206,7 +209,7 @@ def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
                 alike[kind] += 1
                 found.append(Sample(path, points))
                 in_vain = 0
-        if len(found) == PATHS or in_vain == IN_VAIN:
+        if len(found) >= most or in_vain == IN_VAIN:
             break
     return found
 

@@ -158,7 +158,7 @@ def test_states_solve_the_laws_own_equations(name: str, side: Side) -> None:
     values = plane.parameter_values(law)
     balance = lambdify((h, delta), law.F_ela.subs(a, law.a).subs(values), "math")
     radius = lambdify((h, delta), law.a.subs(values), "math")
-    zeta = lambdify((a, h), law.zeta.subs(values), "math")
+    zeta = lambdify((a, h, delta), law.zeta.subs(values), "math")
     remote = lambdify((a, h), law.F_adh.subs(values), "math")
     for gap in (1e-3, 0.2, 30.0):
         for push in (1e-7, 1e-4, 0.05):
@@ -166,7 +166,9 @@ def test_states_solve_the_laws_own_equations(name: str, side: Side) -> None:
             expected = brentq(lambda x: sign * balance(gap, sign * x) - push, 0, 1, xtol=1e-300, rtol=1e-14)  # noqa: B023
             assert found["delta"][0] == pytest.approx(expected, rel=1e-12)
             wide = radius(gap, sign * expected)
-            assert found["dh_dt"][0] == pytest.approx(-(sign * push - remote(wide, gap)) / zeta(wide, gap), rel=1e-11)
+            assert found["dh_dt"][0] == pytest.approx(
+                -(sign * push - remote(wide, gap)) / zeta(wide, gap, sign * expected), rel=1e-11
+            )
 
 
 @pytest.mark.parametrize("side", SIDES)

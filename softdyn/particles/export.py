@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -191,8 +191,13 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
     """
     hl = require_writer(path)
     group = importlib.import_module("pyevtk.vtk").VtkGroup
-    with written_whole(path) as temporary, _folder_whole(path.with_suffix("").absolute()) as (folder, final):
+    with (
+        written_whole(path) as temporary,
+        _folder_whole(path.with_suffix("").absolute()) as (folder, final),
+        ExitStack() as kept,
+    ):
         collection = group(str(temporary.absolute().with_suffix("")))
+        opened.callback(collection.xml.stream.close)
         digits = len(str(len(result) - 1))
 
         def add(file: str, t: float, part: str) -> None:
