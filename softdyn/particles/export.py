@@ -194,7 +194,7 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
     with (
         written_whole(path) as temporary,
         _folder_whole(path.with_suffix("").absolute()) as (folder, final),
-        ExitStack() as kept,
+        ExitStack() as opened,
     ):
         collection = group(str(temporary.absolute().with_suffix("")))
         opened.callback(collection.xml.stream.close)
