@@ -790,5 +790,7 @@ def test_a_sphere_with_one_contact_is_not_floppy_in_space() -> None:
     result = simulate_particles(
         scene(positions=[[0.0, 0, 0], [2.05, 0, 0]], radii=1.0, gap=0.05, pushes=pushes, until=10.0, times=2, drag=0.0)
     )
-    assert result.v[-1, 0, 1] > 0 > result.v[-1, 1, 1]
+    # surfaces slide as they are pushed; how the pair turns as a whole, nothing tells
+    v, spin = result.v[-1, :, 1], result.spin[-1, :, 2]
+    assert v[0] - v[1] + spin.sum() > 0
     assert abs(result.energy["imbalance"]) < 1e-3

@@ -53,8 +53,9 @@ def powers(
     u, external = background(system, at.x), system.force(t)
     if turns_freely(system):  # what would turn all particles together is taken away
         external = external - held_torque(at.x[:, : system.dimension], system.radii, external)
-    resisting = system.resistance * (v - u)
     held = np.where(system.fixed, at.reaction, 0.0)
+    # as the forces have it: in very short steps velocities, differences of positions, are little but rounding
+    resisting = system.resistance * (v - u) - np.where(system.fixed, 0.0, at.reaction)
     gaps, remote, U_h = _gap_powers(system, contacts, at, h_rate)
     return {
         "external": float(np.sum((external + held) * v)) + float(carried[~box].sum()),
