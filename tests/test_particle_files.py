@@ -555,7 +555,7 @@ def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pyte
     assert name in stock_scenes()
     text = stock_scenes()[name].read_text()
     if name in ("emulsion", "spheres"):  # a part of them: the whole takes some seconds
-        text = text.replace("count = 1000", "count = 100").replace("strain = 0.5", "strain = 0.05")
+        text = text.replace("count = 1000", "count = 100").replace("strain = 2.0", "strain = 0.1")
         text = text.replace("count = 200", "count = 30").replace("strain = 3.0", "strain = 0.1")
         arguments: list[Any] = ["run", str(written(tmp_path, text)), "--json"]
     else:

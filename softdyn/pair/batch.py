@@ -26,6 +26,7 @@ from softdyn.pair.run import (
     ALLOWED_ERROR,
     LARGEST_RESIDUAL,
     MOST_STEPS,
+    PULLED,
     kernel_needs,
     model_warnings,
     simulate_pair,
@@ -290,11 +291,17 @@ def _together(
     place = np.flatnonzero(sound)
     R = parameters[sound, kernel.parameters.index("R")]
     E = parameters[sound, kernel.parameters.index("E")] if "E" in kernel.parameters else np.inf
-    outside = (largest > E * R**2) | (np.max(np.abs(known["delta"]), axis=1, initial=0.0) >= R)
+    deepest = np.max(np.abs(known["delta"]), axis=1, initial=0.0)
+    pulled = np.max(-known["delta"], axis=1, initial=0.0)
+    outside = (largest > E * R**2) | (deepest >= R) | (pulled > PULLED * R)
     warnings = {
         int(place[i]): found
         for i in np.flatnonzero(good & outside)
-        if (found := model_warnings(kernel, parameters[place[i]], float(largest[i]), known["delta"][i]))
+        if (
+            found := model_warnings(
+                kernel, parameters[place[i]], float(largest[i]), arrays["t"][place[i]], known["delta"][i]
+            )
+        )
     }
     return arrays, sorted({*range(runs)} - {*place[good].tolist()}), warnings
 

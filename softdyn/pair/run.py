@@ -51,6 +51,9 @@ SMALL_ERROR = 0.1
 #: Stands for an estimate that overflows.
 LARGEST_ERROR = 1e300
 
+#: Deflection over R of a pulled surface, from which a result warns.
+PULLED = 0.1
+
 #: What ends a step, by its number in the steps.
 WHAT = ("", "a row of the table", "the force crosses zero", "the gap comes to rest on a film", "the drive has a kink")
 KINK = WHAT.index("the drive has a kink")
@@ -131,7 +134,7 @@ def simulate_pair(
         },
         events=_events(kernel, drive, p, steps, stopped_by, t, h, delta),
         warnings=(
-            *model_warnings(kernel, p, largest, delta),
+            *model_warnings(kernel, p, largest, t, delta),
             *_unreached(scene, t),
             *_ill_conditioned(scene, stats),
             *_unresolved(drive, stats),
@@ -573,8 +576,8 @@ def _unresolved(drive: Drive, stats: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def model_warnings(kernel: Kernel, p: Array, largest: float, delta: Array) -> tuple[str, ...]:
-    """What is outside the model in a run with this largest force and these deflections."""
+def model_warnings(kernel: Kernel, p: Array, largest: float, t: Array, delta: Array) -> tuple[str, ...]:
+    """What is outside the model in a run with this largest force and these deflections at some times."""
     R = float(p[kernel.parameters.index("R")])
     found = []
     if "E" in kernel.parameters:
@@ -585,4 +588,11 @@ def model_warnings(kernel: Kernel, p: Array, largest: float, delta: Array) -> tu
             )
     if not found and np.max(np.abs(delta), initial=0.0) >= R:
         found.append(f"the deflection reaches {np.max(np.abs(delta)) / R:.3g} R: outside the model")
+    if np.max(-delta, initial=0.0) > PULLED * R:
+        first, worst = int(np.argmax(-delta > PULLED * R)), int(np.argmin(delta))
+        found.append(
+            f"the surfaces are pulled by {-delta[worst] / R:.3g} R at t={t[worst]:.6g} (first above {PULLED:g} R at "
+            f"t={t[first]:.6g}): laws of contacts are for small deflections, and one that is meant for pressed "
+            "surfaces, as rognon_gay, holds pulled films shut"
+        )
     return tuple(found)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -169,19 +166,3 @@ def require_shallow(system: System, state: State, at: Balance, when: float) -> N
             f"{pressed[c]:.3g} radii, where no law of contacts holds: use weaker forces, slower motion, or a stiffer "
             "law"
         )
-
-
-def deep_deflection(arrays: Mapping[str, NDArray[Any]]) -> Iterator[str]:
-    """Words of warning, if surfaces are pulled by more than a radius in any frame of a result: no law holds there."""
-    radii, i, j = arrays["radii"], arrays["contact_i"], arrays["contact_j"]
-    smaller = np.minimum(radii[i], np.append(radii, np.inf)[np.minimum(j, len(radii))])
-    relative = -arrays["contact_delta"] / smaller
-    if not len(relative) or not relative.max() > 1.0:
-        return
-    c = int(np.argmax(relative))
-    frame = int(np.searchsorted(arrays["contact_start"], c, side="right")) - 1
-    who = f"particles {i[c]} and {j[c]}" if j[c] < len(radii) else f"particle {i[c]} and wall {j[c] - len(radii)}"
-    yield (
-        f"the contact of {who} is pulled to a deflection of {relative[c]:.3g} radii at t={arrays['t'][frame]:.6g}, "
-        "where no law of contacts holds: use weaker forces, slower flow, a stiffer law, or a shorter range of contacts"
-    )

@@ -15,11 +15,11 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.balance import Newton
 from softdyn.particles.energy import CARRIED, ELASTIC
-from softdyn.particles.faults import deep_deflection
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.loads import with_rotations
 from softdyn.particles.parameters import resistances, uniform_values, varying_parameters
+from softdyn.particles.pulled import pulled_films
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.scene import Checked, ParticleScene, check
 from softdyn.particles.start import start
@@ -219,5 +219,5 @@ def _result(
         for name, when in state.unseen.items()
     ]
     result = gather(scene, checked, system, state.frames, state.history, energy, stats)
-    stats["warnings"] += deep_deflection(result.arrays)
+    stats["warnings"] += pulled_films(result)
     return result

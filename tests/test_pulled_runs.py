@@ -1,0 +1,141 @@
+"""Runs tell of films that are pulled: by much, by many, or until the whole is in tension; stock scenes have none."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import softdyn
+from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, pressure, simulate
+from softdyn.particles.files import particle_scene_from, stock_scenes
+
+SOFT: dict[str, Any] = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}
+DROPLETS: dict[str, Any] = {"law": "droplet", "parameters": {"sigma": 1.0, "eta": 1.0}}
+KINDS = ("is pulled to a deflection", "pulled films bear", "the pressure is negative under shear")
+
+
+def kinds(result: ParticleResult) -> list[str]:
+    """Which kinds of warnings a result has, each with its time and its particles."""
+    found = []
+    for warning in result.stats["warnings"]:
+        (kind,) = [kind for kind in KINDS if kind in warning]
+        assert "of particles " in warning
+        assert warning.count("at t=") == 2, "the worst, and the first"
+        found.append(kind)
+    assert len(set(found)) == len(found), "once for each kind"
+    return found
+
+
+def stock(name: str, **changes: Any) -> ParticleResult:
+    """Run a stock scene, with changes such as ``flow__shear_rate``."""
+    data = tomllib.loads(stock_scenes()[name].read_text())
+    for place, value in changes.items():
+        section, _, key = place.partition("__")
+        if key:
+            data[section][key] = value
+        else:
+            data[section] = value
+    return simulate(particle_scene_from(data, Path()))
+
+
+def apart(speed: float, **law: Any) -> ParticleResult:
+    """Two spheres in touch, moved apart by half a radius."""
+    return simulate(
+        ParticleScene(
+            **law, positions=[[0.0, 0.0], [2.0, 0.0]], radii=1.0, gap=0.004, times=101, until=0.5 / speed,
+            holds=[Hold([0], "xy"), Hold([1], "xy", velocity=[speed, 0.0])],
+        )
+    )  # fmt: skip
+
+
+def test_a_pair_that_is_held_shut_while_it_is_moved_apart_is_told_of() -> None:
+    """The paper's law stretches it by a quarter of a radius; where a pulled film narrows, it opens, and nothing is."""
+    stretched = apart(1e-5, **SOFT)
+    assert kinds(stretched) == [KINDS[0]]
+    first = stretched.t[np.argmax(-stretched.contact_delta > 0.1)]
+    worst = stretched.t[np.argmin(stretched.contact_delta)]
+    (warning,) = stretched.stats["warnings"]
+    assert f"is pulled to a deflection of {-stretched.contact_delta.min():.3g} radii at t={worst:.6g}" in warning
+    assert f"first above 0.1 at t={first:.6g}, for particles 0 and 1" in warning
+    assert kinds(apart(1e-5, **{**SOFT, "law": "equal_spheres", "parameters": {**SOFT["parameters"], "nu": 0.5}})) == []
+
+
+def test_a_deflection_is_measured_in_the_smaller_radius() -> None:
+    def pulled(radius: float) -> ParticleResult:
+        pushes = [Push([0], [-0.15, 0.0]), Push([1], [0.15, 0.0])]
+        places = [[0.0, 0.0], [3.02, 0.0]]
+        return simulate(
+            ParticleScene(**SOFT, positions=places, radii=[3.02 - radius, radius], gap=0.02, pushes=pushes, until=1.0)
+        )
+
+    deepest = {radius: float(np.max(-pulled(radius).contact_delta)) for radius in (0.5, 1.5)}
+    for radius, delta in deepest.items():
+        assert (kinds(pulled(radius)) == [KINDS[0]]) == (delta > 0.1 * radius)
+    assert any(delta > 0.1 * radius for radius, delta in deepest.items())
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_the_pair_engine_tells_of_it_too(runs: int) -> None:
+    """One run, and many in one call."""
+    both = np.array([-1e-3, -0.2])[-runs:]
+    pair = {"parameters": {"R": 1.0, "E": 1.0, "eta": 1.0}, "h": 0.01, "until_t": 1.0, "times": 3}
+    found = softdyn.simulate(law="rognon_gay", force=both if runs > 1 else -0.2, **pair)
+    (warning,) = found.warnings[1] if runs > 1 else found.warnings
+    delta = np.atleast_2d(found.delta)[-1]
+    assert f"the surfaces are pulled by {-delta.min():.3g} R" in warning
+    assert "(first above 0.1 R at t=0)" in warning
+    if runs > 1:
+        assert 0 not in found.warnings
+    assert not softdyn.simulate(law="rognon_gay", force=0.2, **pair).warnings, "pressed by as much"
+
+
+@pytest.mark.slow
+def test_a_flow_whose_films_are_held_shut_is_told_of() -> None:
+    """A sheared emulsion with the paper's law becomes a stretched solid; with that of droplets it flows."""
+    few: dict[str, Any] = {"packing__count": 100, "flow__shear_rate": 1e-6, "until__strain": 2.0}
+    solid = stock("emulsion", **SOFT, **few)
+    assert kinds(solid) == list(KINDS)
+    assert pressure(solid)[-1] < 0
+    few["flow__shear_rate"] = 1e-4
+    assert kinds(stock("emulsion", **few)) == []
+
+
+def test_nearly_rigid_spheres_that_part_in_a_flow_pull_on_no_film() -> None:
+    """They pull on one another as much as they press, in the flow of a fluid; their surfaces stay round."""
+    spheres = stock("spheres", packing__count=40, until__strain=0.3, output__times=7)
+    F = spheres.contacts(2)["F"]
+    assert -F[F < 0].sum() > 0.2 * np.abs(F).sum()
+    assert "pulled films bear" not in " ".join(spheres.stats["warnings"])
+
+
+def steady(result: ParticleResult, floor: float) -> None:
+    """Mean shear stresses of the third and the fourth quarter agree within their scatter, and nothing is in tension."""
+    shear = (result.stress[:, 0, 1] + result.stress[:, 1, 0]) / 2
+    frames = len(result)
+    third, fourth = shear[frames // 2 : 3 * frames // 4], shear[3 * frames // 4 :]
+    # at rest where the scatter is less than what rtol leaves of it
+    scatter = max(third.std(), fourth.std(), floor * abs(fourth.mean()))
+    assert abs(third.mean() - fourth.mean()) < scatter
+    assert third.mean() > 3 * scatter, "a stress, and not its scatter"
+    assert np.all(pressure(result)[1:] > 0)
+    assert result.stats["warnings"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["emulsion", "suspension"])
+def test_stock_scenes_of_many_particles_reach_a_steady_state(name: str) -> None:
+    result = stock(name)
+    assert result.law != "rognon_gay"
+    steady(result, 0.02)
+
+
+@pytest.mark.parametrize("name", ["t1", "two", "line"])
+def test_stock_scenes_of_the_papers_law_keep_its_surfaces_pressed(name: str) -> None:
+    """But for what a T1 process parts, by less than the law is told to bear."""
+    result = stock(name)
+    assert result.law == "rognon_gay"
+    assert kinds(result) == []
