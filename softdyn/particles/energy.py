@@ -55,7 +55,7 @@ def powers(
         external = external - held_torque(at.x[:, : system.dimension], system.radii, external)
     held = np.where(system.fixed, at.reaction, 0.0)
     # as the forces have it: in very short steps velocities, differences of positions, are little but rounding
-    resisting = system.resistance * (v - u) - np.where(system.fixed, 0.0, at.reaction)
+    resisting = system.resistance * (v - u) - np.where(system.fixed | (system.resistance == 0), 0.0, at.reaction)
     gaps, remote, U_h = _gap_powers(system, contacts, at, h_rate)
     return {
         "external": float(np.sum((external + held) * v)) + float(carried[~box].sum()),
