@@ -285,7 +285,7 @@ def numbers_of(law: ContactLaw, text: str, folder: Path) -> tuple[Array, Array]:
         "size_ratio": 0.2,
         "Pi0": 0.3,
         "ell": 0.02,
-        "A": 1e-6,
+        "A": 1e-7,
         "L": 0.03,
     }
     p = np.array([values[name] for name in ir.uniform])
