@@ -73,6 +73,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 def test_every_function_is_computed_as_it_is_written(target: str, tmp_path: Path) -> None:
     """Values and slopes against 40 digits; L is no gap that is looked at, so that no kink is hit."""

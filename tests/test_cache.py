@@ -485,6 +485,7 @@ SPOILED = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("how", "noted"), SPOILED)
 def test_a_library_that_does_not_load_is_made_anew(
     how: str, noted: bool, empty_cache: Path, tmp_path: Path, forget_compiler: None

@@ -66,6 +66,7 @@ def test_parameters_of_the_drag_are_those_of_the_species() -> None:
     np.testing.assert_allclose(v, -1e-3 / (np.array([5.0, 4.0]) * np.pi * 0.5 * np.array([1.0, 2.0])), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_rotation_is_resisted_as_declared() -> None:
     """In a shear flow a lone sphere turns with it, whatever resists."""
     slow = replace(equal_spheres, name="slow", drag=Drag(rotation=8 * pi * eta * R**3 * Rational(1, 3)))

@@ -237,6 +237,7 @@ def text_of(law: ContactLaw, target: str) -> str:
     return opening + text.split(opening, 1)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("law", STOCK, ids=lambda law: law.name)
 def test_no_contact_kernel_calls_libm_for_more_than_roots(law: ContactLaw, target: str) -> None:

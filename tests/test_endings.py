@@ -376,6 +376,7 @@ def shell(line: str, **options: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, **options)  # type: ignore[call-overload]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["softdyn laws", "softdyn --help", "softdyn derive rognon_gay", "softdyn run x"])
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-", "2>/dev/full", "| head -n 1", "| true"])
 def test_closed_streams_are_no_fault(command: str, closed: str) -> None:
@@ -385,6 +386,7 @@ def test_closed_streams_are_no_fault(command: str, closed: str) -> None:
     assert "Exception ignored" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_file_does_not_take_the_place_of_a_closed_stream(tmp_path: Path) -> None:
     """The first file to be opened would get its number, and with it what is printed."""
     (tmp_path / "scene.toml").write_text(SCENE)
@@ -487,6 +489,7 @@ def test_words_of_a_law_do_not_reach_the_terminal_as_orders(
     assert plain(said.out + said.err) == said.out + said.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
 def test_signs_that_an_encoding_lacks_are_spelled_out(encoding: str) -> None:
     done = subprocess.run(

@@ -84,6 +84,7 @@ def test_with_less_drag_the_contact_carries_more_and_the_friction_of_two_is_the_
     assert approaching(gap, drag=drag) == pytest.approx(3 * np.pi * float(brenner.friction(gap)), rel=0.01)
 
 
+@pytest.mark.slow
 def test_more_drag_than_the_law_declares_adds_to_its_friction() -> None:
     """A contact never carries less than nothing."""
     assert approaching(195.0, drag=2.0) == pytest.approx(6 * np.pi, rel=0.01)

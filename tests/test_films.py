@@ -73,6 +73,7 @@ def speed(law: ContactLaw, gap: Any, pressed: Any) -> Any:
     return quantities(law, gap, deflection(law, gap, pressed, own), own)["dh_dt"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(LAWS))
 def test_each_branch_is_a_film_with_its_rate(name: str) -> None:
     """At a branch's gap and force dh/dt vanishes; near it, it is -rate (h - h_eq)."""
@@ -152,6 +153,7 @@ def test_nothing_is_said_in_numbers_of_a_law_that_gives_none() -> None:
     assert "typical parameters" not in " ".join(summary([], diagram, found))
 
 
+@pytest.mark.slow
 def test_an_edge_without_a_force_is_told_as_one() -> None:
     films = replace(films_of("power"), films=(Film("1", "2", "compression", None, None, None, None),))
     text = regimes_text(discover(law_of("power")), films)

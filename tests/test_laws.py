@@ -346,6 +346,7 @@ def test_how_a_half_space_deflects_under_lubrication() -> None:
         assert abs(1 - there / centre - flattened(r)) < 1e-8
 
 
+@pytest.mark.slow
 def test_first_corrections_are_those_of_lubrication_between_deflected_surfaces() -> None:
     """To first order in e = delta/h, the profile is 1 + r^2 - 2 e f(r), in units of h and sqrt(R h).
 
@@ -456,6 +457,7 @@ def test_kernels_agree_with_50_digits(name: str, target: str, tmp_path: Path) ->
     assert {output: error for output, error in worst.items() if not error <= 16} == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "dlvo" else []) for n in LAWS])
 def test_a_law_runs(name: str) -> None:
     """A small scene, by the integrator and by quadrature: they share the law's kernel, and nothing else."""
@@ -662,6 +664,7 @@ def test_a_black_film_does_not_depend_on_the_force() -> None:
     assert float(laplace) == pytest.approx(5.1e-4, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "force"), [("dlvo", 1e-4), ("steric", 1e-2), ("soap_film", 0.1)])
 def test_a_pair_settles_on_its_film_at_the_rate_predicted(name: str, force: float) -> None:
     law = LAWS[name]
@@ -686,6 +689,7 @@ def test_a_pair_settles_on_its_film_at_the_rate_predicted(name: str, force: floa
 # ----------------------------------------------------------------------------------------------------------- comparison
 
 
+@pytest.mark.slow
 def test_a_law_compared_with_itself_is_one() -> None:
     same = compare("rognon_gay", "rognon_gay", gaps=(1.0, 0.1), kappas=(1e-3,))
     assert same.zeta == same.delta == ((1.0, 1.0),)
@@ -726,6 +730,7 @@ def parsed(text: str) -> Expr:
     return sympify(text, locals={"nu": nu})
 
 
+@pytest.mark.slow
 def test_the_table_tends_to_the_exact_ratios() -> None:
     """Far away, near contact, and flattened: corrections of R/h, h/R with its logarithm, and h/delta."""
     found = the_paper_and_equal_spheres()

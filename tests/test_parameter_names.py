@@ -93,6 +93,7 @@ def test_names_in_the_code_are_different_from_one_another_and_from_powers_of_oth
     assert all(code.isascii() and code.isidentifier() and code.startswith("own_") for code in made)
 
 
+@pytest.mark.slow
 def test_a_law_with_the_names_of_what_is_derived_is_derived_right() -> None:
     """D and n of the law are its own: C and D of the dynamics do not meet them."""
     D, n = Symbol("D", positive=True), Symbol("n", positive=True)

@@ -149,6 +149,7 @@ def test_a_wall_is_a_sphere_of_infinite_radius(rigid: bool) -> None:
     np.testing.assert_allclose(result.x[1:, 0, 1] + 1.1, (1 + pair.h - 2 * pair.delta)[1:], rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_both_routes_agree_through_the_swap_at_third_order(drag: float) -> None:
     """The error falls with the tolerance of a step, and as the third power of the number of steps at least as 2.5."""
@@ -681,6 +682,7 @@ def test_pairs_are_counted_once() -> None:
     assert pairs == list(itertools.combinations(range(4), 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tangential", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_film_that_attraction_drains_ends_the_run_by_name(tangential: bool) -> None:
     """Nearly rigid spheres that attract each other touch at the integral of zeta/F_adh over the gap, drag counted once.

@@ -71,6 +71,7 @@ def number(form: object, shown: plane.Plane, X: NDArray, Y: NDArray) -> NDArray:
 # ------------------------------------------------------------------------------------------------------------ regions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_inside_the_polygon_of_a_regime_its_inequalities_hold_and_outside_they_do_not(name: str) -> None:
     shown, X, Y = window(name, 2000)

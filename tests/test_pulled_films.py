@@ -34,6 +34,7 @@ def found(rings: int, first: float, outer: float = ehd.OUTER) -> Any:
     return np.vstack([ehd.at(ehd.escape(film), ehd.PULLED), ehd.at(ehd.approach(film), ehd.PRESSED)])
 
 
+@pytest.mark.slow
 def test_the_reference_converges() -> None:
     """Rings of half and of twice the width, and a larger outer radius: friction within 1 % where laws are measured."""
     inside = (ROWS[:, 0] >= -5) & (ROWS[:, 0] <= 3)
@@ -172,6 +173,7 @@ def test_stiffness_and_frictions_are_positive(name: str, seed: int) -> None:
     assert np.isfinite(np.array(list(out.values()))).all()
 
 
+@pytest.mark.slow
 def test_a_pulled_pair_opens_as_the_reference_does() -> None:
     """At a constant pull, times from gap to gap: integrals of friction, so off by 15 % at most."""
     film = ehd.Film()

@@ -388,6 +388,7 @@ def test_every_law_is_answered_or_given_up_in_time(name: str) -> None:
     takes_at_most(4, 2.5, changed(**LARGE[name]))
 
 
+@pytest.mark.slow
 def test_a_law_that_takes_too_long_is_given_up() -> None:
     takes_at_most(2, 0.5, changed(**LARGE["200 roots of sums"]))
     takes_at_most(2, 0.5, changed(**LARGE["nested logarithms"]))

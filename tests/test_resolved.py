@@ -151,6 +151,7 @@ def test_nothing_is_missed_at_any_tolerance(
 SOFT: dict[str, Any] = {"law": "rognon_gay", "parameters": {"R": 1.0, "E": 1.0, "eta": 1.0}, "h": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("drive", ["force", "velocity", "position", "base"])
 def test_every_drive_sees_a_pulse_as_the_same_table_does(drive: str, target: str) -> None:
@@ -220,6 +221,7 @@ def test_what_cannot_be_bounded_is_warned_of() -> None:
     assert any("cannot be bounded" in text for text in result.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terms", [330, pytest.param(1500, marks=pytest.mark.slow)])
 def test_long_sums_are_run(terms: int) -> None:
     """Too long for recursion, and for what compilers nest."""

@@ -191,6 +191,7 @@ def law_code(text: str, target: str) -> str:
 # ---------------------------------------------------------------- nothing else changes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(LAWS))
 def test_specialised_kernels_give_the_numbers_of_the_general_one(name: str, tmp_path: Path) -> None:
     """The same formulas with other groupings: a few roundings apart, on the size of the terms that cancel.

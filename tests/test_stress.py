@@ -23,6 +23,7 @@ STORED = Path(softdyn.__file__).parent / "generated" / "stress" / "stress.json"
 GROUPS = ("pull", "zero", "jump", "spring", "moved", "film", "snap-in")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS)
 def test_no_case_is_silently_wrong(group: str) -> None:
     """Against 30 digits, at every tolerance; where no tightening below rounding is asked, right without reserve.
@@ -70,6 +71,7 @@ def test_what_has_no_solution_on_the_way_is_refused() -> None:
         assert cell.outcome == (stress.RIGHT if right else stress.REFUSED), cell
 
 
+@pytest.mark.slow
 def test_hostile_numbers_are_refused_or_harmless() -> None:
     """A force of 1e-310 once took steps in ln h whose times overflow, and one that starts there, millions of steps."""
     for cell in stress.hostile_cells():

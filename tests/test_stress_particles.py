@@ -47,6 +47,7 @@ def test_no_scene_is_silently_wrong(tmp_path: Path) -> None:
     assert report["counts"][RIGHT] >= 20
 
 
+@pytest.mark.slow
 def test_the_command_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stress", "particles", "--scenes", "1", "-o", str(tmp_path)]) == 0
     text = capsys.readouterr().out

@@ -375,6 +375,7 @@ def test_a_hard_sphere_beside_a_wall_resists_as_goldman_cox_and_brenner_say() ->
     np.testing.assert_allclose(found[1], [8 * math.pi / 10, 8 * math.pi * 2 / 5], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_another_route_agrees_at_third_order() -> None:
     """Positions, gaps and tangential forces of four unequal spheres in a shear flow, turned by most of a radian."""
     times = [0.0, 10.0, 40.0, 100.0]
@@ -468,6 +469,7 @@ def test_without_drag_films_alone_resist() -> None:
     assert result.x[-1, 1, 0] > normal.x[-1, 1, 0] + 0.01
 
 
+@pytest.mark.slow
 def test_numbers_are_the_same_on_both_targets() -> None:
     """To the roundings of a hundred steps, each of which Newton's iteration ends at 1e-8 of the forces."""
     c, numba = (simulate_particles(tetrahedron(until=20.0, target=target)) for target in ("c", "numba"))

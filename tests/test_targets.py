@@ -149,6 +149,7 @@ def test_outputs_without_a_difference_do_not_cancel() -> None:
             np.testing.assert_allclose(sizes[name], np.abs(values[name].high), rtol=1e-15, atol=0, err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_friction_D_is_never_ill_conditioned() -> None:
     """C + F_a a_h is (2/9) E (R/a)(|delta|(3 - 2 hbar') + 2 hbar) or more, whatever the sign of delta; hbar' < 1.
 
@@ -409,6 +410,7 @@ SUSPECTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SUSPECTS)
 def test_a_parameter_is_refused_or_keeps_clear_of_the_names_in_the_text(name: str, tmp_path: Path) -> None:
     for assumptions in ({"positive": True}, {"real": True}):

@@ -271,6 +271,7 @@ def test_units_that_are_powers_of_two_change_nothing_to_the_bit(name: str) -> No
             np.testing.assert_array_equal(values, other[key], err_msg=key)
 
 
+@pytest.mark.slow
 def test_the_stress_is_that_of_a_layer_as_deep_as_it_is_said_to_be() -> None:
     """Twice the depth is half the stress, and the same motion at half the imposed one."""
     free = layer(stress={}, shear_rate=0.5)
