@@ -46,6 +46,7 @@ from sympy import (
     nsimplify,
     oo,
     sign,
+    simplify,
     sin,
     sinh,
     tan,
@@ -126,6 +127,7 @@ def faults_of(law: ContactLaw) -> list[str]:
     faults += (
         _tangential_faults(law, known) + _drag_faults(law, known) + _typical_faults(law) + _limit_faults(law, known)
     )
+    faults += _unequal_faults(law)
     if sound and not faults:
         faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
     if sound and not faults and law.tangential is not None:
@@ -149,6 +151,35 @@ def _drag_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
             point = ", ".join([*(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in own.items()), "R=E=eta=1"])
             faults.append(f"drag {name} must be positive, but at {point} it is {mpmath.nstr(found, 6)}")
     return faults
+
+
+def _unequal_faults(law: ContactLaw) -> list[str]:
+    """The factor of unequal particles is a positive number, 1 of equal ones."""
+    expr = law.unequal
+    if not isinstance(expr, Expr):
+        return [f"unequal = {expr!r} is a {type(expr).__name__}, not a sympy expression"]
+    others = sorted(expr.free_symbols - {h, R, size_ratio}, key=str)
+    found = [f"unequal: symbol {symbol.name!r} is not allowed here; allowed: h, R, size_ratio" for symbol in others]
+    found += _node_faults("unequal", expr)
+    if found:
+        return found
+    found = _dimension_faults("unequal", expr, DIMENSIONLESS, {**DIMENSIONS, size_ratio: DIMENSIONLESS})
+    if found:
+        return found
+    of_equal = expr.subs(size_ratio, Rational(1, 4))
+    if of_equal != 1 and simplify(of_equal - 1) != 0:
+        return [f"unequal must be 1 of equal particles, but at size_ratio=1/4 it is {of_equal}"]
+    for ratio in (0, Rational(1, 50), Rational(1, 8)) if expr.has(size_ratio) else ():
+        value = tidy(expr.subs(size_ratio, ratio))
+        witness = None if proved_positive(value) else _nonpositive_witness(value, Dummy("d", positive=True), law)
+        if witness is not None:
+            gap, _, own, number = witness
+            point = ", ".join(f"{symbol}={mpmath.nstr(one, 3)}" for symbol, one in {"h": gap, **own}.items())
+            return [
+                f"unequal must be positive for h > 0, but at size_ratio={ratio}, {point} (R = E = eta = 1) it is "
+                f"{mpmath.nstr(number, 6)}"
+            ]
+    return []
 
 
 def _part_faults(

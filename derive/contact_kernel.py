@@ -32,8 +32,9 @@ f = w everywhere a pulled contact snaps off, since -F/(w zeta) has no bound; wit
 pressed deep before it feels a force.) A contact stores g U, dissipates w zeta (dh/dt)^2, takes w F_adh from remote
 forces, and adds g_h U to the slope in h of what it stores.
 
-Where the fluid resists the particles by themselves, zeta is that times what it exceeds these drags by, a function of h:
-see :mod:`softdyn.derive.far_field`.
+The zeta of a law is that of two equal particles of radius R. What else differs with the ratio of the radii is a factor
+that it may declare (``unequal``), 1 to leading order near contact. Where the fluid resists the particles by themselves,
+zeta is that times what it exceeds these drags by, a function of h: see :mod:`softdyn.derive.far_field`.
 
 Newton's iteration solves H, and the implicit function theorem gives the consistent tangent dF/dr along it.
 """
@@ -118,11 +119,12 @@ class ContactNeeds:
     Parameters
     ----------
     varying : tuple of str
-        Parameters that differ from contact to contact; the others are uniform.
+        Parameters that differ from contact to contact; the others are uniform. Where radii differ "size_ratio" is among
+        them; a kernel takes it if the law has a use for it.
     fading : bool
         Whether contacts have a range.
     tangential : bool
-        Whether particles slide and roll on one another; then "size_ratio" may be among the varying ones, too.
+        Whether particles slide and roll on one another.
     drag : bool
         Whether the fluid resists the particles by themselves.
     """
@@ -243,11 +245,15 @@ def stage_equation() -> dict[Symbol, Expr]:
     return {**equation, F: weighted, F_r: force}
 
 
-def contact_definitions(law: ContactLaw, tangential: bool = False, drag: bool = False) -> dict[Symbol, Expr]:
+def contact_definitions(
+    law: ContactLaw, tangential: bool = False, drag: bool = False, unequal: bool = False
+) -> dict[Symbol, Expr]:
     """Every quantity of a contact in terms of h, overlap, g, s, y*, the parameters and earlier ones."""
     # the names of a law's own parameters may be those of the kernel's variables
     law = in_code(law)
     values = partials(law)
+    if unequal:
+        values = {**values, zeta: sound(law.zeta * law.unequal)}
 
     def relative(variable: Symbol) -> Expr:
         slopes = total(zeta, variable).subs(
@@ -260,7 +266,7 @@ def contact_definitions(law: ContactLaw, tangential: bool = False, drag: bool = 
 
     beside: dict[Symbol, Expr] = {}
     carried, slope = S.One, S.Zero
-    x = far_field.excess(law) if drag else None
+    x = far_field.excess(law, unequal) if drag else None
     if x is not None:
         beside = {excess: x, excess_h: sound(diff(x, h))}
         carried = (excess + undragged) / (1 + excess)
@@ -316,8 +322,13 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         law's; or if tangential motion is asked for, and the law does not declare any.
     """
     names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential, needs.drag))
-    names += (size_ratio.name,) if needs.tangential else ()
-    faults = [f"{name!r} is no parameter; there are {', '.join(names)}" for name in needs.varying if name not in names]
+    unequal = size_ratio.name in needs.varying and law.unequal != 1
+    faults = [
+        f"{name!r} is no parameter; there are {', '.join(names)}"
+        for name in needs.varying
+        if name not in (*names, size_ratio.name)
+    ]
+    names += (size_ratio.name,) if needs.tangential or unequal else ()
     if is_rigid(law) or is_dry(law):
         faults.append(
             "many particles need both an elastic force and a friction; for nearly rigid particles choose a large E"
@@ -329,7 +340,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         )
     if faults:
         raise LawError(law.name, tuple(faults))
-    definitions = contact_definitions(law, needs.tangential, needs.drag)
+    definitions = contact_definitions(law, needs.tangential, needs.drag, unequal)
     names += (undragged.name,) if excess in definitions else ()
     sliding = tangential_outputs(needs)
     savings: list[Saving] = []
@@ -387,14 +398,15 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
         taken = [tuple(pair for pair in group if pair[0] in used) for group in named]
         return ContactCode(taken[0], taken[1], tuple(lines[part]))
 
-    declared = tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh"))
+    named = ("a", "F_ela", "zeta", *(("unequal",) if unequal else ()), "F_adh")
+    declared = tuple((name, str(getattr(law, name))) for name in named)
     by_name = tangential_expressions(law.tangential) if needs.tangential and law.tangential is not None else {}
     by_name |= {f"drag {name}": getattr(law.drag, name) for name in (symbol.name for symbol in resisting)}
     slides = tuple((name, str(expr)) for name, expr in by_name.items())
     return ContactIR(
         name=law.name,
         source=law.source or "no source given",
-        law_hash=law_hash(law) + (f", {particles_hash(law)}" if needs.tangential or needs.drag else ""),
+        law_hash=law_hash(law) + (f", {particles_hash(law)}" if needs.tangential or needs.drag or unequal else ""),
         declaration=(*declared, *slides),
         fixed=(),
         uniform=uniform,

@@ -31,12 +31,12 @@ from typing import TYPE_CHECKING
 
 import mpmath
 import numpy as np
-from sympy import Expr, Pow, S, Symbol, expand, factor, factor_terms, lambdify, limit, oo, simplify
+from sympy import Add, Expr, Mul, Pow, Rational, S, Symbol, expand, factor, factor_terms, lambdify, limit, oo, simplify
 from sympy.codegen.cfunctions import expm1, log1p
 
 from softdyn.derive.law import sample_values
-from softdyn.derive.soundness import sound
-from softdyn.derive.symbols import E, R, a, delta, eta, h
+from softdyn.derive.soundness import sound, tidy
+from softdyn.derive.symbols import E, R, a, delta, eta, h, size_ratio
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
@@ -48,11 +48,14 @@ GAPS = tuple(10.0**power for power in range(-8, 17))
 ROUNDING = 1e-11
 #: At a gap of 1e30 radii nothing but this may be left of x.
 LEFT = 1e-4
+#: Size ratios of unequal particles for which it is: 0, of a wall, to 1/4.
+SIZE_RATIOS = (S.Zero, Rational(1, 20), Rational(1, 4))
 
 
-def undeflected_friction(law: ContactLaw) -> Expr:
-    """Friction of surfaces that are not deflected, a function of h."""
-    return law.zeta.subs(a, law.a).subs(delta, 0)
+def undeflected_friction(law: ContactLaw, unequal: bool = False) -> Expr:
+    """Friction of surfaces that are not deflected, a function of h, and of ``size_ratio`` for unequal particles."""
+    friction = law.zeta * law.unequal if unequal else law.zeta
+    return friction.subs(a, law.a).subs(delta, 0)
 
 
 @cache
@@ -71,7 +74,7 @@ def far_friction(law: ContactLaw) -> Expr:
 
 
 @cache
-def relative_excess(law: ContactLaw) -> Expr:
+def relative_excess(law: ContactLaw, unequal: bool = False) -> Expr:
     """Return x = zeta_0/zeta_oo - 1, for a law with a limit that is neither 0 nor oo, in a form that does not cancel.
 
     Raises
@@ -80,16 +83,21 @@ def relative_excess(law: ContactLaw) -> Expr:
         If there is no such form, or x is not positive.
     """
     nearness = Symbol("u", positive=True)
-    ratio = (undeflected_friction(law) / far_friction(law)).subs(h, R / nearness)
+    ratio = (undeflected_friction(law, unequal) / far_friction(law)).subs(h, R / nearness)
     plain = simplify(ratio)
     forms = [expand(plain) - 1, expand(simplify(plain - 1)), factor(simplify(plain - 1)), plain - 1]
     if isinstance(plain, Pow):
         forms.insert(0, expm1(plain.exp * log1p(factor(plain.base - 1))))
     candidates = [sound(factor_terms(form.subs(nearness, R / h))) for form in forms]
+    if unequal:
+        # the law's own sum term by term, as it is written: the forms above spread it out
+        parts = (part if part.is_Add else simplify(part) for part in Mul.make_args(ratio))
+        terms = Add.make_args((Mul(*parts) - 1).subs(nearness, R / h))
+        candidates.insert(0, Add(*(tidy(term) for term in terms)))
     # of no use beyond the range of contacts, which few scenes have so large: second best is a form that is exact there
     for farthest in (GAPS[-1], 1e4):
         for candidate in candidates:
-            if _agrees(law, candidate, farthest):
+            if all(_agrees(law, candidate, farthest, size) for size in (SIZE_RATIOS if unequal else (None,))):
                 return candidate
     raise LawError(
         law.name,
@@ -105,7 +113,7 @@ def is_bounded(law: ContactLaw) -> bool:
     return far_friction(law) not in (oo, S.NaN)
 
 
-def excess(law: ContactLaw) -> Expr | None:
+def excess(law: ContactLaw, unequal: bool = False) -> Expr | None:
     """By how much zeta exceeds its limit far apart, relative to it; None where contacts carry all of zeta.
 
     Raises
@@ -113,13 +121,14 @@ def excess(law: ContactLaw) -> Expr | None:
     LawError
         If zeta does not exceed its limit, or no sound form of that is found.
     """
-    return relative_excess(law) if is_bounded(law) and far_friction(law) != 0 else None
+    return relative_excess(law, unequal) if is_bounded(law) and far_friction(law) != 0 else None
 
 
-def _agrees(law: ContactLaw, candidate: Expr, farthest: float) -> bool:
+def _agrees(law: ContactLaw, candidate: Expr, farthest: float, size: Rational | None) -> bool:
     """Whether x, in double precision, is what the law says in many digits up to a gap; refuse x <= 0."""
     values = {R: S.One, E: S.One, eta: S.One, **sample_values(law)}
-    exact = (undeflected_friction(law) / far_friction(law)).subs(values)
+    values |= {} if size is None else {size_ratio: size}
+    exact = (undeflected_friction(law, size is not None) / far_friction(law)).subs(values)
     exactly = lambdify(h, exact, "mpmath")
     with np.errstate(all="ignore"):
         in_doubles = np.broadcast_to(lambdify(h, candidate.subs(values), "numpy")(np.array(GAPS)), len(GAPS))

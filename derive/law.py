@@ -139,6 +139,9 @@ class ContactLaw:
         What tangential motion meets, in scenes of many particles that ask for it.
     drag : Drag
         What the fluid does to a particle alone, likewise.
+    unequal : Expr or int
+        Friction of two particles of different radii, or of one and a wall, over zeta, which is that of two equal ones
+        with the same R: a function of h and ``size_ratio``, 1 where that is 1/4.
     parameters : mapping from Symbol to Dimension
         The law's own parameters, besides R, E and eta, which any law may use; any identifier names one but those of
         the paper's symbols. What has the name of something that is derived, as C and D, is shown as own_C.
@@ -169,6 +172,7 @@ class ContactLaw:
     F_adh: Expr = S.Zero
     tangential: Tangential | None = None
     drag: Drag = Drag()
+    unequal: Expr = S.One
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
     ranges: Mapping[Symbol, Interval | tuple[Expr | int, Expr | int]] = field(default_factory=dict)
     typical: Mapping[Symbol, Expr | int] = field(default_factory=dict)
@@ -177,7 +181,7 @@ class ContactLaw:
     description: str = ""
 
     def __post_init__(self) -> None:
-        for name, value in expressions(self).items():
+        for name, value in {**expressions(self), "unequal": self.unequal}.items():
             object.__setattr__(self, name, _exact(value))
         object.__setattr__(self, "limits", tuple(self.limits))
         own = self.parameters if isinstance(self.parameters, Mapping) else {}
@@ -318,9 +322,10 @@ def law_hash(law: ContactLaw) -> str:
 
 
 def particles_hash(law: ContactLaw) -> str:
-    """Fingerprint of what kernels of many particles may depend on besides: tangential motion and drag."""
+    """Fingerprint of what kernels of many particles may depend on besides: tangential motion, drag, different radii."""
     declared = drag_expressions(law.drag)
     if law.tangential is not None:
         declared |= tangential_expressions(law.tangential)
+    declared |= {"unequal": law.unequal}
     text = "\n".join(f"{name} {srepr(expr)}" for name, expr in declared.items())
     return sha256(text.encode()).hexdigest()[:16]

@@ -13,8 +13,8 @@ F         force transmitted by the contact, > 0 pushes apart     force
 kappa     F/(E R^2)                                              none
 ========= ====================================================== ===========
 
-Tangential motion has one more, ``size_ratio`` = R1 R2/(R1 + R2)^2 of a pair: 1/4 of equal spheres, 0 of a sphere and a
-plane.
+Particles of different radii and tangential motion have one more, ``size_ratio`` = R1 R2/(R1 + R2)^2 of a pair: 1/4 of
+equal spheres, 0 of a sphere and a plane.
 """
 
 from sympy import Expr, Symbol

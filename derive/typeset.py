@@ -478,6 +478,8 @@ def tangential_sections(law: ContactLaw) -> dict[str, list[Line]]:
     if law.tangential is not None:
         sections["tangential motion, declared"] = list(tangential_expressions(law.tangential).items())
         sections["tangential motion of any law"] = list(motion())
+    if law.unequal != 1:
+        sections["friction of unequal particles over zeta, declared"] = [("unequal", law.unequal)]
     if law.drag != Drag():
         declared = drag_expressions(law.drag)
         sections["drag of a particle alone, declared"] = [(f"drag_{name}", expr) for name, expr in declared.items()]

@@ -37,8 +37,7 @@ def contact_needs(law: ContactLaw) -> ContactNeeds:
     from softdyn.derive.contact_kernel import ContactNeeds
 
     slides = law.tangential is not None
-    varying = ("R", "size_ratio") if slides else ("R",)
-    return ContactNeeds(varying=varying, fading=True, tangential=slides, drag=True)
+    return ContactNeeds(varying=("R", "size_ratio"), fading=True, tangential=slides, drag=True)
 
 
 def generated_files() -> dict[str, str]:

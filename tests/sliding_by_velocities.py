@@ -24,7 +24,7 @@ def functions_of(law: ContactLaw, parameters: dict[str, float]) -> Any:
     """Return a function of (h, delta, R, size_ratio) that gives F_ela, zeta, F_adh and the tangential coefficients."""
     assert law.tangential is not None
     named = {symbol: parameters[symbol.name] for symbol in (*law.parameters, E, eta) if symbol.name in parameters}
-    expressions = [law.F_ela, law.zeta, law.F_adh, *tangential_expressions(law.tangential).values()]
+    expressions = [law.F_ela, law.zeta * law.unequal, law.F_adh, *tangential_expressions(law.tangential).values()]
     values = [expr.subs(a, law.a).subs(named) for expr in expressions]
     return lambdify([h, delta, R, size_ratio], values)
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import brenner
 import numpy as np
 import pytest
+import two_spheres
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy import Rational, Symbol, expand_log, log, pi, simplify, sqrt
 from sympy.codegen.cfunctions import log1p
 
-from softdyn.derive import DIMENSIONLESS, Drag, E, R, eta, h
+from softdyn.derive import DIMENSIONLESS, Drag, E, R, eta, h, size_ratio
 from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
 from softdyn.derive.emit_contacts import emit_contacts
 from softdyn.derive.far_field import excess, far_friction, is_bounded, undeflected_friction
@@ -59,6 +61,43 @@ def test_two_equal_spheres_approach_as_fast_as_in_brenners_series(gap: float) ->
     assert approaching(gap) == pytest.approx(exact, rel=0.01)
 
 
+def settling(gap: float, radius: float = 1.0, **changes: Any) -> float:
+    """Friction of a sphere that is pushed to a wall, force over speed, over that of Stokes."""
+    until = 1e-3 * gap * STOKES * (radius + radius**2 / gap)
+    v = speeds(**{
+        "positions": [[0.0, gap + radius]], "radii": [radius], "walls": [Wall([0.0, 0.0], [0.0, -1.0])], "until": until,
+        "pushes": [Push([0], [0.0, -1.0])], **changes,
+    })  # fmt: skip
+    return -1.0 / float(v[0, 1]) / (STOKES * radius)
+
+
+GAPS = [1e-3, 1e-2, 0.1, 0.5, 1.0, 3.0, 10.0, 30.0, 99.0]
+
+
+@pytest.mark.parametrize("law", ["equal_spheres", "droplet"])
+@pytest.mark.parametrize("gap", GAPS)
+def test_a_sphere_settles_on_a_wall_as_fast_as_in_brenners_solution(gap: float, law: str) -> None:
+    parameters = {"sigma": 1e9, "eta": 1.0} if law == "droplet" else PARAMETERS[law]
+    exact = two_spheres.friction(gap, math.inf)
+    assert settling(gap, law=law, parameters=parameters) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("ratio", [1.2, 2.0, 5.0, 10.0, 40.0])
+@pytest.mark.parametrize("gap", GAPS)
+def test_unequal_spheres_approach_as_fast_as_in_the_exact_solution(gap: float, ratio: float) -> None:
+    """Free ones, under equal and opposite forces; the gap in smaller radii."""
+    exact = 6 * np.pi * ratio / (1 + ratio) * two_spheres.friction(gap, ratio)
+    assert approaching(gap, ratio) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 0.1, 1.0])
+def test_without_drag_the_contact_has_all_of_the_friction(gap: float) -> None:
+    exact = two_spheres.friction(gap, math.inf)
+    assert settling(gap, drag=0.0) == pytest.approx(exact, rel=0.01)
+    exact = 4 * np.pi * two_spheres.friction(gap, 2.0)
+    assert approaching(gap, 2.0, drag=0.0) == pytest.approx(exact, rel=0.01)
+
+
 @pytest.mark.parametrize("law", ["equal_spheres", "rognon_gay"])
 @pytest.mark.parametrize("count", [2, 10, 64])
 def test_distant_spheres_do_not_slow_one_that_is_pushed(law: str, count: int) -> None:
@@ -95,9 +134,9 @@ def test_more_drag_than_the_law_declares_adds_to_its_friction() -> None:
 @given(gap=st.floats(-3, 1).map(lambda x: 10**x), ratio=st.floats(0.1, 1.0))
 @settings(max_examples=15, deadline=None)
 def test_the_law_and_the_drags_make_the_friction_of_the_law(gap: float, ratio: float) -> None:
-    """Of unequal spheres under equal and opposite forces: zeta of 2 R1 R2/(R1 + R2), nothing twice."""
-    radius = 2 * ratio / (1 + ratio)
-    zeta = undeflected_friction(equal_spheres).subs({R: radius, eta: 1, h: gap})
+    """Of unequal spheres under equal and opposite forces: zeta of R and the size ratio, nothing twice."""
+    radius, size = 2 * ratio / (1 + ratio), ratio / (1 + ratio) ** 2
+    zeta = undeflected_friction(equal_spheres, unequal=True).subs({R: radius, eta: 1, h: gap, size_ratio: size})
     found = approaching(gap, ratio)
     assert found == pytest.approx(float(zeta), rel=5e-3)
 

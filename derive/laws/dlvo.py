@@ -33,6 +33,7 @@ law = ContactLaw(
     F_ela=equal_spheres.F_ela,
     zeta=equal_spheres.zeta,
     F_adh=repulsion * exp(-h / ell) - attraction,
+    unequal=equal_spheres.unequal,
     tangential=equal_spheres.tangential,
     parameters={**equal_spheres.parameters, Pi0: PRESSURE, ell: LENGTH, A: ENERGY},
     ranges=equal_spheres.ranges,

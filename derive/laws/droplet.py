@@ -17,14 +17,14 @@ The film drains as between rigid discs, zeta = 3 pi eta a^4/(2 h^3) (Reynolds): 
 surfactants make them, and a film of even thickness, without a dimple. Valid for delta << R.
 """
 
-from sympy import Piecewise, Rational, Symbol, log, pi, sqrt
+from sympy import Piecewise, Symbol, pi, sqrt
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, F, Limit, R, a, delta, eta, h
+from softdyn.derive.rigid_spheres import brenner, unequal
 
 sigma = Symbol("sigma", positive=True)  # surface tension
 
 hbar = 1 / (1 / R + 1 / h)  # the smaller of gap and radius, smoothly; its slope in this form does not cancel
-brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
 
 # pressed, the film is wider than that of round spheres; pulled, it is narrower
 width = a**2 / (2 * R * hbar)
@@ -44,6 +44,7 @@ law = ContactLaw(
     F_ela=4 * pi * sigma * delta,
     zeta=3 * pi * eta * R * brenner * Piecewise((pressed_friction, delta >= 0), (pulled_friction, True)),
     F_adh=0,
+    unequal=unequal,
     parameters={sigma: FORCE / LENGTH},
     typical={sigma: E * R},
     limits=(

@@ -4,7 +4,8 @@ The structure is that of Rognon & Gay, arXiv 0803.1573 (law ``rognon_gay``), who
 sphere and a plane, and whose constants are not Hertz's. Exact here, to leading order:
 
 - friction at delta = 0, by a closed fit to the series of Brenner, Chem. Eng. Sci. 16 (1961) 242, within 0.7 % for h/R
-  from 1e-4 to 1e2, with the exact leading terms on both ends: (3/2) pi eta R^2/h and 3 pi eta R;
+  from 1e-4 to 1e2, with the exact leading terms on both ends: (3/2) pi eta R^2/h and 3 pi eta R; and of unequal ones
+  and walls, in scenes of many, by a factor that is as good (see :mod:`softdyn.derive.rigid_spheres`);
 - elasticity at h << delta: Hertz, F = (4/3) E/(1 - nu^2) a delta with a = sqrt(R delta) (Johnson, Contact Mechanics,
   1985, ch. 4; delta is the deflection of one sphere);
 - elasticity at delta << h << R: lubrication pressure, (1 + r^2/(R h))^-2, on two half-spaces deflects their centres
@@ -36,13 +37,13 @@ Poisson ratios of isotropic solids, -1 < nu <= 1/2; most soft solids are incompr
 from sympy import Interval, Piecewise, Rational, Symbol, log, pi, sqrt
 
 from softdyn.derive import DIMENSIONLESS, ContactLaw, E, F, Limit, R, Tangential, a, delta, eta, h, size_ratio
+from softdyn.derive.rigid_spheres import brenner, unequal
 
 nu = Symbol("nu", real=True)  # Poisson's ratio
 
 hbar = 1 / (1 / R + 1 / h)  # the smaller of gap and radius, smoothly; its slope in this form does not cancel
 a0 = Rational(3, 2) * sqrt(R * hbar)  # the radius at delta = 0
 modulus = E / (1 - nu**2)  # of plane strain
-brenner = 1 + R / (2 * h) + Rational(9, 20) * log(1 + 20 * R / (9 * h))  # friction of rigid spheres, by that of Stokes
 
 # pressed, the film is wider than that of round spheres; pulled, it is narrower, and suction around it holds surfaces
 pressed_film = R * (hbar + delta + 5 * hbar**2 / (2 * (2 * hbar + delta)))
@@ -71,6 +72,7 @@ law = ContactLaw(
     F_ela=Rational(4, 3) * modulus * delta * Piecewise((a, delta >= 0), (pulled_radius, True)),
     zeta=3 * pi * eta * R * brenner * Piecewise((pressed_friction, delta >= 0), (pulled_friction, True)),
     F_adh=0,
+    unequal=unequal,
     tangential=Tangential(
         sliding=Rational(4, 5) * (2 - 3 * size_ratio) * shear + pi * eta * flat / h,
         coupling=Rational(3, 5) * R * shear,

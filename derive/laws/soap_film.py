@@ -39,6 +39,7 @@ law = ContactLaw(
     F_ela=droplet.F_ela,
     zeta=droplet.zeta,
     F_adh=pi * Pi0 * exp(-h / ell) * area,
+    unequal=droplet.unequal,
     parameters={**droplet.parameters, Pi0: PRESSURE, ell: LENGTH},
     typical={**droplet.typical, Pi0: 333 * E, ell: R / 10**4},
     limits=(

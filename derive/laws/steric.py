@@ -36,6 +36,7 @@ law = ContactLaw(
     F_ela=equal_spheres.F_ela,
     zeta=equal_spheres.zeta,
     F_adh=Piecewise((pi * R * energy, h < 2 * L), (0, True)),
+    unequal=equal_spheres.unequal,
     tangential=equal_spheres.tangential,
     parameters={**equal_spheres.parameters, Pi0: PRESSURE, L: LENGTH},
     ranges=equal_spheres.ranges,

@@ -42,7 +42,7 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     """
     faults, varying = [], []
     if np.ptp(checked.radii) > 0 or checked.walls:
-        varying += ["R", "size_ratio"] if scene.tangential else ["R"]
+        varying += ["R", "size_ratio"]
     faults += [
         f"[parameters] {name} follows from the radii of the particles: leave it out"
         for name in ("R", "size_ratio")

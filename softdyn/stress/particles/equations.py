@@ -67,7 +67,13 @@ class Case:
 def values_of(law: ContactLaw, names: tuple[str, ...], tangential: bool) -> Callable[..., Any]:
     """Function of h, delta and ``names``: F_ela, its slopes in h and delta, zeta, F_adh, and A, B, G, k_t."""
     elastic = law.F_ela.subs(a, law.a)
-    found = [elastic, diff(elastic, h), diff(elastic, delta), law.zeta.subs(a, law.a), law.F_adh.subs(a, law.a)]
+    found = [
+        elastic,
+        diff(elastic, h),
+        diff(elastic, delta),
+        (law.zeta * law.unequal).subs(a, law.a),
+        law.F_adh.subs(a, law.a),
+    ]
     if tangential:
         assert law.tangential is not None
         found += [expr.subs(a, law.a) for expr in tangential_expressions(law.tangential).values()]
