@@ -47,7 +47,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Integer, Max, Min, Piecewise, Rational, S, Symbol, diff, simplify
+from sympy import Add, Expr, Integer, Max, Min, Mul, Piecewise, Rational, S, Symbol, diff, simplify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive import far_field
@@ -67,7 +67,7 @@ from softdyn.derive.law import (
     tangential_expressions,
 )
 from softdyn.derive.printing import Assignment, operations, straight_line
-from softdyn.derive.soundness import relative_slope, sound
+from softdyn.derive.soundness import relative_slope, sound, tidy
 from softdyn.derive.specialise import C, dF_ddelta, dF_dh
 from softdyn.derive.symbols import a, delta, h, size_ratio
 from softdyn.errors import LawError
@@ -99,6 +99,8 @@ H, H_h, H_r, h_r = (Symbol(name, real=True) for name in ("H", "H_h", "H_r", "h_r
 F, F_r = Symbol("F", real=True), Symbol("F_r", real=True)
 # by how much the friction exceeds the drags of the particles by themselves, relative to these, and its slope
 excess, excess_h = Symbol("excess", positive=True), Symbol("excess_h", real=True)
+# friction of particles of different radii over that of equal ones, and its relative slope
+of_radii, of_radii_h = Symbol("of_radii", positive=True), Symbol("of_radii_h", real=True)
 #: The part of these drags that a scene leaves out: 0 where there is all of them. No parameter of a law has such a name.
 undragged = Symbol("undragged_p1", nonnegative=True)
 friction, remote, dh_dt = Symbol("friction", real=True), Symbol("remote", real=True), Symbol("dh_dt", real=True)
@@ -252,8 +254,6 @@ def contact_definitions(
     # the names of a law's own parameters may be those of the kernel's variables
     law = in_code(law)
     values = partials(law)
-    if unequal:
-        values = {**values, zeta: sound(law.zeta * law.unequal)}
 
     def relative(variable: Symbol) -> Expr:
         slopes = total(zeta, variable).subs(
@@ -266,11 +266,15 @@ def contact_definitions(
 
     beside: dict[Symbol, Expr] = {}
     carried, slope = S.One, S.Zero
+    if unequal:
+        beside = {of_radii: tidy(law.unequal), of_radii_h: _relative_slope_as_written(law.unequal)}
+        carried, slope = of_radii, of_radii_h
     x = far_field.excess(law, unequal) if drag else None
     if x is not None:
-        beside = {excess: x, excess_h: sound(diff(x, h))}
-        carried = (excess + undragged) / (1 + excess)
-        slope = excess_h * (1 - undragged) / ((excess + undragged) * (1 + excess))
+        by_h = Add(*(tidy(diff(term, h)) for term in Add.make_args(x))) if unequal else sound(diff(x, h))
+        beside |= {excess: x, excess_h: by_h}
+        carried *= (excess + undragged) / (1 + excess)
+        slope += excess_h * (1 - undragged) / ((excess + undragged) * (1 + excess))
     generic = d.generic_dynamics()
     sliding: dict[Symbol, Expr] = {}
     if tangential and law.tangential is not None:
@@ -310,6 +314,12 @@ def contact_definitions(
         dh_dt: -rho / film,
         **sliding,
     }
+
+
+def _relative_slope_as_written(product: Expr) -> Expr:
+    """Slope in h relative to it, factor by factor and term by term: sums of logarithms are not multiplied out."""
+    factors = [factor.as_base_exp() for factor in Mul.make_args(product)]
+    return Add(*(power * tidy(diff(base, h)) / tidy(base) for base, power in factors if base.has(h)))
 
 
 def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:
