@@ -468,6 +468,7 @@ def derivation(law: ContactLaw) -> Derivation:
             *(item for item in law_quantities(law).items() if item[0] not in expressions(law)),
         ],
         "Jacobians of this law, d(rates)/d(state)": list(law_jacobians(law).items()),
+        **({"unequal particles: friction over zeta, declared": [("unequal", law.unequal)]} if law.unequal != 1 else {}),
         **tangential_sections(law),
     })  # fmt: skip
 
@@ -478,8 +479,6 @@ def tangential_sections(law: ContactLaw) -> dict[str, list[Line]]:
     if law.tangential is not None:
         sections["tangential motion, declared"] = list(tangential_expressions(law.tangential).items())
         sections["tangential motion of any law"] = list(motion())
-    if law.unequal != 1:
-        sections["friction of unequal particles over zeta, declared"] = [("unequal", law.unequal)]
     if law.drag != Drag():
         declared = drag_expressions(law.drag)
         sections["drag of a particle alone, declared"] = [(f"drag_{name}", expr) for name, expr in declared.items()]
