@@ -12,6 +12,9 @@ import pytest
 import softdyn
 from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, pressure, simulate
 from softdyn.particles.files import particle_scene_from, stock_scenes
+from softdyn.particles.pulled import pulled_films
+from softdyn.stress.particles import compare
+from softdyn.stress.particles.sampling import random_case
 
 SOFT: dict[str, Any] = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}
 DROPLETS: dict[str, Any] = {"law": "droplet", "parameters": {"sigma": 1.0, "eta": 1.0}}
@@ -62,6 +65,24 @@ def test_a_pair_that_is_held_shut_while_it_is_moved_apart_is_told_of() -> None:
     assert f"is pulled to a deflection of {-stretched.contact_delta.min():.3g} radii at t={worst:.6g}" in warning
     assert f"first above 0.1 at t={first:.6g}, for particles 0 and 1" in warning
     assert kinds(apart(1e-5, **{**SOFT, "law": "equal_spheres", "parameters": {**SOFT["parameters"], "nu": 0.5}})) == []
+
+
+def test_a_warning_of_a_pulled_film_excuses_no_wrong_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what is compared with a reference: it tells of the physics alone."""
+    case = random_case(10)
+    assert compare.judge_case(10, case).outcome == compare.RIGHT
+    run = compare.simulate_particles
+
+    def wrong(scene: ParticleScene) -> ParticleResult:
+        result = run(scene)
+        result.arrays["x"][-1] += result.radii.min()
+        result.arrays["contact_delta"][:] = -0.5 * result.radii.min()  # pulled
+        result.stats["warnings"].extend(pulled_films(result))  # type: ignore[attr-defined]
+        assert result.stats["warnings"]
+        return result
+
+    monkeypatch.setattr(compare, "simulate_particles", wrong)
+    assert compare.judge_case(10, case).outcome == compare.WRONG
 
 
 def test_a_deflection_is_measured_in_the_smaller_radius() -> None:
