@@ -41,8 +41,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -263,8 +264,8 @@ static inline void _newton(int64_t i, int64_t n, double delta, double F, const d
 {
     const double gap0 = terms[0 * n + i];
     const double E = p[1];
-    const double m = p[3];
-    const double x0 = 0.6366197723675814 * delta / m;
+    const double own_m = p[3];
+    const double x0 = 0.6366197723675814 * delta / own_m;
     const double a = gap0 + x0;
     const double newton = (delta * E * a - F) / (E * (a + x0));
     out[i] = newton;
@@ -275,9 +276,9 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[2];
-    const double m = p[3];
+    const double own_m = p[3];
     const double x0 = R + h;
-    const double a = R * sqrt(2.0 * h) / sqrt(x0) + 0.6366197723675814 * delta / m;
+    const double a = R * sqrt(2.0 * h) / sqrt(x0) + 0.6366197723675814 * delta / own_m;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
     const double a_p2 = a * a;
@@ -297,8 +298,8 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double R = p[0];
     const double E = p[1];
     const double eta = p[2];
-    const double m = p[3];
-    const double x0 = 0.3183098861837907 / m;
+    const double own_m = p[3];
+    const double x0 = 0.3183098861837907 / own_m;
     const double x1 = 2.0 * delta * x0;
     const double x2 = sqrt(h);
     const double x3 = R + h;
@@ -332,10 +333,10 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 {
     const double R = p[0];
     const double eta = p[2];
-    const double m = p[3];
+    const double own_m = p[3];
     const double x0 = 2.0 * delta;
     const double x1 = R + h;
-    const double a = R * sqrt(2.0 * h) / sqrt(x1) + 0.3183098861837907 * x0 / m;
+    const double a = R * sqrt(2.0 * h) / sqrt(x1) + 0.3183098861837907 * x0 / own_m;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
     const double a_p2 = a * a;
@@ -783,11 +784,12 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
    of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1541,7 +1543,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void cone_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[736];
     double p[4];
@@ -1554,7 +1556,7 @@ void cone_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict
         for (int64_t k = 0; k < 1; k++) {
             c[k] = runs[at + 8 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1573,6 +1575,9 @@ void cone_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[8 * n * count + run] = (double)ended;
         out[8 * n * count + n + run] = worst[0];

@@ -1,18 +1,18 @@
 /* Contact law cone: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Sneddon, Int. J. Eng. Sci. 3 (1965) 47; friction of arXiv:0803.1573
- * Law 477bece85fee419c, 9fb2ccb7b9282ed1:
+ * Law 477bece85fee419c, 38dbbd0c7a1c46a1:
  *     a = sqrt(2)*R*sqrt(h)/sqrt(R + h) + 2*Abs(delta)/(pi*m)
  *     F_ela = E*a*delta
  *     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
  *     F_adh = 0
  *     drag translation = 6*pi*R*eta
  * Left out, with the operations that each saved:
- *     no remote force: 128 -> 117
- * Operations, 311 in all:
- *     iteration: 18 add, 63 mul, 19 div, 5 sqrt
- *     tangent: 20 add, 69 mul, 21 div, 5 sqrt
- *     state: 6 add, 30 mul, 10 div, 3 sqrt
+ *     no remote force: 132 -> 121
+ * Operations, 324 in all:
+ *     iteration: 23 add, 61 mul, 22 div, 3 sqrt
+ *     tangent: 25 add, 67 mul, 24 div, 3 sqrt
+ *     state: 8 add, 32 mul, 11 div, 3 sqrt
  *     elastic: 2 add, 11 mul, 3 div, 3 sqrt
  *     weight: 3 add, 11 mul, 1 div
  *     side: 2 add, 2 mul, 2 div
@@ -25,7 +25,7 @@
  *   void cone_energy(n, reach, overlaps, gap, p, q, points, nodes, weights, out)
  *   void cone_drag(n, p, q, out), of n particles, with their own parameters in q
  *
- *   p: E, eta, m
+ *   p: E, eta, m, undragged_p1
  *   q: R, n of each
  *   reach: the range of a contact, whose force fades from half of it on
  */
@@ -38,8 +38,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 /* Solve y = target + s dy/dt for the gap of each of n contacts, y = (h/g - g/h)/2, at fixed distances of the centres.
@@ -66,50 +67,55 @@ int64_t cone_contacts(int64_t n, double s, double reach, const double *restrict 
     double x2;
     double x3;
     double x4;
-    double x5;
     double a;
-    double x6;
+    double x5;
     double F_ela;
+    double x6;
+    double excess;
     double h_p2;
-    double h_p3;
     double x7;
+    double excess_h;
+    double h_p3;
+    double x8;
+    double x9;
+    double x10;
     double R_p2;
     double R_p3;
     double a_p2;
     double a_p4;
-    double x3_p2;
-    double x3_p3;
+    double x4_p2;
+    double x4_p3;
     double zeta;
     double dF_ddelta;
-    double x9;
+    double x11;
     double dF_dh;
-    double x10;
-    double h_p4;
+    double x12;
     double log_zeta_h;
     double log_zeta_delta;
-    double x11;
+    double x13;
     double fading;
     double started;
     double ahead;
-    double x13;
+    double x15;
     double ahead_p2;
     double w;
     double w_h;
     double film;
     double film_h;
-    double x15;
-    double x16;
+    double x17;
+    double x18;
     double Y_h;
     double Y_hh;
-    double x17;
+    double x19;
     double rho;
     double rho_h;
-    double x18;
-    double x19;
+    double x20;
+    double x21;
     double H_h;
     const double E = p[0];
     const double eta = p[1];
     const double own_m = p[2];
+    const double undragged_p1 = p[3];
     double overlap_lane[16];
     double g_lane[16];
     double target_lane[16];
@@ -165,52 +171,56 @@ int64_t cone_contacts(int64_t n, double s, double reach, const double *restrict 
                 delta = h / 2.0 + overlap / 2.0;
                 x0 = 0.3183098861837907 / own_m;
                 x1 = 2.0 * x0 * fabs(delta);
-                x2 = sqrt(h);
-                x3 = R + h;
-                x4 = 1.4142135623730951;
-                x5 = x4 * R;
-                a = x1 + x2 * x5 / sqrt(x3);
-                x6 = delta * E;
-                F_ela = x6 * a;
+                x2 = 1.4142135623730951;
+                x3 = sqrt(h);
+                x4 = R + h;
+                a = x2 * x3 * R / sqrt(x4) + x1;
+                x5 = delta * E;
+                F_ela = x5 * a;
+                x6 = 1.0 / h;
+                excess = x6 * R;
                 h_p2 = h * h;
+                x7 = 1.0 / h_p2;
+                excess_h = -x7 * R;
                 h_p3 = h_p2 * h;
-                x7 = 1.0 / h_p3;
+                x8 = 1.0 / h_p3;
+                x9 = excess + undragged_p1;
+                x10 = 1.0 / (excess + 1.0);
                 R_p2 = R * R;
                 R_p3 = R_p2 * R;
                 a_p2 = a * a;
                 a_p4 = a_p2 * a_p2;
-                x3_p2 = x3 * x3;
-                x3_p3 = x3_p2 * x3;
-                zeta = 4.71238898038469 * x7 * eta * x3_p3 * a_p4 / R_p3;
+                x4_p2 = x4 * x4;
+                x4_p3 = x4_p2 * x4;
+                zeta = 4.71238898038469 * x10 * x8 * x9 * eta * x4_p3 * a_p4 / R_p3;
                 dF_ddelta = E * (a + x1);
-                x9 = x3 * sqrt(x3);
-                dF_dh = x4 * x6 * R_p2 / (2.0 * x2 * x9);
-                x10 = 1.0 / a;
-                h_p4 = h_p2 * h_p2;
-                log_zeta_h = x10 * R * (2.0 * x5 * x9 * h_p4 - 3.0 * a * x3_p2 * h_p3 * sqrt(h)) / (x3_p3 * h_p4 * sqrt(h));
-                log_zeta_delta = 8.0 * x0 * x10 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
-                x11 = 1.0 / reach;
-                fading = x11 * (2.0 * reach - 2.0 * h);
+                x11 = x2 * R_p2 / (x3 * x4 * sqrt(x4));
+                dF_dh = x11 * x5 / 2.0;
+                x12 = 1.0 / a;
+                log_zeta_h = excess_h * x10 * (1.0 - undragged_p1) / x9 + 2.0 * x11 * x12 + 3.0 / x4 - 3.0 * x6;
+                log_zeta_delta = 8.0 * x0 * x12 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
+                x13 = 1.0 / reach;
+                fading = x13 * (2.0 * reach - 2.0 * h);
                 started = 1.0 < fading ? 1.0 : fading;
                 ahead = 0.0 > started ? 0.0 : started;
-                x13 = 3.0 - 2.0 * ahead;
+                x15 = 3.0 - 2.0 * ahead;
                 ahead_p2 = ahead * ahead;
-                w = x13 * ahead_p2;
-                w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2);
+                w = x15 * ahead_p2;
+                w_h = -2.0 * x13 * (2.0 * x15 * ahead - 2.0 * ahead_p2);
                 film = pressed > 0.0 ? w : 1.0;
                 film_h = pressed > 0.0 ? w_h : 0.0;
-                x15 = 1.0 / g;
-                x16 = g / 2.0;
-                Y = x15 * h / 2.0 - x16 / h;
-                Y_h = x15 / 2.0 + x16 / h_p2;
-                Y_hh = -x7 * g;
-                x17 = 1.0 / zeta;
-                rho = F_ela * x17;
-                rho_h = x17 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h);
-                x18 = rho * s;
-                x19 = Y - y_star;
-                const double H = x18 * Y_h + x19 * film;
-                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x18 + film_h * x19;
+                x17 = 1.0 / g;
+                x18 = g / 2.0;
+                Y = x17 * h / 2.0 - x18 * x6;
+                Y_h = x17 / 2.0 + x18 * x7;
+                Y_hh = -x8 * g;
+                x19 = 1.0 / zeta;
+                rho = F_ela * x19;
+                rho_h = x19 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h);
+                x20 = rho * s;
+                x21 = Y - y_star;
+                const double H = x20 * Y_h + x21 * film;
+                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x20 + film_h * x21;
                 const double step = -H * Y_h / H_h;
                 const double low_before = low_lane[k];
                 const double high_before = high_lane[k];
@@ -262,59 +272,63 @@ int64_t cone_contacts(int64_t n, double s, double reach, const double *restrict 
             delta = h / 2.0 + overlap / 2.0;
             x0 = 0.3183098861837907 / own_m;
             x1 = 2.0 * x0 * fabs(delta);
-            x2 = sqrt(h);
-            x3 = R + h;
-            x4 = 1.4142135623730951;
-            x5 = x4 * R;
-            a = x1 + x2 * x5 / sqrt(x3);
-            x6 = delta * E;
-            F_ela = x6 * a;
+            x2 = 1.4142135623730951;
+            x3 = sqrt(h);
+            x4 = R + h;
+            a = x2 * x3 * R / sqrt(x4) + x1;
+            x5 = delta * E;
+            F_ela = x5 * a;
+            x6 = 1.0 / h;
+            excess = x6 * R;
             h_p2 = h * h;
+            x7 = 1.0 / h_p2;
+            excess_h = -x7 * R;
             h_p3 = h_p2 * h;
-            x7 = 1.0 / h_p3;
+            x8 = 1.0 / h_p3;
+            x9 = excess + undragged_p1;
+            x10 = 1.0 / (excess + 1.0);
             R_p2 = R * R;
             R_p3 = R_p2 * R;
             a_p2 = a * a;
             a_p4 = a_p2 * a_p2;
-            x3_p2 = x3 * x3;
-            x3_p3 = x3_p2 * x3;
-            zeta = 4.71238898038469 * x7 * eta * x3_p3 * a_p4 / R_p3;
+            x4_p2 = x4 * x4;
+            x4_p3 = x4_p2 * x4;
+            zeta = 4.71238898038469 * x10 * x8 * x9 * eta * x4_p3 * a_p4 / R_p3;
             dF_ddelta = E * (a + x1);
-            x9 = x3 * sqrt(x3);
-            dF_dh = x4 * x6 * R_p2 / (2.0 * x2 * x9);
-            x10 = 1.0 / a;
-            h_p4 = h_p2 * h_p2;
-            log_zeta_h = x10 * R * (2.0 * x5 * x9 * h_p4 - 3.0 * a * x3_p2 * h_p3 * sqrt(h)) / (x3_p3 * h_p4 * sqrt(h));
-            log_zeta_delta = 8.0 * x0 * x10 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
-            x11 = 1.0 / reach;
-            fading = x11 * (2.0 * reach - 2.0 * h);
+            x11 = x2 * R_p2 / (x3 * x4 * sqrt(x4));
+            dF_dh = x11 * x5 / 2.0;
+            x12 = 1.0 / a;
+            log_zeta_h = excess_h * x10 * (1.0 - undragged_p1) / x9 + 2.0 * x11 * x12 + 3.0 / x4 - 3.0 * x6;
+            log_zeta_delta = 8.0 * x0 * x12 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
+            x13 = 1.0 / reach;
+            fading = x13 * (2.0 * reach - 2.0 * h);
             started = 1.0 < fading ? 1.0 : fading;
             ahead = 0.0 > started ? 0.0 : started;
-            x13 = 3.0 - 2.0 * ahead;
+            x15 = 3.0 - 2.0 * ahead;
             ahead_p2 = ahead * ahead;
-            w = x13 * ahead_p2;
-            w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2);
+            w = x15 * ahead_p2;
+            w_h = -2.0 * x13 * (2.0 * x15 * ahead - 2.0 * ahead_p2);
             film = pressed > 0.0 ? w : 1.0;
             film_h = pressed > 0.0 ? w_h : 0.0;
             const double grip = pressed > 0.0 ? 1.0 : w;
             const double grip_h = pressed > 0.0 ? 0.0 : w_h;
-            x15 = 1.0 / g;
-            x16 = g / 2.0;
-            Y = x15 * h / 2.0 - x16 / h;
-            Y_h = x15 / 2.0 + x16 / h_p2;
-            Y_hh = -x7 * g;
-            x17 = 1.0 / zeta;
-            rho = F_ela * x17;
-            x18 = dF_ddelta / 2.0;
-            x19 = dF_dh + x18;
-            rho_h = x17 * x19 - rho * (log_zeta_delta / 2.0 + log_zeta_h);
-            const double rho_r = log_zeta_delta * rho / 2.0 - x17 * x18;
-            const double x20 = Y_h * s;
-            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x20;
-            const double H_r = rho_r * x20;
+            x17 = 1.0 / g;
+            x18 = g / 2.0;
+            Y = x17 * h / 2.0 - x18 * x6;
+            Y_h = x17 / 2.0 + x18 * x7;
+            Y_hh = -x8 * g;
+            x19 = 1.0 / zeta;
+            rho = F_ela * x19;
+            x20 = dF_ddelta / 2.0;
+            x21 = dF_dh + x20;
+            rho_h = x19 * x21 - rho * (log_zeta_delta / 2.0 + log_zeta_h);
+            const double rho_r = log_zeta_delta * rho / 2.0 - x19 * x20;
+            const double x22 = Y_h * s;
+            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x22;
+            const double H_r = rho_r * x22;
             const double h_r = -H_r / H_h;
             const double F = F_ela * grip;
-            const double F_r = F_ela * grip_h * h_r + grip * (h_r * x19 - x18);
+            const double F_r = F_ela * grip_h * h_r + grip * (h_r * x21 - x20);
             h_lane[k] = h;
             F_lane[k] = open_lane[k] == 0.0 ? F : NAN;
             F_r_lane[k] = F_r;
@@ -339,6 +353,7 @@ void cone_state(int64_t n, double reach, const double *restrict overlaps, const 
     const double E = p[0];
     const double eta = p[1];
     const double own_m = p[2];
+    const double undragged_p1 = p[3];
     for (int64_t i = 0; i < n; i++) {
         const double overlap = overlaps[i];
         const double h = gap[i];
@@ -352,6 +367,7 @@ void cone_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double a = x1 * x2 * R / sqrt(x3) + x0;
         const double x4 = delta * E;
         const double F_ela = x4 * a;
+        const double excess = R / h;
         const double R_p2 = R * R;
         const double R_p3 = R_p2 * R;
         const double a_p2 = a * a;
@@ -360,7 +376,7 @@ void cone_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double h_p3 = h_p2 * h;
         const double x3_p2 = x3 * x3;
         const double x3_p3 = x3_p2 * x3;
-        const double zeta = 4.71238898038469 * eta * x3_p3 * a_p4 / (R_p3 * h_p3);
+        const double zeta = 4.71238898038469 * eta * x3_p3 * a_p4 * (excess + undragged_p1) / (R_p3 * h_p3 * (excess + 1.0));
         const double dF_ddelta = E * (a + x0);
         const double dF_dh = x1 * x4 * R_p2 / (2.0 * x2 * x3 * sqrt(x3));
         const double C = dF_ddelta / 2.0;

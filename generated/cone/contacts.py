@@ -1,25 +1,25 @@
 """Contact law cone: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Sneddon, Int. J. Eng. Sci. 3 (1965) 47; friction of arXiv:0803.1573
-Law 477bece85fee419c, 9fb2ccb7b9282ed1:
+Law 477bece85fee419c, 38dbbd0c7a1c46a1:
     a = sqrt(2)*R*sqrt(h)/sqrt(R + h) + 2*Abs(delta)/(pi*m)
     F_ela = E*a*delta
     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
     F_adh = 0
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
-    no remote force: 128 -> 117
-Operations, 311 in all:
-    iteration: 18 add, 63 mul, 19 div, 5 sqrt
-    tangent: 20 add, 69 mul, 21 div, 5 sqrt
-    state: 6 add, 30 mul, 10 div, 3 sqrt
+    no remote force: 132 -> 121
+Operations, 324 in all:
+    iteration: 23 add, 61 mul, 22 div, 3 sqrt
+    tangent: 25 add, 67 mul, 24 div, 3 sqrt
+    state: 8 add, 32 mul, 11 div, 3 sqrt
     elastic: 2 add, 11 mul, 3 div, 3 sqrt
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
     drag: 2 mul
 
 Functions: cone_contacts, cone_state, cone_energy.
-p holds E, eta, m; q holds R of each contact.
+p holds E, eta, m, undragged_p1; q holds R of each contact.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
     E = p[0]
     eta = p[1]
     own_m = p[2]
+    undragged_p1 = p[3]
     overlap_lane = empty(16)
     g_lane = empty(16)
     target_lane = empty(16)
@@ -99,52 +100,56 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
                 delta = h / 2.0 + overlap / 2.0
                 x0 = 0.3183098861837907 / own_m
                 x1 = 2.0 * x0 * fabs(delta)
-                x2 = sqrt(h)
-                x3 = R + h
-                x4 = 1.4142135623730951
-                x5 = x4 * R
-                a = x1 + x2 * x5 / sqrt(x3)
-                x6 = delta * E
-                F_ela = x6 * a
+                x2 = 1.4142135623730951
+                x3 = sqrt(h)
+                x4 = R + h
+                a = x2 * x3 * R / sqrt(x4) + x1
+                x5 = delta * E
+                F_ela = x5 * a
+                x6 = 1.0 / h
+                excess = x6 * R
                 h_p2 = h * h
+                x7 = 1.0 / h_p2
+                excess_h = -x7 * R
                 h_p3 = h_p2 * h
-                x7 = 1.0 / h_p3
+                x8 = 1.0 / h_p3
+                x9 = excess + undragged_p1
+                x10 = 1.0 / (excess + 1.0)
                 R_p2 = R * R
                 R_p3 = R_p2 * R
                 a_p2 = a * a
                 a_p4 = a_p2 * a_p2
-                x3_p2 = x3 * x3
-                x3_p3 = x3_p2 * x3
-                zeta = 4.71238898038469 * x7 * eta * x3_p3 * a_p4 / R_p3
+                x4_p2 = x4 * x4
+                x4_p3 = x4_p2 * x4
+                zeta = 4.71238898038469 * x10 * x8 * x9 * eta * x4_p3 * a_p4 / R_p3
                 dF_ddelta = E * (a + x1)
-                x9 = x3 * sqrt(x3)
-                dF_dh = x4 * x6 * R_p2 / (2.0 * x2 * x9)
-                x10 = 1.0 / a
-                h_p4 = h_p2 * h_p2
-                log_zeta_h = x10 * R * (2.0 * x5 * x9 * h_p4 - 3.0 * a * x3_p2 * h_p3 * sqrt(h)) / (x3_p3 * h_p4 * sqrt(h))
-                log_zeta_delta = 8.0 * x0 * x10 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
-                x11 = 1.0 / reach
-                fading = x11 * (2.0 * reach - 2.0 * h)
+                x11 = x2 * R_p2 / (x3 * x4 * sqrt(x4))
+                dF_dh = x11 * x5 / 2.0
+                x12 = 1.0 / a
+                log_zeta_h = excess_h * x10 * (1.0 - undragged_p1) / x9 + 2.0 * x11 * x12 + 3.0 / x4 - 3.0 * x6
+                log_zeta_delta = 8.0 * x0 * x12 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
+                x13 = 1.0 / reach
+                fading = x13 * (2.0 * reach - 2.0 * h)
                 started = (1.0 if 1.0 < fading else fading)
                 ahead = (0.0 if 0.0 > started else started)
-                x13 = 3.0 - 2.0 * ahead
+                x15 = 3.0 - 2.0 * ahead
                 ahead_p2 = ahead * ahead
-                w = x13 * ahead_p2
-                w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
+                w = x15 * ahead_p2
+                w_h = -2.0 * x13 * (2.0 * x15 * ahead - 2.0 * ahead_p2)
                 film = (w if pressed > 0.0 else 1.0)
                 film_h = (w_h if pressed > 0.0 else 0.0)
-                x15 = 1.0 / g
-                x16 = g / 2.0
-                Y = x15 * h / 2.0 - x16 / h
-                Y_h = x15 / 2.0 + x16 / h_p2
-                Y_hh = -x7 * g
-                x17 = 1.0 / zeta
-                rho = F_ela * x17
-                rho_h = x17 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
-                x18 = rho * s
-                x19 = Y - y_star
-                H = x18 * Y_h + x19 * film
-                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x18 + film_h * x19
+                x17 = 1.0 / g
+                x18 = g / 2.0
+                Y = x17 * h / 2.0 - x18 * x6
+                Y_h = x17 / 2.0 + x18 * x7
+                Y_hh = -x8 * g
+                x19 = 1.0 / zeta
+                rho = F_ela * x19
+                rho_h = x19 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+                x20 = rho * s
+                x21 = Y - y_star
+                H = x20 * Y_h + x21 * film
+                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x20 + film_h * x21
                 step = -H * Y_h / H_h
                 low_before = low_lane[k]
                 high_before = high_lane[k]
@@ -193,59 +198,63 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
             delta = h / 2.0 + overlap / 2.0
             x0 = 0.3183098861837907 / own_m
             x1 = 2.0 * x0 * fabs(delta)
-            x2 = sqrt(h)
-            x3 = R + h
-            x4 = 1.4142135623730951
-            x5 = x4 * R
-            a = x1 + x2 * x5 / sqrt(x3)
-            x6 = delta * E
-            F_ela = x6 * a
+            x2 = 1.4142135623730951
+            x3 = sqrt(h)
+            x4 = R + h
+            a = x2 * x3 * R / sqrt(x4) + x1
+            x5 = delta * E
+            F_ela = x5 * a
+            x6 = 1.0 / h
+            excess = x6 * R
             h_p2 = h * h
+            x7 = 1.0 / h_p2
+            excess_h = -x7 * R
             h_p3 = h_p2 * h
-            x7 = 1.0 / h_p3
+            x8 = 1.0 / h_p3
+            x9 = excess + undragged_p1
+            x10 = 1.0 / (excess + 1.0)
             R_p2 = R * R
             R_p3 = R_p2 * R
             a_p2 = a * a
             a_p4 = a_p2 * a_p2
-            x3_p2 = x3 * x3
-            x3_p3 = x3_p2 * x3
-            zeta = 4.71238898038469 * x7 * eta * x3_p3 * a_p4 / R_p3
+            x4_p2 = x4 * x4
+            x4_p3 = x4_p2 * x4
+            zeta = 4.71238898038469 * x10 * x8 * x9 * eta * x4_p3 * a_p4 / R_p3
             dF_ddelta = E * (a + x1)
-            x9 = x3 * sqrt(x3)
-            dF_dh = x4 * x6 * R_p2 / (2.0 * x2 * x9)
-            x10 = 1.0 / a
-            h_p4 = h_p2 * h_p2
-            log_zeta_h = x10 * R * (2.0 * x5 * x9 * h_p4 - 3.0 * a * x3_p2 * h_p3 * sqrt(h)) / (x3_p3 * h_p4 * sqrt(h))
-            log_zeta_delta = 8.0 * x0 * x10 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
-            x11 = 1.0 / reach
-            fading = x11 * (2.0 * reach - 2.0 * h)
+            x11 = x2 * R_p2 / (x3 * x4 * sqrt(x4))
+            dF_dh = x11 * x5 / 2.0
+            x12 = 1.0 / a
+            log_zeta_h = excess_h * x10 * (1.0 - undragged_p1) / x9 + 2.0 * x11 * x12 + 3.0 / x4 - 3.0 * x6
+            log_zeta_delta = 8.0 * x0 * x12 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
+            x13 = 1.0 / reach
+            fading = x13 * (2.0 * reach - 2.0 * h)
             started = (1.0 if 1.0 < fading else fading)
             ahead = (0.0 if 0.0 > started else started)
-            x13 = 3.0 - 2.0 * ahead
+            x15 = 3.0 - 2.0 * ahead
             ahead_p2 = ahead * ahead
-            w = x13 * ahead_p2
-            w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
+            w = x15 * ahead_p2
+            w_h = -2.0 * x13 * (2.0 * x15 * ahead - 2.0 * ahead_p2)
             film = (w if pressed > 0.0 else 1.0)
             film_h = (w_h if pressed > 0.0 else 0.0)
             grip = (1.0 if pressed > 0.0 else w)
             grip_h = (0.0 if pressed > 0.0 else w_h)
-            x15 = 1.0 / g
-            x16 = g / 2.0
-            Y = x15 * h / 2.0 - x16 / h
-            Y_h = x15 / 2.0 + x16 / h_p2
-            Y_hh = -x7 * g
-            x17 = 1.0 / zeta
-            rho = F_ela * x17
-            x18 = dF_ddelta / 2.0
-            x19 = dF_dh + x18
-            rho_h = x17 * x19 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
-            rho_r = log_zeta_delta * rho / 2.0 - x17 * x18
-            x20 = Y_h * s
-            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x20
-            H_r = rho_r * x20
+            x17 = 1.0 / g
+            x18 = g / 2.0
+            Y = x17 * h / 2.0 - x18 * x6
+            Y_h = x17 / 2.0 + x18 * x7
+            Y_hh = -x8 * g
+            x19 = 1.0 / zeta
+            rho = F_ela * x19
+            x20 = dF_ddelta / 2.0
+            x21 = dF_dh + x20
+            rho_h = x19 * x21 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+            rho_r = log_zeta_delta * rho / 2.0 - x19 * x20
+            x22 = Y_h * s
+            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x22
+            H_r = rho_r * x22
             h_r = -H_r / H_h
             F = F_ela * grip
-            F_r = F_ela * grip_h * h_r + grip * (h_r * x19 - x18)
+            F_r = F_ela * grip_h * h_r + grip * (h_r * x21 - x20)
             h_lane[k] = h
             F_lane[k] = F if open_lane[k] == 0.0 else nan
             F_r_lane[k] = F_r
@@ -267,6 +276,7 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
     E = p[0]
     eta = p[1]
     own_m = p[2]
+    undragged_p1 = p[3]
     for i in range(n):
         overlap = overlaps[i]
         h = gap[i]
@@ -280,6 +290,7 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         a = x1 * x2 * R / sqrt(x3) + x0
         x4 = delta * E
         F_ela = x4 * a
+        excess = R / h
         R_p2 = R * R
         R_p3 = R_p2 * R
         a_p2 = a * a
@@ -288,7 +299,7 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         h_p3 = h_p2 * h
         x3_p2 = x3 * x3
         x3_p3 = x3_p2 * x3
-        zeta = 4.71238898038469 * eta * x3_p3 * a_p4 / (R_p3 * h_p3)
+        zeta = 4.71238898038469 * eta * x3_p3 * a_p4 * (excess + undragged_p1) / (R_p3 * h_p3 * (excess + 1.0))
         dF_ddelta = E * (a + x0)
         dF_dh = x1 * x4 * R_p2 / (2.0 * x2 * x3 * sqrt(x3))
         C = dF_ddelta / 2.0

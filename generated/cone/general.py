@@ -47,8 +47,8 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
     gap0 = terms[0 * n + i]
     E = p[1]
-    m = p[3]
-    x0 = 0.6366197723675814 * fabs(delta) / m
+    own_m = p[3]
+    x0 = 0.6366197723675814 * fabs(delta) / own_m
     a = gap0 + x0
     newton = (delta * E * a - F) / (E * (a + x0))
     out[i] = newton
@@ -59,9 +59,9 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[2]
-    m = p[3]
+    own_m = p[3]
     x0 = R + h
-    a = R * sqrt(2.0 * h) / sqrt(x0) + 0.6366197723675814 * fabs(delta) / m
+    a = R * sqrt(2.0 * h) / sqrt(x0) + 0.6366197723675814 * fabs(delta) / own_m
     R_p2 = R * R
     R_p3 = R_p2 * R
     a_p2 = a * a
@@ -81,8 +81,8 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     R = p[0]
     E = p[1]
     eta = p[2]
-    m = p[3]
-    x0 = 0.3183098861837907 / m
+    own_m = p[3]
+    x0 = 0.3183098861837907 / own_m
     x1 = 2.0 * x0 * fabs(delta)
     x2 = sqrt(h)
     x3 = R + h
@@ -117,8 +117,8 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
     R = p[0]
     E = p[1]
     eta = p[2]
-    m = p[3]
-    x0 = 0.3183098861837907 / m
+    own_m = p[3]
+    x0 = 0.3183098861837907 / own_m
     x1 = 2.0 * x0 * fabs(delta)
     x2 = R + h
     x3 = 1.4142135623730951
@@ -382,6 +382,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
 
 
 
+
+
 @jit
 def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -389,11 +391,12 @@ def cone_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -903,7 +906,7 @@ def cone_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(448)
     p = empty(4)
@@ -911,7 +914,7 @@ def cone_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
         at: int = 8 * run
         for k in range(4):
             p[k] = runs[at + 4 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -928,5 +931,7 @@ def cone_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[17 * n * count + run] = float(ended)
         out[17 * n * count + n + run] = worst[0]

@@ -1,21 +1,21 @@
 """Contact law dlvo: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Derjaguin-Landau-Verwey-Overbeek (Israelachvili 2011, chs. 11-14); equal_spheres
-Law 9810adb843c12266:
-    a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
-    F_ela = 4*E*a*delta/(3*(1 - nu**2))
-    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+Law 3e7dd8f1ca86bbf7:
+    a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+    F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
     F_adh = -A*R/(12*h**2) + pi*Pi0*R*ell*exp(-h/ell)
 Left out, with the operations that each saved:
-    one sign of delta: 215 -> 213
-    constant force: 213 -> 209
-    outputs asked for: 209 -> 190
-Operations, 346 in all:
+    one sign of delta: 377 -> 214
+    constant force: 214 -> 210
+    outputs asked for: 210 -> 191
+Operations, 364 in all:
     gap_terms: 2 add, 14 mul, 4 div
-    newton: 12 add, 21 mul, 5 div, 1 sqrt
-    gap_rate: 9 add, 28 mul, 10 div, 1 sqrt, 2 call
-    slopes: 39 add, 117 mul, 25 div, 1 sqrt, 2 call
-    quantities: 11 add, 29 mul, 10 div, 1 sqrt, 2 call
+    newton: 12 add, 21 mul, 4 div, 1 sqrt
+    gap_rate: 10 add, 33 mul, 12 div, 1 sqrt, 2 call
+    slopes: 39 add, 119 mul, 26 div, 1 sqrt, 2 call
+    quantities: 12 add, 34 mul, 12 div, 1 sqrt, 2 call
 
 Functions: dlvo_evaluate, dlvo_solve_delta, dlvo_drive, dlvo_integrate, dlvo_passages, dlvo_sample, dlvo_runs.
 p holds R, E, eta, A, Pi0, ell, nu.
@@ -83,16 +83,17 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     gap9 = terms[9 * n + i]
     R = p[0]
     E = p[1]
-    nu = p[6]
+    own_nu = p[6]
     a = sqrt(R * (delta + gap0 + gap1 / (2.0 * delta + gap2)))
-    x2 = delta * gap4 + gap3
-    nu_p2 = nu * nu
-    x1 = E / (1.0 - nu_p2)
+    x3 = delta * gap4 + gap3
+    x0 = (4.0 / 3.0) * a
+    own_nu_p2 = own_nu * own_nu
+    x2 = E / (1.0 - own_nu_p2)
     R_p2 = R * R
     delta_p2 = delta * delta
-    x2_p2 = x2 * x2
-    dF_ddelta = x1 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (x2_p2 * a) + 4.0 * a) / 3.0
-    newton = ((4.0 / 3.0) * delta * x1 * a - F) / dF_ddelta
+    x3_p2 = x3 * x3
+    dF_ddelta = x2 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (3.0 * x3_p2 * a) + x0)
+    newton = (delta * x0 * x2 - F) / dF_ddelta
     out[i] = newton
     out[n + i] = dF_ddelta
 
@@ -102,26 +103,30 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[2]
-    A = p[3]
-    Pi0 = p[4]
-    ell = p[5]
+    own_A = p[3]
+    own_Pi0 = p[4]
+    own_ell = p[5]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
     x3 = 1.0 / x2
     x2_p2 = x2 * x2
-    a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (2.0 * delta + 4.0 * x3))))
-    x5 = x1 * R
+    x5 = 1.0 / x2_p2
+    a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)))
+    x7 = x1 * R
     R_p2 = R * R
     R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p2 = a * a
     a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
+    a_p12 = a_p6 * a_p6
     x2_p3 = x2_p2 * x2
-    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x5) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    x2_p6 = x2_p3 * x2_p3
+    zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x7 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x7) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0)
     h_p2 = h * h
-    F_adh = R * (3.141592653589793 * Pi0 * ell * exp(-h / ell) - A / (12.0 * h_p2))
+    F_adh = R * (3.141592653589793 * own_Pi0 * own_ell * exp(-h / own_ell) - own_A / (12.0 * h_p2))
     dh_dt = (F_adh - F) / zeta
     w[i] = dh_dt / h
 
@@ -132,10 +137,10 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     R = p[0]
     E = p[1]
     eta = p[2]
-    A = p[3]
-    Pi0 = p[4]
-    ell = p[5]
-    nu = p[6]
+    own_A = p[3]
+    own_Pi0 = p[4]
+    own_ell = p[5]
+    own_nu = p[6]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
@@ -143,65 +148,68 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     x2_p2 = x2 * x2
     x5 = 1.0 / x2_p2
     a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)))
-    R_p2 = R * R
-    R_p3 = R_p2 * R
     a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    x8 = 1.0 / a_p4
+    R_p2 = R * R
+    x9 = x5 * x8 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
+    a_p12 = a_p6 * a_p6
     x2_p3 = x2_p2 * x2
-    x8 = R_p3 / (x2_p3 * a_p6)
-    x9 = 142.3828125 * x8 + 1.0
-    x10 = x1 * R
-    x11 = log1p((20.0 / 9.0) * x10)
-    x12 = x10 / 2.0 + 0.45 * x11 + 1.0
-    a_p4 = a_p2 * a_p2
-    x14 = x2_p2 * a_p4
-    zeta = 25.132741228718345 * x0 * x12 * x14 * eta / x9
+    x2_p6 = x2_p3 * x2_p3
+    x10 = R_p6 / (x2_p6 * a_p12)
+    x11 = 3762.643798828125 * x10 + 106.3125 * x9 + 4.0
+    x12 = x1 * R
+    x13 = log1p((20.0 / 9.0) * x12)
+    x14 = x12 / 2.0 + 0.45 * x13 + 1.0
+    x15 = x2_p2 * a_p4
+    zeta = 100.53096491487338 * x0 * x14 * x15 * eta / x11
     h_p2 = h * h
-    x16 = 1.0 / h_p2
-    x17 = exp(-h / ell)
-    F_adh = R * (3.141592653589793 * x17 * Pi0 * ell - x16 * A / 12.0)
-    x18 = R * h
-    x19 = 2.0 * x18
-    x20 = R + h
-    x48 = delta * x20 + x19
-    x48_p2 = x48 * x48
-    x21 = 1.0 / x48_p2
-    x22 = delta * x21 / a
-    x23 = 8.0 * delta
-    x24 = R * h_p2
-    x27 = h * R_p2
+    x17 = 1.0 / h_p2
+    x18 = 3.141592653589793 * own_Pi0 * exp(-h / own_ell)
+    F_adh = R * (x18 * own_ell - x17 * own_A / 12.0)
+    x19 = 8.0 * delta
+    x20 = R * h_p2
+    x22 = R * h
+    x23 = h * R_p2
     delta_p2 = delta * delta
-    x28 = delta_p2 * R_p2
-    x29 = R_p2 * h_p2
-    x30 = delta_p2 * h_p2
-    x31 = R * (4.0 * x18 * delta_p2 + x23 * x24 + x23 * x27 + 2.0 * x28 + 3.0 * x29 + 2.0 * x30)
-    nu_p2 = nu * nu
-    x32 = E / (1.0 - nu_p2)
-    dF_ddelta = x32 * (4.0 * a + x22 * x31) / 3.0
-    x33 = 9.0 * delta
-    x34 = x19 * delta_p2 + x24 * x33 + x27 * x33 + x28 + 9.0 * x29 + x30
-    x20_p2 = x20 * x20
-    dF_dh = (2.0 / 3.0) * x22 * x32 * x34 * R_p3 / x20_p2
-    x35 = 1.0 / zeta
-    dh_dt = x35 * (F_adh - F)
-    x37 = 1.0 / a_p2
-    R_p6 = R_p3 * R_p3
-    h_p3 = h_p2 * h
-    x38 = R_p6 * h_p3
-    x20_p3 = x20_p2 * x20
-    x40 = x20_p3 * a_p6
-    x41 = 18225.0 * x38 + 128.0 * x40
-    x42 = dF_dh / dF_ddelta
-    x43 = x21 * (91125.0 * x38 + 256.0 * x40)
-    x44 = 10.0 * R
-    x45 = 9.0 * x11
-    x46 = 1.0 / (18225.0 * x8 + 128.0)
-    x47 = x1 * x44 + x45 + 20.0
+    x24 = delta_p2 * R_p2
+    x25 = R_p2 * h_p2
+    x26 = delta_p2 * h_p2
+    x27 = 4.0 * x22 * delta_p2 + x19 * x20 + x19 * x23 + 2.0 * x24 + 3.0 * x25 + 2.0 * x26
+    x28 = 1.0 / a
+    x29 = 2.0 * x22
+    x30 = R + h
+    x46 = delta * x30 + x29
+    x46_p2 = x46 * x46
+    x31 = 1.0 / x46_p2
+    x32 = x28 * x31
+    x33 = delta * x32
+    own_nu_p2 = own_nu * own_nu
+    x34 = E / (1.0 - own_nu_p2)
+    dF_ddelta = x34 * (x27 * x33 * R / 3.0 + (4.0 / 3.0) * a)
+    x36 = 9.0 * delta
+    x30_p2 = x30 * x30
+    x37 = (x29 * delta_p2 + x20 * x36 + x23 * x36 + x24 + 9.0 * x25 + x26) / x30_p2
+    dF_dh = (2.0 / 3.0) * x33 * x34 * x37 * R_p3
+    x38 = 1.0 / zeta
+    dh_dt = x38 * (F_adh - F)
+    x39 = 1.0 / R_p2
+    x40 = 1.0 / (15411789.0 * x10 + 435456.0 * x9 + 16384.0)
+    R_p4 = R_p2 * R_p2
     a_p8 = a_p4 * a_p4
-    x41_p2 = x41 * x41
-    slope_p11 = x35 * R * (A / (6.0 * h_p3) - 3.141592653589793 * x17 * Pi0) - dh_dt * x1 - dh_dt * (6.4 * x16 * x5 * x9 * R * (x1 * x34 * x43 * x20_p3 * a_p8 * (x45 * h + 20.0 * h + x44) / x41_p2 - x46 * (54675.0 * x37 * x46 * x47 * x5 * R_p2 + 2.0 * x0 * x2 * x47 * a_p4 + 10.0 * x14 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (x12 * a_p4) - x31 * x37 * x42 * x43 / (2.0 * x41))
-    slope_p21 = -x42 * h
+    x2_p4 = x2_p2 * x2_p2
+    x42 = 243.0 * x40 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0)
+    x43 = x39 * x2_p2 * a_p3 + x28 * x42
+    x44 = dF_dh / dF_ddelta
+    x45 = 10.0 * x12 + 9.0 * x13 + 20.0
+    a_p5 = a_p3 * a_p2
+    h_p3 = h_p2 * h
+    slope_p11 = x38 * R * (own_A / (6.0 * h_p3) - x18) - dh_dt * x1 - dh_dt * (409.6 * x11 * x40 * x5 * x8 * R * (x32 * x37 * x43 * x45 * R_p4 - x17 * (x45 * R * (x2 * x39 * a_p4 + x3 * x42) + 5.0 * x15 * (1.0 + 18.0 / (20.0 * x12 + 9.0)))) / x14 - 4096.0 * x11 * x27 * x31 * x40 * x43 * x44 * x5 * R_p3 / a_p5)
+    slope_p21 = -x44 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -211,29 +219,33 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, p: array, out:
     """a, X, dh_dt at state i of n."""
     R = p[0]
     eta = p[2]
-    A = p[3]
-    Pi0 = p[4]
-    ell = p[5]
+    own_A = p[3]
+    own_Pi0 = p[4]
+    own_ell = p[5]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
     x3 = 1.0 / x2
-    x5 = 2.0 * delta
     x2_p2 = x2 * x2
-    a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (4.0 * x3 + x5))))
-    x6 = x1 * R
+    x5 = 1.0 / x2_p2
+    x6 = 2.0 * delta
+    a = sqrt(R * (delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)))
+    x8 = x1 * R
     R_p2 = R * R
     R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p2 = a * a
     a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
+    a_p12 = a_p6 * a_p6
     x2_p3 = x2_p2 * x2
-    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    x2_p6 = x2_p3 * x2_p3
+    zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x8) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0)
     h_p2 = h * h
-    F_adh = R * (3.141592653589793 * Pi0 * ell * exp(-h / ell) - A / (12.0 * h_p2))
+    F_adh = R * (3.141592653589793 * own_Pi0 * own_ell * exp(-h / own_ell) - own_A / (12.0 * h_p2))
     dh_dt = (F_adh - F) / zeta
-    X = 2.0 * R + h - x5
+    X = 2.0 * R + h - x6
     out[0 * n + i] = a
     out[1 * n + i] = X
     out[2 * n + i] = dh_dt
@@ -631,6 +643,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
 
 
 
+
+
 @jit
 def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -638,11 +652,12 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array,
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
     of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1293,7 +1308,7 @@ def dlvo_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(736)
     p = empty(7)
@@ -1304,7 +1319,7 @@ def dlvo_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
             p[k] = runs[at + 4 + k]
         for k in range(1):
             c[k] = runs[at + 11 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -1321,5 +1336,7 @@ def dlvo_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[8 * n * count + run] = float(ended)
         out[8 * n * count + n + run] = worst[0]

@@ -1,17 +1,17 @@
 """Contact law dlvo: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Derjaguin-Landau-Verwey-Overbeek (Israelachvili 2011, chs. 11-14); equal_spheres
-Law 9810adb843c12266:
-    a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
-    F_ela = 4*E*a*delta/(3*(1 - nu**2))
-    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+Law 3e7dd8f1ca86bbf7:
+    a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+    F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
     F_adh = -A*R/(12*h**2) + pi*Pi0*R*ell*exp(-h/ell)
-Operations, 501 in all:
-    gap_terms: 2 add, 14 mul, 4 div
-    newton: 12 add, 21 mul, 5 div, 1 sqrt
-    gap_rate: 9 add, 28 mul, 10 div, 1 sqrt, 2 call
-    slopes: 39 add, 119 mul, 25 div, 1 sqrt, 2 call
-    quantities: 44 add, 128 mul, 31 div, 1 sqrt, 2 call
+Operations, 942 in all:
+    gap_terms: 2 add, 19 mul, 4 div
+    newton: 20 add, 38 mul, 6 div, 4 sqrt
+    gap_rate: 28 add, 83 mul, 14 div, 3 sqrt, 2 call
+    slopes: 80 add, 226 mul, 37 div, 5 sqrt, 2 call
+    quantities: 85 add, 235 mul, 43 div, 4 sqrt, 2 call
 
 Functions: dlvo_evaluate, dlvo_solve_delta, dlvo_drive, dlvo_integrate, dlvo_passages, dlvo_sample, dlvo_runs.
 p holds R, E, eta, A, Pi0, ell, nu.
@@ -42,16 +42,25 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
     x0_p2 = x0 * x0
     gap1 = 5.0 / x0_p2
     gap2 = 4.0 * x1
+    gap3 = 1.5 * x1
     x2 = R * h
-    gap3 = 2.0 * x2
-    gap4 = R + h
+    gap4 = 2.0 * x2
+    x3 = R + h
+    gap5 = x3
     R_p2 = R * R
     h_p2 = h * h
-    gap5 = 3.0 * R_p2 * h_p2
-    gap6 = 2.0 * h_p2
-    gap7 = 4.0 * x2
-    gap8 = 8.0 * R * h_p2
-    gap9 = 8.0 * h * R_p2
+    gap6 = 3.0 * R_p2 * h_p2
+    gap7 = 2.0 * h_p2
+    gap8 = 4.0 * x2
+    gap9 = 8.0 * R * h_p2
+    x6 = h * R_p2
+    gap10 = 8.0 * x6
+    gap11 = x2
+    gap12 = -x3
+    gap13 = -12.0 * x6
+    gap14 = -5.0 * h
+    gap15 = 10.0 * x2
+    gap16 = 12.0 * x2
     out[0 * n + i] = gap0
     out[1 * n + i] = gap1
     out[2 * n + i] = gap2
@@ -62,6 +71,13 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
     out[7 * n + i] = gap7
     out[8 * n + i] = gap8
     out[9 * n + i] = gap9
+    out[10 * n + i] = gap10
+    out[11 * n + i] = gap11
+    out[12 * n + i] = gap12
+    out[13 * n + i] = gap13
+    out[14 * n + i] = gap14
+    out[15 * n + i] = gap15
+    out[16 * n + i] = gap16
 
 
 @jit
@@ -77,19 +93,31 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     gap7 = terms[7 * n + i]
     gap8 = terms[8 * n + i]
     gap9 = terms[9 * n + i]
+    gap10 = terms[10 * n + i]
+    gap11 = terms[11 * n + i]
+    gap12 = terms[12 * n + i]
+    gap13 = terms[13 * n + i]
+    gap14 = terms[14 * n + i]
+    gap15 = terms[15 * n + i]
+    gap16 = terms[16 * n + i]
     R = p[0]
     E = p[1]
-    nu = p[6]
-    x0 = fabs(delta)
-    a = sqrt(R * (gap0 + gap1 / (gap2 + 2.0 * x0) + x0))
-    x3 = gap3 + gap4 * x0
-    nu_p2 = nu * nu
-    x2 = E / (1.0 - nu_p2)
+    own_nu = p[6]
+    a = (sqrt(delta + gap0 + gap1 / (2.0 * delta + gap2)) if delta >= 0.0 else gap3 / sqrt(gap0 - delta)) * sqrt(R)
+    x9 = delta * gap5 + gap4
+    x1 = (4.0 / 3.0) * a
     R_p2 = R * R
     delta_p2 = delta * delta
-    x3_p2 = x3 * x3
-    dF_ddelta = x2 * (x0 * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + gap5 + gap8 * x0 + gap9 * x0) / (x3_p2 * a) + 4.0 * a) / 3.0
-    newton = ((4.0 / 3.0) * delta * x2 * a - F) / dF_ddelta
+    x3 = delta_p2 * R_p2
+    x4 = delta * R
+    x5 = 2.23606797749979
+    a_p2 = a * a
+    x7 = sqrt(5.0 * a_p2 - 4.0 * x4)
+    own_nu_p2 = own_nu * own_nu
+    x8 = E / (1.0 - own_nu_p2)
+    x9_p2 = x9 * x9
+    dF_ddelta = x8 * (x1 + x4 * (gap7 * delta_p2 + gap8 * delta_p2 + delta * gap10 + delta * gap9 + gap6 + 2.0 * x3) / (3.0 * x9_p2 * a) if delta >= 0.0 else (2.0 / 15.0) * x5 * (delta * gap14 * a_p2 + gap15 * a_p2 + gap16 * delta_p2 + delta * gap13 + 12.0 * x3 - 5.0 * x4 * a_p2) / (x7 * (delta * gap12 + gap11)))
+    newton = (delta * x8 * (x1 if delta >= 0.0 else (4.0 / 15.0) * x5 * x7) - F) / dF_ddelta
     out[i] = newton
     out[n + i] = dF_ddelta
 
@@ -99,27 +127,40 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[2]
-    A = p[3]
-    Pi0 = p[4]
-    ell = p[5]
-    x0 = fabs(delta)
-    x1 = 1.0 / R
-    x2 = 1.0 / h
-    x3 = x1 + x2
-    x4 = 1.0 / x3
-    x3_p2 = x3 * x3
-    a = sqrt(R * (x0 + x4 + 5.0 / (x3_p2 * (2.0 * x0 + 4.0 * x4))))
-    x6 = x2 * R
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    own_A = p[3]
+    own_Pi0 = p[4]
+    own_ell = p[5]
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = 1.0 / x2
+    x2_p2 = x2 * x2
+    x5 = 1.0 / x2_p2
+    a = (sqrt(delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)) if delta >= 0.0 else 1.5 * x3 / sqrt(x3 - delta)) * sqrt(R)
+    x8 = x1 * R
+    x9 = log1p((20.0 / 9.0) * x8)
     a_p2 = a * a
-    a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x3_p3 = x3_p2 * x3
-    zeta = 25.132741228718345 * x1 * eta * x3_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (142.3828125 * R_p3 / (x3_p3 * a_p6) + 1.0)
+    x15 = 7040.0 * a_p6
+    x18 = 21120.0 * a_p6
+    a_p4 = a_p2 * a_p2
+    x20 = 27504.0 * a_p4
+    x21 = 29808.0 * a_p2
+    x22 = 464.0 * a_p4
+    x23 = 648.0 * a_p2
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    a_p12 = a_p6 * a_p6
     h_p2 = h * h
-    F_adh = R * (3.141592653589793 * Pi0 * ell * exp(-h / ell) - A / (12.0 * h_p2))
+    h_p3 = h_p2 * h
+    x2_p3 = x2_p2 * x2
+    x2_p6 = x2_p3 * x2_p3
+    zeta = 3.141592653589793 * eta * (32.0 * x0 * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * x9 + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0) if delta >= 0.0 else 0.6 * x8 * a_p2 * (R + h) * (10.0 * R + 9.0 * x9 * h + 20.0 * h) * (729.0 * R_p4 * h_p2 + x22 * R_p2 + 928.0 * R * h * a_p4 + x22 * h_p2 - x23 * h * R_p3 - x23 * R_p2 * h_p2) / (6561.0 * R_p6 * h_p3 + x21 * R_p5 * h_p2 + x21 * R_p4 * h_p3 + x15 * R_p3 + x18 * h * R_p2 + x18 * R * h_p2 + x15 * h_p3 - x20 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x20 * R_p2 * h_p3))
+    F_adh = R * (3.141592653589793 * own_Pi0 * own_ell * exp(-h / own_ell) - own_A / (12.0 * h_p2))
     dh_dt = (F_adh - F) / zeta
     w[i] = dh_dt / h
 
@@ -130,77 +171,123 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     R = p[0]
     E = p[1]
     eta = p[2]
-    A = p[3]
-    Pi0 = p[4]
-    ell = p[5]
-    nu = p[6]
-    x0 = fabs(delta)
-    x1 = 1.0 / R
-    x2 = 1.0 / h
-    x3 = x1 + x2
-    x4 = 1.0 / x3
-    x3_p2 = x3 * x3
-    x6 = 1.0 / x3_p2
-    a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)))
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    own_A = p[3]
+    own_Pi0 = p[4]
+    own_ell = p[5]
+    own_nu = p[6]
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = 1.0 / x2
+    x2_p2 = x2 * x2
+    x5 = 1.0 / x2_p2
+    x6 = 2.0 * delta
+    x8 = x3 - delta
+    a = (sqrt(delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)) if delta >= 0.0 else 1.5 * x3 / sqrt(x8)) * sqrt(R)
     a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    x11 = 1.0 / a_p4
+    x12 = x11 * x5
+    R_p2 = R * R
+    x13 = x12 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x3_p3 = x3_p2 * x3
-    x9 = R_p3 / (x3_p3 * a_p6)
-    x10 = 142.3828125 * x9 + 1.0
-    x11 = x2 * R
-    x12 = log1p((20.0 / 9.0) * x11)
-    x13 = x11 / 2.0 + 0.45 * x12 + 1.0
-    a_p4 = a_p2 * a_p2
-    x15 = x3_p2 * a_p4
-    zeta = 25.132741228718345 * x1 * x13 * x15 * eta / x10
-    h_p2 = h * h
-    x17 = 1.0 / h_p2
-    x18 = exp(-h / ell)
-    F_adh = R * (3.141592653589793 * x18 * Pi0 * ell - x17 * A / 12.0)
-    x19 = R * h
-    x20 = 2.0 * x19
+    a_p12 = a_p6 * a_p6
+    x2_p3 = x2_p2 * x2
+    x2_p6 = x2_p3 * x2_p3
+    x15 = R_p6 / (x2_p6 * a_p12)
+    x16 = 106.3125 * x13 + 3762.643798828125 * x15 + 4.0
+    x17 = x1 * R
+    x18 = log1p((20.0 / 9.0) * x17)
+    x19 = x17 / 2.0 + 0.45 * x18 + 1.0
+    x20 = x2_p2 * a_p4
     x21 = R + h
-    x49 = x0 * x21 + x20
-    x49_p2 = x49 * x49
-    x22 = 1.0 / x49_p2
-    x23 = x22 / a
-    delta_p2 = delta * delta
-    x26 = delta_p2 * R_p2
-    x27 = R_p2 * h_p2
-    x28 = delta_p2 * h_p2
-    x29 = 8.0 * x0
-    x30 = R * h_p2
-    x31 = h * R_p2
-    x32 = R * (4.0 * x19 * delta_p2 + 2.0 * x26 + 3.0 * x27 + 2.0 * x28 + x29 * x30 + x29 * x31)
-    nu_p2 = nu * nu
-    x33 = E / (1.0 - nu_p2)
-    dF_ddelta = x33 * (4.0 * a + x0 * x23 * x32) / 3.0
-    x34 = 9.0 * x0
-    x35 = x20 * delta_p2 + x26 + 9.0 * x27 + x28 + x30 * x34 + x31 * x34
-    x21_p2 = x21 * x21
-    dF_dh = (2.0 / 3.0) * delta * x23 * x33 * x35 * R_p3 / x21_p2
-    x36 = 1.0 / zeta
-    dh_dt = x36 * (F_adh - F)
-    x38 = 1.0 / a_p2
-    R_p6 = R_p3 * R_p3
+    x24 = 7040.0 * a_p6
+    x27 = 21120.0 * a_p6
+    x28 = h * R_p2
+    x30 = 27504.0 * a_p4
+    x32 = 29808.0 * a_p2
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    h_p2 = h * h
     h_p3 = h_p2 * h
-    x39 = R_p6 * h_p3
-    x21_p3 = x21_p2 * x21
-    x41 = x21_p3 * a_p6
-    x42 = 18225.0 * x39 + 128.0 * x41
-    x43 = dF_dh / dF_ddelta
-    x44 = x22 * (91125.0 * x39 + 256.0 * x41)
-    x45 = 10.0 * R
-    x46 = 9.0 * x12
-    x47 = 1.0 / (18225.0 * x9 + 128.0)
-    x48 = x2 * x45 + x46 + 20.0
+    x33 = 6561.0 * R_p6 * h_p3 + x32 * R_p5 * h_p2 + x32 * R_p4 * h_p3 + x24 * R_p3 + x27 * R * h_p2 + x24 * h_p3 + x27 * x28 - x30 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x30 * R_p2 * h_p3
+    x34 = 10.0 * R
+    x35 = 9.0 * x18
+    x36 = x35 * h + 20.0 * h + x34
+    x37 = R * h
+    x38 = 464.0 * a_p4
+    x39 = 648.0 * a_p2
+    x40 = R_p2 * h_p2
+    x41 = 729.0 * R_p4 * h_p2 + x38 * R_p2 + 928.0 * x37 * a_p4 + x38 * h_p2 - x39 * h * R_p3 - x39 * x40
+    x42 = x17 * a_p2
+    zeta = 3.141592653589793 * eta * (32.0 * x0 * x19 * x20 / x16 if delta >= 0.0 else 0.6 * x21 * x36 * x41 * x42 / x33)
+    x43 = 1.0 / h_p2
+    x44 = 3.141592653589793 * own_Pi0 * exp(-h / own_ell)
+    F_adh = R * (x44 * own_ell - x43 * own_A / 12.0)
+    x45 = delta * R
+    delta_p2 = delta * delta
+    x48 = x37 * delta_p2
+    x49 = delta * x28
+    x50 = delta_p2 * R_p2
+    x46 = x45 * h_p2
+    x51 = delta_p2 * h_p2
+    x52 = 3.0 * x40 + 8.0 * x46 + 4.0 * x48 + 8.0 * x49 + 2.0 * x50 + 2.0 * x51
+    x53 = 1.0 / a
+    x54 = 2.0 * x37
+    x55 = delta * x21
+    x91 = x54 + x55
+    x91_p2 = x91 * x91
+    x56 = 1.0 / x91_p2
+    x57 = x53 * x56
+    x58 = 5.0 * a_p2
+    x59 = 1.0 / (x37 - x55)
+    x60 = x59 * sqrt(5.0) / sqrt(5.0 * a_p2 - 4.0 * x45)
+    own_nu_p2 = own_nu * own_nu
+    x61 = E / (1.0 - own_nu_p2)
+    dF_ddelta = x61 * ((4.0 / 3.0) * a + x45 * x52 * x57 / 3.0 if delta >= 0.0 else (2.0 / 15.0) * x60 * (x34 * h * a_p2 + 12.0 * x48 + 12.0 * x50 - delta * x58 * h - x45 * x58 - 12.0 * x49))
+    x21_p2 = x21 * x21
+    x62 = x57 * (x54 * delta_p2 + 9.0 * x40 + 9.0 * x46 + 9.0 * x49 + x50 + x51) / x21_p2
+    x63 = 1.0 / x21
+    x64 = x63 * (x37 - x21 * x6)
+    dF_dh = (2.0 / 3.0) * delta * x61 * (x62 * R_p3 if delta >= 0.0 else x42 * x60 * x64)
+    x65 = 1.0 / zeta
+    dh_dt = x65 * (F_adh - F)
+    x71 = 1.0 / a_p2
+    x72 = x3 * x71
+    x73 = x72 * R
+    x74 = 729.0 * x13 + 464.0 - 648.0 * x73
+    x75 = 1.0 / x74
+    x76 = 81.0 * x13 + 16.0 - 72.0 * x73
+    x77 = x75 * x76
+    x92 = 2.25 * x73 + 110.0 * x77
+    x66 = 1.0 / R_p2
+    x67 = 1.0 / (435456.0 * x13 + 15411789.0 * x15 + 16384.0)
     a_p8 = a_p4 * a_p4
-    x42_p2 = x42 * x42
-    slope_p11 = x36 * R * (A / (6.0 * h_p3) - 3.141592653589793 * x18 * Pi0) - dh_dt * x2 - dh_dt * (6.4 * x10 * x17 * x6 * R * (x2 * x35 * x44 * x21_p3 * a_p8 * (x46 * h + 20.0 * h + x45) / x42_p2 - x47 * (54675.0 * x38 * x47 * x48 * x6 * R_p2 + 2.0 * x1 * x3 * x48 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4) - x32 * x38 * x43 * x44 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x42))
-    slope_p21 = -x43 * h
+    x2_p4 = x2_p2 * x2_p2
+    x68 = 243.0 * x67 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0)
+    x69 = x66 * x2_p2 * a_p3 + x53 * x68
+    x70 = x16 * x67
+    x78 = 9.0 * x73
+    x79 = x78 - 4.0
+    x80 = -x79
+    x74_p2 = x74 * x74
+    x81 = x76 / x74_p2
+    x82 = x33 * x63 / (x36 * x41)
+    x83 = dF_dh / dF_ddelta
+    x84 = 1.0 / (20.0 * x17 + 9.0)
+    x85 = x1 * x34 + x35 + 20.0
+    x86 = x85 * R
+    x87 = 880.0 * x75
+    x88 = 7920.0 * x81
+    x89 = 1.0 / (440.0 * x77 + x78)
+    x90 = x71 * x89
+    a_p5 = a_p3 * a_p2
+    x92_p2 = x92 * x92
+    slope_p11 = x65 * R * (own_A / (6.0 * h_p3) - x44) - dh_dt * x1 - dh_dt * (R * (409.6 * x12 * x70 * (x62 * x69 * x85 * R_p4 - x43 * (5.0 * x20 * (18.0 * x84 + 1.0) + x86 * (x2 * x66 * a_p4 + x3 * x68))) / x19 if delta >= 0.0 else x82 * x90 * (9.0 * x59 * x64 * x72 * x86 * x89 * (1.0 - x79 * x88 - x80 * x87) - x1 * (9.0 * x5 * x85 * x90 * (x79 * x87 + x80 * x88 + 1.0) + 180.0 * x84 + 10.0))) - x83 * (4096.0 * x5 * x52 * x56 * x69 * x70 * R_p3 / a_p5 if delta >= 0.0 else 22.5 * x11 * x19 * x3 * x37 * x82 * (0.5 - 440.0 * x75 * x80 - 3960.0 * x79 * x81) / (x8 * x92_p2)))
+    slope_p21 = -x83 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -211,86 +298,134 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
     R = p[0]
     E = p[1]
     eta = p[2]
-    A = p[3]
-    Pi0 = p[4]
-    ell = p[5]
-    nu = p[6]
-    x0 = fabs(delta)
-    x1 = 1.0 / R
-    x2 = 1.0 / h
-    x3 = x1 + x2
-    x4 = 1.0 / x3
-    x3_p2 = x3 * x3
-    x6 = 1.0 / x3_p2
-    a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)))
-    nu_p2 = nu * nu
-    x8 = E / (1.0 - nu_p2)
-    x9 = delta * x8
-    F_ela = (4.0 / 3.0) * x9 * a
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    own_A = p[3]
+    own_Pi0 = p[4]
+    own_ell = p[5]
+    own_nu = p[6]
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = 1.0 / x2
+    x2_p2 = x2 * x2
+    x5 = 1.0 / x2_p2
+    x6 = 2.0 * delta
+    x8 = x3 - delta
+    a = (sqrt(delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)) if delta >= 0.0 else 1.5 * x3 / sqrt(x8)) * sqrt(R)
+    x9 = (4.0 / 3.0) * a
+    x10 = 2.23606797749979
+    x11 = delta * R
     a_p2 = a * a
+    x13 = sqrt(5.0 * a_p2 - 4.0 * x11)
+    own_nu_p2 = own_nu * own_nu
+    x15 = E / (1.0 - own_nu_p2)
+    x16 = delta * x15
+    F_ela = x16 * (x9 if delta >= 0.0 else (4.0 / 15.0) * x10 * x13)
+    a_p4 = a_p2 * a_p2
+    x19 = 1.0 / a_p4
+    x20 = x19 * x5
+    R_p2 = R * R
+    x21 = x20 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x3_p3 = x3_p2 * x3
-    x12 = R_p3 / (x3_p3 * a_p6)
-    x13 = 142.3828125 * x12 + 1.0
-    x14 = x2 * R
-    x15 = log1p((20.0 / 9.0) * x14)
-    x16 = x14 / 2.0 + 0.45 * x15 + 1.0
-    a_p4 = a_p2 * a_p2
-    x18 = x3_p2 * a_p4
-    zeta = 25.132741228718345 * x1 * x16 * x18 * eta / x13
+    a_p12 = a_p6 * a_p6
+    x2_p3 = x2_p2 * x2
+    x2_p6 = x2_p3 * x2_p3
+    x23 = R_p6 / (x2_p6 * a_p12)
+    x24 = 106.3125 * x21 + 3762.643798828125 * x23 + 4.0
+    x25 = x1 * R
+    x26 = log1p((20.0 / 9.0) * x25)
+    x27 = x25 / 2.0 + 0.45 * x26 + 1.0
+    x28 = x2_p2 * a_p4
+    x29 = R + h
+    x32 = 7040.0 * a_p6
+    x35 = 21120.0 * a_p6
+    x36 = h * R_p2
+    x38 = 27504.0 * a_p4
+    x39 = 29808.0 * a_p2
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
     h_p2 = h * h
-    x20 = 1.0 / h_p2
-    x21 = exp(-h / ell)
-    F_adh = R * (3.141592653589793 * x21 * Pi0 * ell - x20 * A / 12.0)
-    x22 = 2.0 * R
-    x23 = x22 * h
-    x24 = R + h
-    x53 = x0 * x24 + x23
-    x53_p2 = x53 * x53
-    x25 = 1.0 / x53_p2
-    x26 = x25 / a
-    x28 = R * h
+    h_p3 = h_p2 * h
+    x40 = 6561.0 * R_p6 * h_p3 + x39 * R_p5 * h_p2 + x39 * R_p4 * h_p3 + x32 * R_p3 + x35 * R * h_p2 + x32 * h_p3 + x35 * x36 - x38 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x38 * R_p2 * h_p3
+    x41 = 10.0 * R
+    x42 = 9.0 * x26
+    x43 = x42 * h + 20.0 * h + x41
+    x44 = R * h
+    x45 = 464.0 * a_p4
+    x46 = 648.0 * a_p2
+    x47 = R_p2 * h_p2
+    x48 = 729.0 * R_p4 * h_p2 + x45 * R_p2 + 928.0 * x44 * a_p4 + x45 * h_p2 - x46 * h * R_p3 - x46 * x47
+    x49 = x25 * a_p2
+    zeta = 3.141592653589793 * eta * (32.0 * x0 * x27 * x28 / x24 if delta >= 0.0 else 0.6 * x29 * x43 * x48 * x49 / x40)
+    x50 = 1.0 / h_p2
+    x51 = 3.141592653589793 * own_Pi0 * exp(-h / own_ell)
+    F_adh = R * (x51 * own_ell - x50 * own_A / 12.0)
     delta_p2 = delta * delta
-    x30 = delta_p2 * R_p2
-    x31 = R_p2 * h_p2
-    x32 = delta_p2 * h_p2
-    x33 = 8.0 * x0
-    x34 = R * h_p2
-    x35 = h * R_p2
-    x36 = R * (4.0 * x28 * delta_p2 + 2.0 * x30 + 3.0 * x31 + 2.0 * x32 + x33 * x34 + x33 * x35)
-    dF_ddelta = x8 * (4.0 * a + x0 * x26 * x36) / 3.0
-    x37 = 9.0 * x0
-    x38 = x23 * delta_p2 + x30 + 9.0 * x31 + x32 + x34 * x37 + x35 * x37
-    x24_p2 = x24 * x24
-    x39 = x26 * x38 * R_p3 / x24_p2
-    dF_dh = (2.0 / 3.0) * x39 * x9
+    x54 = x44 * delta_p2
+    x55 = delta * x36
+    x56 = delta_p2 * R_p2
+    x52 = x11 * h_p2
+    x57 = delta_p2 * h_p2
+    x58 = 3.0 * x47 + 8.0 * x52 + 4.0 * x54 + 8.0 * x55 + 2.0 * x56 + 2.0 * x57
+    x59 = 1.0 / a
+    x60 = 2.0 * x44
+    x61 = delta * x29
+    x97 = x60 + x61
+    x97_p2 = x97 * x97
+    x62 = 1.0 / x97_p2
+    x63 = x59 * x62
+    x64 = 5.0 * a_p2
+    x65 = 1.0 / (x44 - x61)
+    x66 = x10 * x65 / x13
+    dF_ddelta = x15 * (x11 * x58 * x63 / 3.0 + x9 if delta >= 0.0 else (2.0 / 15.0) * x66 * (x41 * h * a_p2 + 12.0 * x54 + 12.0 * x56 - delta * x64 * h - x11 * x64 - 12.0 * x55))
+    x29_p2 = x29 * x29
+    x67 = x63 * (x60 * delta_p2 + 9.0 * x47 + 9.0 * x52 + 9.0 * x55 + x56 + x57) / x29_p2
+    x68 = 1.0 / x29
+    x69 = x68 * (x44 - x29 * x6)
+    x70 = (x67 * R_p3 if delta >= 0.0 else x49 * x66 * x69)
+    dF_dh = (2.0 / 3.0) * x16 * x70
     C = dF_ddelta / 2.0
     D = C * zeta / (C + dF_dh)
-    x40 = F - F_adh
-    dh_dt = -x40 / zeta
-    x41 = 1.0 / dF_ddelta
-    ddelta_dt = x41 * (dF_dt - dF_dh * dh_dt)
-    dX_dt = -x40 / D - dF_dt / C
-    X = h + x22 - 2.0 * delta
-    lambda1 = 2.0 * x39 * x41 * E * h / (3.0 * nu_p2 - 3.0)
-    x43 = 1.0 / a_p2
-    R_p6 = R_p3 * R_p3
-    h_p3 = h_p2 * h
-    x44 = R_p6 * h_p3
-    x24_p3 = x24_p2 * x24
-    x46 = x24_p3 * a_p6
-    x47 = 18225.0 * x44 + 128.0 * x46
-    x48 = x25 * (91125.0 * x44 + 256.0 * x46)
-    x49 = 10.0 * R
-    x50 = 9.0 * x15
-    x51 = 1.0 / (18225.0 * x12 + 128.0)
-    x52 = x2 * x49 + x50 + 20.0
+    x71 = F - F_adh
+    dh_dt = -x71 / zeta
+    x72 = 1.0 / dF_ddelta
+    ddelta_dt = x72 * (dF_dt - dF_dh * dh_dt)
+    dX_dt = -x71 / D - dF_dt / C
+    X = 2.0 * R + h - x6
+    lambda1 = 2.0 * x70 * x72 * E * h / (3.0 * own_nu_p2 - 3.0)
+    x78 = 1.0 / a_p2
+    x79 = x3 * x78
+    x80 = x79 * R
+    x81 = 729.0 * x21 + 464.0 - 648.0 * x80
+    x82 = 1.0 / x81
+    x83 = 81.0 * x21 + 16.0 - 72.0 * x80
+    x84 = x82 * x83
+    x98 = 2.25 * x80 + 110.0 * x84
+    x73 = 1.0 / R_p2
+    x74 = 1.0 / (435456.0 * x21 + 15411789.0 * x23 + 16384.0)
     a_p8 = a_p4 * a_p4
-    x47_p2 = x47 * x47
-    lambda2 = -h * (6.4 * x13 * x20 * x6 * R * (x2 * x38 * x48 * x24_p3 * a_p8 * (x50 * h + 20.0 * h + x49) / x47_p2 - x51 * (54675.0 * x43 * x51 * x52 * x6 * R_p2 + 2.0 * x1 * x3 * x52 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4) - dF_dh * x36 * x41 * x43 * x48 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x47)) - x28 * (A / (6.0 * h_p3) - 3.141592653589793 * x21 * Pi0) / x40
+    x2_p4 = x2_p2 * x2_p2
+    x75 = 243.0 * x74 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0)
+    x76 = x73 * x2_p2 * a_p3 + x59 * x75
+    x77 = x24 * x74
+    x85 = 9.0 * x80
+    x86 = x85 - 4.0
+    x87 = -x86
+    x81_p2 = x81 * x81
+    x88 = x83 / x81_p2
+    x89 = x40 * x68 / (x43 * x48)
+    x90 = 1.0 / (20.0 * x25 + 9.0)
+    x91 = x1 * x41 + x42 + 20.0
+    x92 = x91 * R
+    x93 = 880.0 * x82
+    x94 = 7920.0 * x88
+    x95 = 1.0 / (440.0 * x84 + x85)
+    x96 = x78 * x95
+    a_p5 = a_p3 * a_p2
+    x98_p2 = x98 * x98
+    lambda2 = -h * (R * (409.6 * x20 * x77 * (x67 * x76 * x91 * R_p4 - x50 * (5.0 * x28 * (18.0 * x90 + 1.0) + x92 * (x2 * x73 * a_p4 + x3 * x75))) / x27 if delta >= 0.0 else x89 * x96 * (9.0 * x65 * x69 * x79 * x92 * x95 * (1.0 - x86 * x94 - x87 * x93) - x1 * (9.0 * x5 * x91 * x96 * (x86 * x93 + x87 * x94 + 1.0) + 180.0 * x90 + 10.0))) - dF_dh * x72 * (4096.0 * x5 * x58 * x62 * x76 * x77 * R_p3 / a_p5 if delta >= 0.0 else 22.5 * x19 * x27 * x3 * x44 * x89 * (0.5 - 440.0 * x82 * x87 - 3960.0 * x86 * x88) / (x8 * x98_p2))) - x44 * (own_A / (6.0 * h_p3) - x51) / x71
     out[0 * n + i] = a
     out[1 * n + i] = F_ela
     out[2 * n + i] = zeta
@@ -380,7 +515,7 @@ def dlvo_evaluate(n: int, h: array, delta: array, F: array, dF_dt: array, p: arr
 def dlvo_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
     w = empty(2)
-    terms = empty(10)
+    terms = empty(17)
     guess = nan
     for i in range(n):
         guess = guess if delta[i] != delta[i] else delta[i]
@@ -520,6 +655,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
 
 
 
+
+
 @jit
 def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -527,11 +664,12 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -540,7 +678,7 @@ def dlvo_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: 
     """
     w = empty(4)
     work = empty(40)
-    terms = empty(80)
+    terms = empty(136)
     given = empty(8)
     h = empty(8)
     deflection = empty(8)
@@ -982,7 +1120,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     delta = empty(8)
     z = empty(8)
     work = empty(40)
-    terms = empty(80)
+    terms = empty(136)
     # outputs gathered and not written yet
     gathered: int = 0
     delta[7] = out[2 * total + first + j - 1] if j > 0 else nan
@@ -1041,7 +1179,7 @@ def dlvo_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(448)
     p = empty(7)
@@ -1049,7 +1187,7 @@ def dlvo_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
         at: int = 11 * run
         for k in range(7):
             p[k] = runs[at + 4 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -1066,5 +1204,7 @@ def dlvo_runs(n: int, count: int, at_gaps: int, settings: array, runs: array, ta
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[17 * n * count + run] = float(ended)
         out[17 * n * count + n + run] = worst[0]

@@ -1,22 +1,22 @@
 /* Contact law droplet: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Princen 1983, doi:10.1016/0021-9797(83)90323-5; Reynolds' film; Brenner 1961 for the friction of spheres
- * Law 1f749852e49be335:
- *     a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+ * Law bbf87643f46d45d4:
+ *     a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
  *     F_ela = 4*pi*delta*sigma
- *     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
  *     F_adh = 0
  * Left out, with the operations that each saved:
- *     one sign of delta: 116 -> 115
- *     constant force: 115 -> 110
- *     no remote force: 110 -> 109
- *     outputs asked for: 109 -> 102
- * Operations, 170 in all:
+ *     one sign of delta: 282 -> 167
+ *     constant force: 167 -> 162
+ *     no remote force: 162 -> 161
+ *     outputs asked for: 161 -> 154
+ * Operations, 304 in all:
  *     gap_terms: 1 add, 3 div
  *     newton: 1 add, 3 mul, 1 div
- *     gap_rate: 5 add, 16 mul, 7 div, 1 sqrt, 1 call
- *     slopes: 19 add, 63 mul, 13 div, 1 sqrt, 1 call
- *     quantities: 7 add, 18 mul, 7 div, 1 sqrt, 1 call
+ *     gap_rate: 15 add, 49 mul, 5 div, 1 sqrt, 1 call
+ *     slopes: 38 add, 93 mul, 16 div, 1 sqrt, 1 call
+ *     quantities: 17 add, 51 mul, 5 div, 1 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -41,8 +41,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -262,8 +263,8 @@ static inline void _gap_terms(int64_t i, int64_t n, double h, const double *rest
 static inline void _newton(int64_t i, int64_t n, double delta, double F, const double *restrict terms, const double *restrict p, double *restrict out)
 {
     const double gap0 = terms[0 * n + i];
-    const double sigma = p[2];
-    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma;
+    const double own_sigma = p[2];
+    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma;
     out[i] = newton;
 }
 
@@ -272,16 +273,24 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[1];
-    const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double a = sqrt(2.0 * R * (delta + 1.0 / x2));
-    const double x5 = x1 * R;
+    const double x0 = 1.0 / h;
+    const double a = sqrt(2.0 * R * (delta + 1.0 / (x0 + 1.0 / R)));
     const double R_p2 = R * R;
+    const double x5 = h * R_p2;
     const double a_p2 = a * a;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x8 = 3.0 * a_p6;
     const double a_p4 = a_p2 * a_p2;
-    const double x2_p2 = x2 * x2;
-    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
+    const double x11 = 3.0 * a_p4;
+    const double h_p2 = h * h;
+    const double x12 = 6.0 * h_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double h_p3 = h_p2 * h;
+    const double zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p(20.0 / 9.0 * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x12 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x8 * R * h_p2 + a_p6 * h_p3 + x5 * x8 - x11 * h * R_p4 - x12 * R_p3 * a_p4 - x11 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x5));
     const double dh_dt = -F / zeta;
     w[i] = dh_dt / h;
 }
@@ -291,46 +300,59 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
 {
     const double R = p[0];
     const double eta = p[1];
-    const double sigma = p[2];
+    const double own_sigma = p[2];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
-    const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (delta + x3));
-    const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
-    const double x5 = 1.0 / a_p4;
-    const double x2_p2 = x2 * x2;
-    const double x7 = 1.0 / x2_p2;
+    const double a = sqrt(2.0 * R * (delta + 1.0 / x2));
+    const double x5 = 10.0 * R;
+    const double x6 = x1 * R;
+    const double x7 = log1p(20.0 / 9.0 * x6);
+    const double x8 = 9.0 * x7;
+    const double x9 = x8 * h + 20.0 * h + x5;
     const double R_p2 = R * R;
-    const double x8 = 12.0 * x5 * x7 * R_p2 + 1.0;
-    const double x9 = 1.0 / x8;
-    const double x10 = x1 * R;
-    const double x11 = log1p(20.0 / 9.0 * x10);
-    const double x12 = x10 / 2.0 + 0.45 * x11 + 1.0;
-    const double x13 = x2_p2 * a_p4;
-    const double zeta = 9.42477796076938 * x0 * x12 * x13 * x9 * eta;
-    const double dF_ddelta = 12.566370614359172 * sigma;
-    const double dF_dh = 0.0;
-    const double dh_dt = -F / zeta;
-    const double x24 = R + h;
-    const double x24_p2 = x24 * x24;
-    const double x16 = x24_p2;
-    const double R_p4 = R_p2 * R_p2;
-    const double h_p2 = h * h;
-    const double x15 = R_p4 * h_p2;
-    const double x17 = x16 * a_p4;
-    const double x18 = 12.0 * x15 + x17;
-    const double x19 = 24.0 * x15 + x17;
-    const double x20 = dF_dh / dF_ddelta;
-    const double x21 = 10.0 * R;
-    const double x22 = 9.0 * x11;
-    const double x23 = x1 * x21 + x22 + 20.0;
+    const double x12 = h * R_p2;
+    const double a_p2 = a * a;
+    const double x13 = R * a_p2 + h * a_p2 + 8.0 * x12;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x18_p2 = x18 * x18;
-    const double slope_p11 = -dh_dt * x1 - dh_dt * (x5 * x7 * x8 * R * (2.0 * x1 * x16 * x19 * a_p6 * (x22 * h + 20.0 * h + x21) / x18_p2 - x9 * (12.0 * x23 * x3 * x9 * R + x0 * x2 * x23 * a_p4 + 5.0 * x13 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (10.0 * x12 * h_p2) - 4.0 * x19 * x20 * R / (x18 * a_p2));
-    const double slope_p21 = -x20 * h;
+    const double x16 = 3.0 * a_p6;
+    const double a_p4 = a_p2 * a_p2;
+    const double x19 = 3.0 * a_p4;
+    const double h_p2 = h * h;
+    const double x20 = 6.0 * h_p2;
+    const double R_p4 = R_p2 * R_p2;
+    const double h_p3 = h_p2 * h;
+    const double x21 = R_p4 * h_p3;
+    const double R_p3 = R_p2 * R;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double x22 = 2.0 * R_p6 * h_p3 + x20 * R_p5 * a_p2 + R_p3 * a_p6 + x16 * R * h_p2 + a_p6 * h_p3 + 6.0 * x21 * a_p2 + x12 * x16 - x19 * h * R_p4 - x20 * R_p3 * a_p4 - x19 * R_p2 * h_p3;
+    const double zeta = 0.47123889803846897 * x22 * x9 * eta / (x13 * R_p3 * h_p3);
+    const double dF_ddelta = 12.566370614359172 * own_sigma;
+    const double dF_dh = 0.0;
+    const double dh_dt = -F / zeta;
+    const double x38 = R + h;
+    const double x23 = dF_dh / dF_ddelta;
+    const double x24 = x0 * x2 * a_p2;
+    const double x25 = x24 + 8.0;
+    const double x26 = 1.0 / x25;
+    const double x2_p2 = x2 * x2;
+    const double x27 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x24;
+    const double x28 = x26 * x27;
+    const double x29 = 2.0 * x28;
+    const double x30 = 2.0 - x24;
+    const double x31 = 2.0 * x24 + 1.0;
+    const double x32 = 2.0 * x26 * x31;
+    const double x25_p2 = x25 * x25;
+    const double x33 = x27 * x31 / x25_p2;
+    const double x34 = x2 * (x29 + 1.0 - x30 * x32 - x33);
+    const double x35 = 1.0 / x9;
+    const double x36 = 1.0 / x22;
+    const double x37 = x1 * x5 + x8 + 20.0;
+    const double x38_p2 = x38 * x38;
+    const double slope_p11 = -dh_dt * x1 - dh_dt * (x13 * x35 * x36 * R_p3 * h_p3 * (2.0 * x34 * x37 * R_p3 / x38_p2 + (x37 * a_p2 * (x30 * x32 + x33 - x29 - 1.0) - 10.0 * R_p2 * (1.0 + 18.0 / (20.0 * x6 + 9.0)) * (x24 + x28 * x31)) / h_p2) / 2.0 - 20.0 * x13 * x21 * x23 * x34 * x35 * x36 * (x6 / 2.0 + 0.45 * x7 + 1.0));
+    const double slope_p21 = -x23 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -340,16 +362,24 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 {
     const double R = p[0];
     const double eta = p[1];
-    const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double a = sqrt(2.0 * R * (delta + 1.0 / x2));
-    const double x5 = x1 * R;
+    const double x0 = 1.0 / h;
+    const double a = sqrt(2.0 * R * (delta + 1.0 / (x0 + 1.0 / R)));
     const double R_p2 = R * R;
+    const double x5 = h * R_p2;
     const double a_p2 = a * a;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x8 = 3.0 * a_p6;
     const double a_p4 = a_p2 * a_p2;
-    const double x2_p2 = x2 * x2;
-    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
+    const double x11 = 3.0 * a_p4;
+    const double h_p2 = h * h;
+    const double x12 = 6.0 * h_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double h_p3 = h_p2 * h;
+    const double zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p(20.0 / 9.0 * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x12 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x8 * R * h_p2 + a_p6 * h_p3 + x5 * x8 - x11 * h * R_p4 - x12 * R_p3 * a_p4 - x11 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x5));
     const double dh_dt = -F / zeta;
     const double X = 2.0 * R + h - 2.0 * delta;
     out[0 * n + i] = a;
@@ -788,11 +818,12 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
    of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1546,7 +1577,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void droplet_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[736];
     double p[3];
@@ -1559,7 +1590,7 @@ void droplet_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restr
         for (int64_t k = 0; k < 1; k++) {
             c[k] = runs[at + 7 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1578,6 +1609,9 @@ void droplet_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restr
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[8 * n * count + run] = (double)ended;
         out[8 * n * count + n + run] = worst[0];

@@ -1,22 +1,22 @@
 """Contact law droplet: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Princen 1983, doi:10.1016/0021-9797(83)90323-5; Reynolds' film; Brenner 1961 for the friction of spheres
-Law 1f749852e49be335:
-    a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+Law bbf87643f46d45d4:
+    a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
     F_ela = 4*pi*delta*sigma
-    zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
     F_adh = 0
 Left out, with the operations that each saved:
-    one sign of delta: 116 -> 115
-    constant force: 115 -> 110
-    no remote force: 110 -> 109
-    outputs asked for: 109 -> 102
-Operations, 170 in all:
+    one sign of delta: 282 -> 167
+    constant force: 167 -> 162
+    no remote force: 162 -> 161
+    outputs asked for: 161 -> 154
+Operations, 304 in all:
     gap_terms: 1 add, 3 div
     newton: 1 add, 3 mul, 1 div
-    gap_rate: 5 add, 16 mul, 7 div, 1 sqrt, 1 call
-    slopes: 19 add, 63 mul, 13 div, 1 sqrt, 1 call
-    quantities: 7 add, 18 mul, 7 div, 1 sqrt, 1 call
+    gap_rate: 15 add, 49 mul, 5 div, 1 sqrt, 1 call
+    slopes: 38 add, 93 mul, 16 div, 1 sqrt, 1 call
+    quantities: 17 add, 51 mul, 5 div, 1 sqrt, 1 call
 
 Functions: droplet_evaluate, droplet_solve_delta, droplet_drive, droplet_integrate, droplet_passages, droplet_sample, droplet_runs.
 p holds R, eta, sigma.
@@ -49,8 +49,8 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
 def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out: array) -> None:
     """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
     gap0 = terms[0 * n + i]
-    sigma = p[2]
-    newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma
+    own_sigma = p[2]
+    newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma
     out[i] = newton
 
 
@@ -59,16 +59,24 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[1]
-    x0 = 1.0 / R
-    x1 = 1.0 / h
-    x2 = x0 + x1
-    a = sqrt(2.0 * R * (delta + 1.0 / x2))
-    x5 = x1 * R
+    x0 = 1.0 / h
+    a = sqrt(2.0 * R * (delta + 1.0 / (x0 + 1.0 / R)))
     R_p2 = R * R
+    x5 = h * R_p2
     a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x8 = 3.0 * a_p6
     a_p4 = a_p2 * a_p2
-    x2_p2 = x2 * x2
-    zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
+    x11 = 3.0 * a_p4
+    h_p2 = h * h
+    x12 = 6.0 * h_p2
+    R_p3 = R_p2 * R
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    h_p3 = h_p2 * h
+    zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p((20.0 / 9.0) * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x12 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x8 * R * h_p2 + a_p6 * h_p3 + x5 * x8 - x11 * h * R_p4 - x12 * R_p3 * a_p4 - x11 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x5))
     dh_dt = -F / zeta
     w[i] = dh_dt / h
 
@@ -78,46 +86,59 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     """The Jacobian of the rates of the state (ln h, delta following from the force balance)."""
     R = p[0]
     eta = p[1]
-    sigma = p[2]
+    own_sigma = p[2]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
-    x3 = 1.0 / x2
-    a = sqrt(2.0 * R * (delta + x3))
-    a_p2 = a * a
-    a_p4 = a_p2 * a_p2
-    x5 = 1.0 / a_p4
-    x2_p2 = x2 * x2
-    x7 = 1.0 / x2_p2
+    a = sqrt(2.0 * R * (delta + 1.0 / x2))
+    x5 = 10.0 * R
+    x6 = x1 * R
+    x7 = log1p((20.0 / 9.0) * x6)
+    x8 = 9.0 * x7
+    x9 = x8 * h + 20.0 * h + x5
     R_p2 = R * R
-    x8 = 12.0 * x5 * x7 * R_p2 + 1.0
-    x9 = 1.0 / x8
-    x10 = x1 * R
-    x11 = log1p((20.0 / 9.0) * x10)
-    x12 = x10 / 2.0 + 0.45 * x11 + 1.0
-    x13 = x2_p2 * a_p4
-    zeta = 9.42477796076938 * x0 * x12 * x13 * x9 * eta
-    dF_ddelta = 12.566370614359172 * sigma
-    dF_dh = 0.0
-    dh_dt = -F / zeta
-    x24 = R + h
-    x24_p2 = x24 * x24
-    x16 = x24_p2
-    R_p4 = R_p2 * R_p2
-    h_p2 = h * h
-    x15 = R_p4 * h_p2
-    x17 = x16 * a_p4
-    x18 = 12.0 * x15 + x17
-    x19 = 24.0 * x15 + x17
-    x20 = dF_dh / dF_ddelta
-    x21 = 10.0 * R
-    x22 = 9.0 * x11
-    x23 = x1 * x21 + x22 + 20.0
+    x12 = h * R_p2
+    a_p2 = a * a
+    x13 = R * a_p2 + h * a_p2 + 8.0 * x12
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x18_p2 = x18 * x18
-    slope_p11 = -dh_dt * x1 - dh_dt * (x5 * x7 * x8 * R * (2.0 * x1 * x16 * x19 * a_p6 * (x22 * h + 20.0 * h + x21) / x18_p2 - x9 * (12.0 * x23 * x3 * x9 * R + x0 * x2 * x23 * a_p4 + 5.0 * x13 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (10.0 * x12 * h_p2) - 4.0 * x19 * x20 * R / (x18 * a_p2))
-    slope_p21 = -x20 * h
+    x16 = 3.0 * a_p6
+    a_p4 = a_p2 * a_p2
+    x19 = 3.0 * a_p4
+    h_p2 = h * h
+    x20 = 6.0 * h_p2
+    R_p4 = R_p2 * R_p2
+    h_p3 = h_p2 * h
+    x21 = R_p4 * h_p3
+    R_p3 = R_p2 * R
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    x22 = 2.0 * R_p6 * h_p3 + x20 * R_p5 * a_p2 + R_p3 * a_p6 + x16 * R * h_p2 + a_p6 * h_p3 + 6.0 * x21 * a_p2 + x12 * x16 - x19 * h * R_p4 - x20 * R_p3 * a_p4 - x19 * R_p2 * h_p3
+    zeta = 0.47123889803846897 * x22 * x9 * eta / (x13 * R_p3 * h_p3)
+    dF_ddelta = 12.566370614359172 * own_sigma
+    dF_dh = 0.0
+    dh_dt = -F / zeta
+    x38 = R + h
+    x23 = dF_dh / dF_ddelta
+    x24 = x0 * x2 * a_p2
+    x25 = x24 + 8.0
+    x26 = 1.0 / x25
+    x2_p2 = x2 * x2
+    x27 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x24
+    x28 = x26 * x27
+    x29 = 2.0 * x28
+    x30 = 2.0 - x24
+    x31 = 2.0 * x24 + 1.0
+    x32 = 2.0 * x26 * x31
+    x25_p2 = x25 * x25
+    x33 = x27 * x31 / x25_p2
+    x34 = x2 * (x29 + 1.0 - x30 * x32 - x33)
+    x35 = 1.0 / x9
+    x36 = 1.0 / x22
+    x37 = x1 * x5 + x8 + 20.0
+    x38_p2 = x38 * x38
+    slope_p11 = -dh_dt * x1 - dh_dt * (x13 * x35 * x36 * R_p3 * h_p3 * (2.0 * x34 * x37 * R_p3 / x38_p2 + (x37 * a_p2 * (x30 * x32 + x33 - x29 - 1.0) - 10.0 * R_p2 * (1.0 + 18.0 / (20.0 * x6 + 9.0)) * (x24 + x28 * x31)) / h_p2) / 2.0 - 20.0 * x13 * x21 * x23 * x34 * x35 * x36 * (x6 / 2.0 + 0.45 * x7 + 1.0))
+    slope_p21 = -x23 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -127,16 +148,24 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, p: array, out:
     """a, X, dh_dt at state i of n."""
     R = p[0]
     eta = p[1]
-    x0 = 1.0 / R
-    x1 = 1.0 / h
-    x2 = x0 + x1
-    a = sqrt(2.0 * R * (delta + 1.0 / x2))
-    x5 = x1 * R
+    x0 = 1.0 / h
+    a = sqrt(2.0 * R * (delta + 1.0 / (x0 + 1.0 / R)))
     R_p2 = R * R
+    x5 = h * R_p2
     a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x8 = 3.0 * a_p6
     a_p4 = a_p2 * a_p2
-    x2_p2 = x2 * x2
-    zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
+    x11 = 3.0 * a_p4
+    h_p2 = h * h
+    x12 = 6.0 * h_p2
+    R_p3 = R_p2 * R
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    h_p3 = h_p2 * h
+    zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p((20.0 / 9.0) * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x12 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x8 * R * h_p2 + a_p6 * h_p3 + x5 * x8 - x11 * h * R_p4 - x12 * R_p3 * a_p4 - x11 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x5))
     dh_dt = -F / zeta
     X = 2.0 * R + h - 2.0 * delta
     out[0 * n + i] = a
@@ -536,6 +565,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
 
 
 
+
+
 @jit
 def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -543,11 +574,12 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: arr
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
     of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1198,7 +1230,7 @@ def droplet_runs(n: int, count: int, at_gaps: int, settings: array, runs: array,
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(736)
     p = empty(3)
@@ -1209,7 +1241,7 @@ def droplet_runs(n: int, count: int, at_gaps: int, settings: array, runs: array,
             p[k] = runs[at + 4 + k]
         for k in range(1):
             c[k] = runs[at + 7 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -1226,5 +1258,7 @@ def droplet_runs(n: int, count: int, at_gaps: int, settings: array, runs: array,
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[8 * n * count + run] = float(ended)
         out[8 * n * count + n + run] = worst[0]

@@ -1,25 +1,26 @@
 """Contact law droplet: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Princen 1983, doi:10.1016/0021-9797(83)90323-5; Reynolds' film; Brenner 1961 for the friction of spheres
-Law 1f749852e49be335, 9fb2ccb7b9282ed1:
-    a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+Law bbf87643f46d45d4, 3f944401bbdd72b3:
+    a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
     F_ela = 4*pi*delta*sigma
-    zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
+    unequal = (4*R*size_ratio*(-4*(size_ratio + 1/5)*(1048576*size_ratio**8 + 4)/9 + 4)/(R*(22 - 68*size_ratio) + 16*h*size_ratio) + R/(2*h) + (size_ratio + 1/5)*(65536*size_ratio**8*log(20*R/(9*h) + 1) + (1 - 65536*size_ratio**8)*log(4*R/(9*h) + 1)) + 1)/(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)
     F_adh = 0
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
-    no remote force: 164 -> 153
-Operations, 364 in all:
-    iteration: 31 add, 86 mul, 22 div, 1 sqrt, 1 call
-    tangent: 33 add, 92 mul, 24 div, 1 sqrt, 1 call
-    state: 8 add, 25 mul, 12 div, 1 sqrt, 1 call
+    no remote force: 425 -> 414
+Operations, 1018 in all:
+    iteration: 128 add, 233 mul, 36 div, 3 sqrt, 2 call
+    tangent: 130 add, 239 mul, 38 div, 3 sqrt, 2 call
+    state: 48 add, 110 mul, 16 div, 3 sqrt, 2 call
     elastic: 2 mul
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
     drag: 2 mul
 
 Functions: droplet_contacts, droplet_state, droplet_energy.
-p holds eta, sigma; q holds R of each contact.
+p holds eta, sigma, undragged_p1; q holds R, size_ratio of each contact.
 """
 
 from __future__ import annotations
@@ -101,6 +102,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
     """
     eta = p[0]
     own_sigma = p[1]
+    undragged_p1 = p[2]
     overlap_lane = empty(16)
     g_lane = empty(16)
     target_lane = empty(16)
@@ -112,7 +114,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
     h_lane = empty(16)
     F_lane = empty(16)
     F_r_lane = empty(16)
-    q_lane = empty(16)
+    q_lane = empty(32)
     unsolved: int = 0
     base: int = 0
     while base < n:
@@ -127,6 +129,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
             high_lane[k] = inf
             open_lane[k] = 1.0
             q_lane[0 + k] = q[0 * n + i]
+            q_lane[16 + k] = q[1 * n + i]
         # pressed or pulled: H rises with the gap, so its sign at delta = 0 tells, and the weights stay what they are
         for k in range(16):
             overlap = overlap_lane[k]
@@ -151,69 +154,134 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
                 h = grown if y_now > 0.0 else shrunk
                 pressed = pressed_lane[k]
                 R = q_lane[0 + k]
+                size_ratio = q_lane[16 + k]
                 delta = h / 2.0 + overlap / 2.0
-                x0 = 1.0 / R
-                x1 = 1.0 / h
-                x2 = x0 + x1
-                x3 = 1.0 / x2
-                a = sqrt(2.0 * R * (x3 + fabs(delta)))
+                x0 = 1.0 / h
+                x1 = 1.0 / (x0 + 1.0 / R)
+                x3 = x1 - delta
+                a = (sqrt(delta + x1) if delta >= 0.0 else x1 / sqrt(x3)) * sqrt(2.0 * R)
                 x4 = 12.566370614359172 * own_sigma
                 F_ela = delta * x4
-                a_p2 = a * a
-                a_p4 = a_p2 * a_p2
-                x2_p2 = x2 * x2
-                x7 = 1.0 / (x2_p2 * a_p4)
-                R_p2 = R * R
-                x8 = 12.0 * x7 * R_p2 + 1.0
-                x9 = 1.0 / x8
-                x10 = x1 * R
-                x11 = _lane_log1p((20.0 / 9.0) * x10)
-                x12 = x10 / 2.0 + 0.45 * x11 + 1.0
-                x13 = x2_p2 * a_p4
-                zeta = 9.42477796076938 * x0 * x12 * x13 * x9 * eta
-                dF_ddelta = x4
-                dF_dh = 0.0
+                x5 = x0 * R
+                x6 = (20.0 / 9.0) * x5
+                x7 = _lane_log1p(x6)
+                x8 = x5 / 2.0
+                x9 = x8 + 1.0
+                x10 = 1.0 / (0.45 * x7 + x9)
+                x11 = size_ratio + 0.2
+                size_ratio_p2 = size_ratio * size_ratio
+                size_ratio_p4 = size_ratio_p2 * size_ratio_p2
+                size_ratio_p8 = size_ratio_p4 * size_ratio_p4
+                x13 = 65536.0 * size_ratio_p8
+                x14 = 1.0 - x13
+                x15 = (4.0 / 9.0) * x5
+                x16 = R * (22.0 - 68.0 * size_ratio) + 16.0 * size_ratio * h
+                x17 = R * (4.0 - (4.0 / 9.0) * x11 * (1048576.0 * size_ratio_p8 + 4.0))
+                x18 = 4.0 * x17 * size_ratio / x16 + x11 * (x13 * x7 + x14 * _lane_log1p(x15))
+                x19 = x18 + x9
+                of_radii = x10 * x19
                 h_p2 = h * h
-                x15 = 1.0 / h_p2
-                x33 = R + h
-                x33_p2 = x33 * x33
-                x16 = x33_p2
-                x17 = 10.0 * R
-                x18 = 9.0 * x11
-                R_p4 = R_p2 * R_p2
-                x19 = R_p4 * h_p2
-                x20 = x16 * a_p4
-                x21 = 24.0 * x19 + x20
-                x22 = 12.0 * x19 + x20
-                x23 = x1 * x17 + x18 + 20.0
+                x21 = 1.0 / h_p2
+                x22 = x21 * R
+                x23 = x22 / 2.0
+                x24 = x22 / (x6 + 1.0)
+                x16_p2 = x16 * x16
+                x25 = x11 * (-(1310720.0 / 9.0) * x24 * size_ratio_p8 - (4.0 / 9.0) * x14 * x22 / (x15 + 1.0)) - 64.0 * x17 * size_ratio_p2 / x16_p2 - x23
+                of_radii_h = x10 * (x23 + x24) + x25 / x19
+                excess = x18 + x8
+                excess_h = x25
+                x26 = excess + undragged_p1
+                x27 = 1.0 / (excess + 1.0)
+                x28 = 9.0 * h
+                x29 = 10.0 * R + 20.0 * h + x28 * x7
+                h_p3 = h_p2 * h
+                x32 = 1.0 / h_p3
+                a_p2 = a * a
+                x34 = R * a_p2
+                x35 = h * a_p2
+                R_p2 = R * R
+                x37 = 8.0 * R_p2
+                x38 = 1.0 / (x37 * h + x34 + x35)
+                R_p3 = R_p2 * R
                 a_p3 = a_p2 * a
                 a_p6 = a_p3 * a_p3
-                x22_p2 = x22 * x22
-                log_zeta_h = x15 * x7 * x8 * R * (2.0 * x1 * x16 * x21 * a_p6 * (x18 * h + 20.0 * h + x17) / x22_p2 - x9 * (12.0 * x23 * x3 * x9 * R + x0 * x2 * x23 * a_p4 + 5.0 * x13 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (10.0 * x12)
-                log_zeta_delta = 4.0 * x21 * R * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (x22 * a_p2)
-                x24 = 1.0 / reach
-                fading = x24 * (2.0 * reach - 2.0 * h)
+                x40 = R_p3 * a_p6
+                x41 = a_p6 * h_p3
+                R_p6 = R_p3 * R_p3
+                x43 = R_p6 * h_p3
+                x44 = a_p6 * h_p2
+                x45 = x44 * R
+                x46 = R_p2 * a_p6
+                x47 = 3.0 * h
+                R_p4 = R_p2 * R_p2
+                a_p4 = a_p2 * a_p2
+                x50 = R_p4 * a_p4
+                x51 = R_p2 * a_p4
+                x52 = x51 * h_p3
+                x53 = a_p4 * h_p2
+                x54 = x53 * R_p3
+                x55 = 6.0 * a_p2
+                x56 = R_p4 * h_p3
+                R_p5 = R_p3 * R_p2
+                x58 = R_p5 * h_p2
+                x59 = x40 + x41 + 2.0 * x43 + 3.0 * x45 + x46 * x47 + x55 * x56 + x55 * x58 - x47 * x50 - 3.0 * x52 - 6.0 * x54
+                x60 = 165.0 * x44
+                x61 = 165.0 * x46
+                x62 = 191.0 * x50
+                x63 = 184.0 * a_p2
+                x64 = 1.0 / (x60 * R + x61 * h + 55.0 * x40 + 55.0 * x41 + 36.0 * x43 + x56 * x63 + x58 * x63 - x62 * h - 191.0 * x52 - 382.0 * x54)
+                x65 = R + h
+                x66 = R * h
+                x67 = x66 * a_p4
+                x68 = R_p4 * h_p2
+                x69 = x35 * R_p3
+                x70 = 36.0 * R_p2
+                x71 = a_p2 * h_p2
+                x72 = 29.0 * x51 + 29.0 * x53 + 58.0 * x67 + 36.0 * x68 - 36.0 * x69 - x70 * x71
+                zeta = 3.141592653589793 * x26 * x27 * x29 * eta * of_radii * (0.15 * x32 * x38 * x59 / R_p3 if delta >= 0.0 else 0.075 * x0 * x34 * x64 * x65 * x72)
+                dF_ddelta = x4
+                dF_dh = 0.0
+                x73 = 20.0 * R + x28
+                x74 = (220.0 * R + 180.0 * h + 9.0 * x7 * x73) / (x29 * x73)
+                x75 = x66 * a_p6
+                x76 = R_p6 * h_p2
+                x77 = h * R_p3 * a_p4
+                x78 = x35 * R_p5
+                x79 = x51 * h_p2
+                x80 = 1.0 / x59
+                x81 = 3.0 * x80
+                x82 = 1.0 / x65
+                x83 = x71 * R_p2
+                x84 = 29.0 * a_p4
+                x85 = 2.0 / x72
+                x86 = delta * x65
+                x87 = x65 * a
+                x88 = a * (x85 * x87 * (29.0 * x34 + 29.0 * x35 - 18.0 * h * R_p2) + 1.0 / a - x64 * x87 * (165.0 * x51 + 165.0 * x53 + 330.0 * x67 + 184.0 * x68 - 382.0 * x69 - 382.0 * x83))
+                log_zeta_h = excess_h * x27 * (1.0 - undragged_p1) / x26 + of_radii_h + (2.0 * x82 * R_p3 * (x81 * (x51 + x53 + 2.0 * x67 + 2.0 * x68 - 2.0 * x69 - 2.0 * x83) - x38) + x74 + x81 * (x44 + x46 + x55 * x68 + 2.0 * x75 + 2.0 * x76 + 4.0 * x78 - x50 - 4.0 * x77 - 3.0 * x79) - 3.0 * x0 - x38 * (a_p2 + x37) if delta >= 0.0 else x5 * x82 * x88 * (x66 - 2.0 * x86) / (x66 - x86) + x74 + x82 + x85 * (36.0 * h * R_p4 + x84 * R + x84 * h - 18.0 * R_p3 * a_p2 - x35 * x70) - x0 - x64 * (552.0 * x68 * a_p2 + x60 + x61 + 330.0 * x75 + 108.0 * x76 + 368.0 * x78 - x62 - 764.0 * x77 - 573.0 * x79))
+                x89 = 48.0 * a_p2
+                log_zeta_delta = (2.0 * x38 * x65 * x80 * R * (6.0 * x46 * h + 21.0 * x50 * h + 2.0 * x40 + 2.0 * x41 + 46.0 * x43 + 6.0 * x45 + 21.0 * x52 + 42.0 * x54 - x56 * x89 - x58 * x89) if delta >= 0.0 else x88 / x3)
+                x90 = 1.0 / reach
+                fading = x90 * (2.0 * reach - 2.0 * h)
                 started = (1.0 if 1.0 < fading else fading)
                 ahead = (0.0 if 0.0 > started else started)
-                x26 = 3.0 - 2.0 * ahead
+                x92 = 3.0 - 2.0 * ahead
                 ahead_p2 = ahead * ahead
-                w = x26 * ahead_p2
-                w_h = -2.0 * x24 * (2.0 * x26 * ahead - 2.0 * ahead_p2)
+                w = x92 * ahead_p2
+                w_h = -2.0 * x90 * (2.0 * x92 * ahead - 2.0 * ahead_p2)
                 film = (w if pressed > 0.0 else 1.0)
                 film_h = (w_h if pressed > 0.0 else 0.0)
-                x28 = 1.0 / g
-                x29 = g / 2.0
-                Y = x28 * h / 2.0 - x1 * x29
-                Y_h = x15 * x29 + x28 / 2.0
-                h_p3 = h_p2 * h
-                Y_hh = -g / h_p3
-                x30 = 1.0 / zeta
-                rho = F_ela * x30
-                rho_h = x30 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
-                x31 = rho * s
-                x32 = Y - y_star
-                H = x31 * Y_h + x32 * film
-                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x31 + film_h * x32
+                x94 = 1.0 / g
+                x95 = g / 2.0
+                Y = x94 * h / 2.0 - x0 * x95
+                Y_h = x21 * x95 + x94 / 2.0
+                Y_hh = -x32 * g
+                x96 = 1.0 / zeta
+                rho = F_ela * x96
+                rho_h = x96 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+                x97 = rho * s
+                x98 = Y - y_star
+                H = x97 * Y_h + x98 * film
+                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x97 + film_h * x98
                 step = -H * Y_h / H_h
                 low_before = low_lane[k]
                 high_before = high_lane[k]
@@ -259,76 +327,141 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
             h = grown if y_now > 0.0 else shrunk
             pressed = pressed_lane[k]
             R = q_lane[0 + k]
+            size_ratio = q_lane[16 + k]
             delta = h / 2.0 + overlap / 2.0
-            x0 = 1.0 / R
-            x1 = 1.0 / h
-            x2 = x0 + x1
-            x3 = 1.0 / x2
-            a = sqrt(2.0 * R * (x3 + fabs(delta)))
+            x0 = 1.0 / h
+            x1 = 1.0 / (x0 + 1.0 / R)
+            x3 = x1 - delta
+            a = (sqrt(delta + x1) if delta >= 0.0 else x1 / sqrt(x3)) * sqrt(2.0 * R)
             x4 = 12.566370614359172 * own_sigma
             F_ela = delta * x4
-            a_p2 = a * a
-            a_p4 = a_p2 * a_p2
-            x2_p2 = x2 * x2
-            x7 = 1.0 / (x2_p2 * a_p4)
-            R_p2 = R * R
-            x8 = 12.0 * x7 * R_p2 + 1.0
-            x9 = 1.0 / x8
-            x10 = x1 * R
-            x11 = _lane_log1p((20.0 / 9.0) * x10)
-            x12 = x10 / 2.0 + 0.45 * x11 + 1.0
-            x13 = x2_p2 * a_p4
-            zeta = 9.42477796076938 * x0 * x12 * x13 * x9 * eta
-            dF_ddelta = x4
-            dF_dh = 0.0
+            x5 = x0 * R
+            x6 = (20.0 / 9.0) * x5
+            x7 = _lane_log1p(x6)
+            x8 = x5 / 2.0
+            x9 = x8 + 1.0
+            x10 = 1.0 / (0.45 * x7 + x9)
+            x11 = size_ratio + 0.2
+            size_ratio_p2 = size_ratio * size_ratio
+            size_ratio_p4 = size_ratio_p2 * size_ratio_p2
+            size_ratio_p8 = size_ratio_p4 * size_ratio_p4
+            x13 = 65536.0 * size_ratio_p8
+            x14 = 1.0 - x13
+            x15 = (4.0 / 9.0) * x5
+            x16 = R * (22.0 - 68.0 * size_ratio) + 16.0 * size_ratio * h
+            x17 = R * (4.0 - (4.0 / 9.0) * x11 * (1048576.0 * size_ratio_p8 + 4.0))
+            x18 = 4.0 * x17 * size_ratio / x16 + x11 * (x13 * x7 + x14 * _lane_log1p(x15))
+            x19 = x18 + x9
+            of_radii = x10 * x19
             h_p2 = h * h
-            x15 = 1.0 / h_p2
-            x34 = R + h
-            x34_p2 = x34 * x34
-            x16 = x34_p2
-            x17 = 10.0 * R
-            x18 = 9.0 * x11
-            R_p4 = R_p2 * R_p2
-            x19 = R_p4 * h_p2
-            x20 = x16 * a_p4
-            x21 = 24.0 * x19 + x20
-            x22 = 12.0 * x19 + x20
-            x23 = x1 * x17 + x18 + 20.0
+            x21 = 1.0 / h_p2
+            x22 = x21 * R
+            x23 = x22 / 2.0
+            x24 = x22 / (x6 + 1.0)
+            x16_p2 = x16 * x16
+            x25 = x11 * (-(1310720.0 / 9.0) * x24 * size_ratio_p8 - (4.0 / 9.0) * x14 * x22 / (x15 + 1.0)) - 64.0 * x17 * size_ratio_p2 / x16_p2 - x23
+            of_radii_h = x10 * (x23 + x24) + x25 / x19
+            excess = x18 + x8
+            excess_h = x25
+            x26 = excess + undragged_p1
+            x27 = 1.0 / (excess + 1.0)
+            x28 = 9.0 * h
+            x29 = 10.0 * R + 20.0 * h + x28 * x7
+            h_p3 = h_p2 * h
+            x32 = 1.0 / h_p3
+            a_p2 = a * a
+            x34 = R * a_p2
+            x35 = h * a_p2
+            R_p2 = R * R
+            x37 = 8.0 * R_p2
+            x38 = 1.0 / (x37 * h + x34 + x35)
+            R_p3 = R_p2 * R
             a_p3 = a_p2 * a
             a_p6 = a_p3 * a_p3
-            x22_p2 = x22 * x22
-            log_zeta_h = x15 * x7 * x8 * R * (2.0 * x1 * x16 * x21 * a_p6 * (x18 * h + 20.0 * h + x17) / x22_p2 - x9 * (12.0 * x23 * x3 * x9 * R + x0 * x2 * x23 * a_p4 + 5.0 * x13 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (10.0 * x12)
-            log_zeta_delta = 4.0 * x21 * R * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (x22 * a_p2)
-            x24 = 1.0 / reach
-            fading = x24 * (2.0 * reach - 2.0 * h)
+            x40 = R_p3 * a_p6
+            x41 = a_p6 * h_p3
+            R_p6 = R_p3 * R_p3
+            x43 = R_p6 * h_p3
+            x44 = a_p6 * h_p2
+            x45 = x44 * R
+            x46 = R_p2 * a_p6
+            x47 = 3.0 * h
+            R_p4 = R_p2 * R_p2
+            a_p4 = a_p2 * a_p2
+            x50 = R_p4 * a_p4
+            x51 = R_p2 * a_p4
+            x52 = x51 * h_p3
+            x53 = a_p4 * h_p2
+            x54 = x53 * R_p3
+            x55 = 6.0 * a_p2
+            x56 = R_p4 * h_p3
+            R_p5 = R_p3 * R_p2
+            x58 = R_p5 * h_p2
+            x59 = x40 + x41 + 2.0 * x43 + 3.0 * x45 + x46 * x47 + x55 * x56 + x55 * x58 - x47 * x50 - 3.0 * x52 - 6.0 * x54
+            x60 = 165.0 * x44
+            x61 = 165.0 * x46
+            x62 = 191.0 * x50
+            x63 = 184.0 * a_p2
+            x64 = 1.0 / (x60 * R + x61 * h + 55.0 * x40 + 55.0 * x41 + 36.0 * x43 + x56 * x63 + x58 * x63 - x62 * h - 191.0 * x52 - 382.0 * x54)
+            x65 = R + h
+            x66 = R * h
+            x67 = x66 * a_p4
+            x68 = R_p4 * h_p2
+            x69 = x35 * R_p3
+            x70 = 36.0 * R_p2
+            x71 = a_p2 * h_p2
+            x72 = 29.0 * x51 + 29.0 * x53 + 58.0 * x67 + 36.0 * x68 - 36.0 * x69 - x70 * x71
+            zeta = 3.141592653589793 * x26 * x27 * x29 * eta * of_radii * (0.15 * x32 * x38 * x59 / R_p3 if delta >= 0.0 else 0.075 * x0 * x34 * x64 * x65 * x72)
+            dF_ddelta = x4
+            dF_dh = 0.0
+            x73 = 20.0 * R + x28
+            x74 = (220.0 * R + 180.0 * h + 9.0 * x7 * x73) / (x29 * x73)
+            x75 = x66 * a_p6
+            x76 = R_p6 * h_p2
+            x77 = h * R_p3 * a_p4
+            x78 = x35 * R_p5
+            x79 = x51 * h_p2
+            x80 = 1.0 / x59
+            x81 = 3.0 * x80
+            x82 = 1.0 / x65
+            x83 = x71 * R_p2
+            x84 = 29.0 * a_p4
+            x85 = 2.0 / x72
+            x86 = delta * x65
+            x87 = x65 * a
+            x88 = a * (x85 * x87 * (29.0 * x34 + 29.0 * x35 - 18.0 * h * R_p2) + 1.0 / a - x64 * x87 * (165.0 * x51 + 165.0 * x53 + 330.0 * x67 + 184.0 * x68 - 382.0 * x69 - 382.0 * x83))
+            log_zeta_h = excess_h * x27 * (1.0 - undragged_p1) / x26 + of_radii_h + (2.0 * x82 * R_p3 * (x81 * (x51 + x53 + 2.0 * x67 + 2.0 * x68 - 2.0 * x69 - 2.0 * x83) - x38) + x74 + x81 * (x44 + x46 + x55 * x68 + 2.0 * x75 + 2.0 * x76 + 4.0 * x78 - x50 - 4.0 * x77 - 3.0 * x79) - 3.0 * x0 - x38 * (a_p2 + x37) if delta >= 0.0 else x5 * x82 * x88 * (x66 - 2.0 * x86) / (x66 - x86) + x74 + x82 + x85 * (36.0 * h * R_p4 + x84 * R + x84 * h - 18.0 * R_p3 * a_p2 - x35 * x70) - x0 - x64 * (552.0 * x68 * a_p2 + x60 + x61 + 330.0 * x75 + 108.0 * x76 + 368.0 * x78 - x62 - 764.0 * x77 - 573.0 * x79))
+            x89 = 48.0 * a_p2
+            log_zeta_delta = (2.0 * x38 * x65 * x80 * R * (6.0 * x46 * h + 21.0 * x50 * h + 2.0 * x40 + 2.0 * x41 + 46.0 * x43 + 6.0 * x45 + 21.0 * x52 + 42.0 * x54 - x56 * x89 - x58 * x89) if delta >= 0.0 else x88 / x3)
+            x90 = 1.0 / reach
+            fading = x90 * (2.0 * reach - 2.0 * h)
             started = (1.0 if 1.0 < fading else fading)
             ahead = (0.0 if 0.0 > started else started)
-            x26 = 3.0 - 2.0 * ahead
+            x92 = 3.0 - 2.0 * ahead
             ahead_p2 = ahead * ahead
-            w = x26 * ahead_p2
-            w_h = -2.0 * x24 * (2.0 * x26 * ahead - 2.0 * ahead_p2)
+            w = x92 * ahead_p2
+            w_h = -2.0 * x90 * (2.0 * x92 * ahead - 2.0 * ahead_p2)
             film = (w if pressed > 0.0 else 1.0)
             film_h = (w_h if pressed > 0.0 else 0.0)
             grip = (1.0 if pressed > 0.0 else w)
             grip_h = (0.0 if pressed > 0.0 else w_h)
-            x28 = 1.0 / g
-            x29 = g / 2.0
-            Y = x28 * h / 2.0 - x1 * x29
-            Y_h = x15 * x29 + x28 / 2.0
-            h_p3 = h_p2 * h
-            Y_hh = -g / h_p3
-            x30 = 1.0 / zeta
-            rho = F_ela * x30
-            x31 = dF_ddelta / 2.0
-            x32 = dF_dh + x31
-            rho_h = x30 * x32 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
-            rho_r = log_zeta_delta * rho / 2.0 - x30 * x31
-            x33 = Y_h * s
-            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x33
-            H_r = rho_r * x33
+            x94 = 1.0 / g
+            x95 = g / 2.0
+            Y = x94 * h / 2.0 - x0 * x95
+            Y_h = x21 * x95 + x94 / 2.0
+            Y_hh = -x32 * g
+            x96 = 1.0 / zeta
+            rho = F_ela * x96
+            x97 = dF_ddelta / 2.0
+            x98 = dF_dh + x97
+            rho_h = x96 * x98 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+            rho_r = log_zeta_delta * rho / 2.0 - x96 * x97
+            x99 = Y_h * s
+            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x99
+            H_r = rho_r * x99
             h_r = -H_r / H_h
             F = F_ela * grip
-            F_r = F_ela * grip_h * h_r + grip * (h_r * x32 - x31)
+            F_r = F_ela * grip_h * h_r + grip * (h_r * x98 - x97)
             h_lane[k] = h
             F_lane[k] = F if open_lane[k] == 0.0 else nan
             F_r_lane[k] = F_r
@@ -349,24 +482,62 @@ def droplet_state(n: int, reach: float, overlaps: array, gap: array, p: array, q
     """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
     eta = p[0]
     own_sigma = p[1]
+    undragged_p1 = p[2]
     for i in range(n):
         overlap = overlaps[i]
         h = gap[i]
         R = q[0 * n + i]
+        size_ratio = q[1 * n + i]
         delta = h / 2.0 + overlap / 2.0
         pressed = (1.0 if delta >= 0.0 else 0.0)
-        x0 = 1.0 / R
         x1 = 1.0 / h
-        x2 = x0 + x1
-        a = sqrt(2.0 * R * (fabs(delta) + 1.0 / x2))
+        x2 = 1.0 / (x1 + 1.0 / R)
+        a = (sqrt(delta + x2) if delta >= 0.0 else x2 / sqrt(x2 - delta)) * sqrt(2.0 * R)
         x3 = 12.566370614359172 * own_sigma
         F_ela = delta * x3
-        x6 = x1 * R
-        R_p2 = R * R
+        x4 = x1 * R
+        x5 = _lane_log1p((20.0 / 9.0) * x4)
+        x6 = x4 / 2.0
+        x7 = x6 + 1.0
+        x8 = size_ratio + 0.2
+        size_ratio_p2 = size_ratio * size_ratio
+        size_ratio_p4 = size_ratio_p2 * size_ratio_p2
+        size_ratio_p8 = size_ratio_p4 * size_ratio_p4
+        x10 = 65536.0 * size_ratio_p8
+        x11 = 4.0 * size_ratio * R * (4.0 - (4.0 / 9.0) * x8 * (1048576.0 * size_ratio_p8 + 4.0)) / (R * (22.0 - 68.0 * size_ratio) + 16.0 * size_ratio * h) + x8 * (x10 * x5 + (1.0 - x10) * _lane_log1p((4.0 / 9.0) * x4))
+        of_radii = (x11 + x7) / (0.45 * x5 + x7)
+        excess = x11 + x6
         a_p2 = a * a
+        x15 = R * a_p2
+        x16 = h * a_p2
+        R_p2 = R * R
+        x18 = h * R_p2
+        R_p3 = R_p2 * R
+        a_p3 = a_p2 * a
+        a_p6 = a_p3 * a_p3
+        x20 = R_p3 * a_p6
+        h_p2 = h * h
+        h_p3 = h_p2 * h
+        x21 = a_p6 * h_p3
+        R_p6 = R_p3 * R_p3
+        x22 = R_p6 * h_p3
+        x23 = 3.0 * a_p6
+        x25 = R * h_p2
         a_p4 = a_p2 * a_p2
-        x2_p2 = x2 * x2
-        zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * _lane_log1p((20.0 / 9.0) * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
+        x27 = 3.0 * a_p4
+        R_p4 = R_p2 * R_p2
+        x29 = h * R_p4
+        x30 = R_p2 * h_p3
+        x31 = 6.0 * h_p2
+        x32 = R_p3 * a_p4
+        x33 = R_p4 * a_p2 * h_p3
+        R_p5 = R_p3 * R_p2
+        x34 = R_p5 * a_p2
+        x35 = 165.0 * a_p6
+        x36 = 191.0 * a_p4
+        x37 = 29.0 * a_p4
+        x38 = 36.0 * h_p2
+        zeta = 3.141592653589793 * eta * of_radii * (excess + undragged_p1) * (10.0 * R + 9.0 * x5 * h + 20.0 * h) * (0.15 * (x18 * x23 + x20 + x21 + 2.0 * x22 + x23 * x25 + x31 * x34 + 6.0 * x33 - x27 * x29 - x27 * x30 - x31 * x32) / (R_p3 * h_p3 * (x15 + x16 + 8.0 * x18)) if delta >= 0.0 else 0.075 * x1 * x15 * (R + h) * (x38 * R_p4 + x37 * R_p2 + 58.0 * R * h * a_p4 + x37 * h_p2 - 36.0 * x16 * R_p3 - x38 * R_p2 * a_p2) / (184.0 * x34 * h_p2 + x18 * x35 + 55.0 * x20 + 55.0 * x21 + 36.0 * x22 + x25 * x35 + 184.0 * x33 - 382.0 * x32 * h_p2 - x29 * x36 - x30 * x36)) / (excess + 1.0)
         dF_ddelta = x3
         dF_dh = 0.0
         C = dF_ddelta / 2.0

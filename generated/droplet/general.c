@@ -1,19 +1,19 @@
 /* Contact law droplet: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Princen 1983, doi:10.1016/0021-9797(83)90323-5; Reynolds' film; Brenner 1961 for the friction of spheres
- * Law 1f749852e49be335:
- *     a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+ * Law bbf87643f46d45d4:
+ *     a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
  *     F_ela = 4*pi*delta*sigma
- *     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
  *     F_adh = 0
  * Left out, with the operations that each saved:
- *     no remote force: 116 -> 115
- * Operations, 248 in all:
+ *     no remote force: 282 -> 281
+ * Operations, 671 in all:
  *     gap_terms: 1 add, 3 div
  *     newton: 1 add, 3 mul, 1 div
- *     gap_rate: 5 add, 16 mul, 7 div, 1 sqrt, 1 call
- *     slopes: 19 add, 64 mul, 13 div, 1 sqrt, 1 call
- *     quantities: 23 add, 69 mul, 17 div, 1 sqrt, 1 call
+ *     gap_rate: 31 add, 80 mul, 7 div, 3 sqrt, 1 call
+ *     slopes: 68 add, 163 mul, 28 div, 3 sqrt, 1 call
+ *     quantities: 72 add, 169 mul, 32 div, 3 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -37,8 +37,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -101,8 +102,8 @@ static inline void _gap_terms(int64_t i, int64_t n, double h, const double *rest
 static inline void _newton(int64_t i, int64_t n, double delta, double F, const double *restrict terms, const double *restrict p, double *restrict out)
 {
     const double gap0 = terms[0 * n + i];
-    const double sigma = p[2];
-    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma;
+    const double own_sigma = p[2];
+    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma;
     out[i] = newton;
 }
 
@@ -111,16 +112,40 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[1];
-    const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double a = sqrt(2.0 * R * (fabs(delta) + 1.0 / x2));
-    const double x5 = x1 * R;
-    const double R_p2 = R * R;
+    const double x0 = 1.0 / h;
+    const double x1 = 1.0 / (x0 + 1.0 / R);
+    const double a = (delta >= 0.0 ? sqrt(delta + x1) : x1 / sqrt(x1 - delta)) * sqrt(2.0 * R);
     const double a_p2 = a * a;
+    const double x6 = R * a_p2;
+    const double x7 = h * a_p2;
+    const double R_p2 = R * R;
+    const double x9 = h * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x11 = R_p3 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x12 = a_p6 * h_p3;
+    const double R_p6 = R_p3 * R_p3;
+    const double x13 = R_p6 * h_p3;
+    const double x14 = 3.0 * a_p6;
+    const double x16 = R * h_p2;
     const double a_p4 = a_p2 * a_p2;
-    const double x2_p2 = x2 * x2;
-    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
+    const double x18 = 3.0 * a_p4;
+    const double R_p4 = R_p2 * R_p2;
+    const double x20 = h * R_p4;
+    const double x21 = R_p2 * h_p3;
+    const double x22 = 6.0 * h_p2;
+    const double x23 = R_p3 * a_p4;
+    const double x24 = R_p4 * a_p2 * h_p3;
+    const double R_p5 = R_p3 * R_p2;
+    const double x25 = R_p5 * a_p2;
+    const double x26 = 165.0 * a_p6;
+    const double x27 = 191.0 * a_p4;
+    const double x28 = 29.0 * a_p4;
+    const double x29 = 36.0 * h_p2;
+    const double zeta = 3.141592653589793 * eta * (10.0 * R + 9.0 * h * log1p(20.0 / 9.0 * x0 * R) + 20.0 * h) * (delta >= 0.0 ? 0.15 * (x11 + x12 + 2.0 * x13 + x14 * x16 + x14 * x9 + x22 * x25 + 6.0 * x24 - x18 * x20 - x18 * x21 - x22 * x23) / (R_p3 * h_p3 * (x6 + x7 + 8.0 * x9)) : 0.075 * x0 * x6 * (R + h) * (x29 * R_p4 + x28 * R_p2 + 58.0 * R * h * a_p4 + x28 * h_p2 - 36.0 * x7 * R_p3 - x29 * R_p2 * a_p2) / (184.0 * x25 * h_p2 + 55.0 * x11 + 55.0 * x12 + 36.0 * x13 + x16 * x26 + 184.0 * x24 + x26 * x9 - 382.0 * x23 * h_p2 - x20 * x27 - x21 * x27));
     const double dh_dt = -F / zeta;
     w[i] = dh_dt / h;
 }
@@ -130,46 +155,102 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
 {
     const double R = p[0];
     const double eta = p[1];
-    const double sigma = p[2];
+    const double own_sigma = p[2];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
+    const double x5 = x3 - delta;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3) : x3 / sqrt(x5)) * sqrt(2.0 * R);
+    const double x6 = 10.0 * R;
+    const double x7 = x1 * R;
+    const double x8 = log1p(20.0 / 9.0 * x7);
+    const double x9 = 9.0 * x8;
+    const double x10 = x9 * h + 20.0 * h + x6;
     const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
-    const double x5 = 1.0 / a_p4;
-    const double x2_p2 = x2 * x2;
-    const double x7 = 1.0 / x2_p2;
+    const double x14 = R * a_p2;
+    const double x15 = h * a_p2;
     const double R_p2 = R * R;
-    const double x8 = 12.0 * x5 * x7 * R_p2 + 1.0;
-    const double x9 = 1.0 / x8;
-    const double x10 = x1 * R;
-    const double x11 = log1p(20.0 / 9.0 * x10);
-    const double x12 = x10 / 2.0 + 0.45 * x11 + 1.0;
-    const double x13 = x2_p2 * a_p4;
-    const double zeta = 9.42477796076938 * x0 * x12 * x13 * x9 * eta;
-    const double dF_ddelta = 12.566370614359172 * sigma;
-    const double dF_dh = 0.0;
-    const double dh_dt = -F / zeta;
-    const double x24 = R + h;
-    const double x24_p2 = x24 * x24;
-    const double x16 = x24_p2;
-    const double R_p4 = R_p2 * R_p2;
-    const double h_p2 = h * h;
-    const double x15 = R_p4 * h_p2;
-    const double x17 = x16 * a_p4;
-    const double x18 = 24.0 * x15 + x17;
-    const double x19 = 12.0 * x15 + x17;
-    const double x20 = dF_dh / dF_ddelta;
-    const double x21 = 10.0 * R;
-    const double x22 = 9.0 * x11;
-    const double x23 = x1 * x21 + x22 + 20.0;
+    const double x17 = h * R_p2;
+    const double x18 = x14 + x15 + 8.0 * x17;
+    const double R_p3 = R_p2 * R;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x19_p2 = x19 * x19;
-    const double slope_p11 = -dh_dt * x1 - dh_dt * (x5 * x7 * x8 * R * (2.0 * x1 * x16 * x18 * a_p6 * (x22 * h + 20.0 * h + x21) / x19_p2 - x9 * (12.0 * x23 * x3 * x9 * R + x0 * x2 * x23 * a_p4 + 5.0 * x13 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (10.0 * x12 * h_p2) - 4.0 * x18 * x20 * R * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (x19 * a_p2));
-    const double slope_p21 = -x20 * h;
+    const double x20 = R_p3 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x21 = a_p6 * h_p3;
+    const double R_p6 = R_p3 * R_p3;
+    const double x22 = R_p6 * h_p3;
+    const double x23 = 3.0 * a_p6;
+    const double x25 = R * h_p2;
+    const double a_p4 = a_p2 * a_p2;
+    const double x27 = 3.0 * a_p4;
+    const double R_p4 = R_p2 * R_p2;
+    const double x29 = h * R_p4;
+    const double x30 = R_p2 * h_p3;
+    const double x31 = 6.0 * h_p2;
+    const double x32 = R_p3 * a_p4;
+    const double x33 = R_p4 * h_p3;
+    const double x34 = x33 * a_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double x35 = R_p5 * a_p2;
+    const double x36 = x17 * x23 + x20 + x21 + 2.0 * x22 + x23 * x25 + x31 * x35 + 6.0 * x34 - x27 * x29 - x27 * x30 - x31 * x32;
+    const double x37 = R + h;
+    const double x38 = 165.0 * a_p6;
+    const double x39 = 191.0 * a_p4;
+    const double x40 = 184.0 * x35 * h_p2 + x17 * x38 + 55.0 * x20 + 55.0 * x21 + 36.0 * x22 + x25 * x38 + 184.0 * x34 - 382.0 * x32 * h_p2 - x29 * x39 - x30 * x39;
+    const double x41 = R * h;
+    const double x42 = 29.0 * a_p4;
+    const double x43 = 36.0 * h_p2;
+    const double x44 = x43 * R_p4 + x42 * R_p2 + 58.0 * x41 * a_p4 + x42 * h_p2 - 36.0 * x15 * R_p3 - x43 * R_p2 * a_p2;
+    const double zeta = 3.141592653589793 * x10 * eta * (delta >= 0.0 ? 0.15 * x36 / (x18 * R_p3 * h_p3) : 0.075 * x1 * x14 * x37 * x44 / x40);
+    const double dF_ddelta = 12.566370614359172 * own_sigma;
+    const double dF_dh = 0.0;
+    const double dh_dt = -F / zeta;
+    const double x45 = 1.0 / x10;
+    const double x46 = x0 * x2 * a_p2;
+    const double x47 = x46 + 8.0;
+    const double x48 = 1.0 / x47;
+    const double x2_p2 = x2 * x2;
+    const double x50 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x46;
+    const double x51 = x48 * x50;
+    const double x52 = 2.0 * x51;
+    const double x53 = 2.0 - x46;
+    const double x54 = 2.0 * x46 + 1.0;
+    const double x55 = 2.0 * x48 * x54;
+    const double x47_p2 = x47 * x47;
+    const double x56 = x50 * x54 / x47_p2;
+    const double x57 = x2 * (x52 + 1.0 - x53 * x55 - x56);
+    const double x58 = x18 / x36;
+    const double x59 = 1.0 / a_p4;
+    const double x60 = 1.0 / a_p2;
+    const double x61 = x60 * R;
+    const double x62 = x3 * x61;
+    const double x63 = 2.0 * x62 - 1.0;
+    const double x64 = -x63;
+    const double x65 = 1.0 / x2_p2;
+    const double x66 = x59 * x65 * R_p2;
+    const double x67 = 36.0 * x66 + 29.0 - 36.0 * x62;
+    const double x68 = 1.0 / x67;
+    const double x69 = 220.0 * x68;
+    const double x70 = 4.0 * x66 + 1.0 - 4.0 * x62;
+    const double x67_p2 = x67 * x67;
+    const double x71 = 1980.0 * x70 / x67_p2;
+    const double x72 = 1.0 - x63 * x71 - x64 * x69;
+    const double x73 = x62 + 55.0 * x68 * x70;
+    const double x74 = 1.0 / x37;
+    const double x75 = x40 * x74 / x44;
+    const double x76 = dF_dh / dF_ddelta;
+    const double x77 = x1 * x6 + x9 + 20.0;
+    const double x78 = 1.0 / (20.0 * x7 + 9.0);
+    const double x79 = 1.0 / x73;
+    const double x80 = x77 * x79;
+    const double x81 = delta * x37;
+    const double x37_p2 = x37 * x37;
+    const double x73_p2 = x73 * x73;
+    const double slope_p11 = -dh_dt * x1 - dh_dt * (x45 * (delta >= 0.0 ? x58 * R_p3 * h_p3 * (2.0 * x57 * x77 * R_p3 / x37_p2 + (x77 * a_p2 * (x53 * x55 + x56 - x52 - 1.0) - 10.0 * R_p2 * (18.0 * x78 + 1.0) * (x46 + x51 * x54)) / h_p2) / 2.0 : x61 * x75 * x79 * (x62 * x72 * x74 * x80 * (x41 - 2.0 * x81) / (x41 - x81) - x1 * (x60 * x65 * x80 * (x63 * x69 + x64 * x71 + 1.0) + 180.0 * x78 + 10.0))) - 20.0 * x45 * x76 * (x7 / 2.0 + 0.45 * x8 + 1.0) * (delta >= 0.0 ? x33 * x57 * x58 : x3 * x41 * x59 * x72 * x75 / (x5 * x73_p2)));
+    const double slope_p21 = -x76 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -179,54 +260,111 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 {
     const double R = p[0];
     const double eta = p[1];
-    const double sigma = p[2];
+    const double own_sigma = p[2];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
-    const double x4 = 12.566370614359172 * sigma;
-    const double F_ela = delta * x4;
+    const double x5 = x3 - delta;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3) : x3 / sqrt(x5)) * sqrt(2.0 * R);
+    const double x6 = 12.566370614359172 * own_sigma;
+    const double F_ela = delta * x6;
+    const double x7 = 10.0 * R;
+    const double x8 = x1 * R;
+    const double x9 = log1p(20.0 / 9.0 * x8);
+    const double x10 = 9.0 * x9;
+    const double x11 = x10 * h + 20.0 * h + x7;
     const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
-    const double x6 = 1.0 / a_p4;
-    const double x2_p2 = x2 * x2;
-    const double x8 = 1.0 / x2_p2;
+    const double x15 = R * a_p2;
+    const double x16 = h * a_p2;
     const double R_p2 = R * R;
-    const double x9 = 12.0 * x6 * x8 * R_p2 + 1.0;
-    const double x10 = 1.0 / x9;
-    const double x11 = x1 * R;
-    const double x12 = log1p(20.0 / 9.0 * x11);
-    const double x13 = x11 / 2.0 + 0.45 * x12 + 1.0;
-    const double x14 = x2_p2 * a_p4;
-    const double zeta = 9.42477796076938 * x0 * x10 * x13 * x14 * eta;
+    const double x18 = h * R_p2;
+    const double x19 = x15 + x16 + 8.0 * x18;
+    const double R_p3 = R_p2 * R;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x21 = R_p3 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x22 = a_p6 * h_p3;
+    const double R_p6 = R_p3 * R_p3;
+    const double x23 = R_p6 * h_p3;
+    const double x24 = 3.0 * a_p6;
+    const double x26 = R * h_p2;
+    const double a_p4 = a_p2 * a_p2;
+    const double x28 = 3.0 * a_p4;
+    const double R_p4 = R_p2 * R_p2;
+    const double x30 = h * R_p4;
+    const double x31 = R_p2 * h_p3;
+    const double x32 = 6.0 * h_p2;
+    const double x33 = R_p3 * a_p4;
+    const double x34 = R_p4 * h_p3;
+    const double x35 = x34 * a_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double x36 = R_p5 * a_p2;
+    const double x37 = x18 * x24 + x21 + x22 + 2.0 * x23 + x24 * x26 + x32 * x36 + 6.0 * x35 - x28 * x30 - x28 * x31 - x32 * x33;
+    const double x38 = R + h;
+    const double x39 = 165.0 * a_p6;
+    const double x40 = 191.0 * a_p4;
+    const double x41 = 184.0 * x36 * h_p2 + x18 * x39 + 55.0 * x21 + 55.0 * x22 + 36.0 * x23 + x26 * x39 + 184.0 * x35 - 382.0 * x33 * h_p2 - x30 * x40 - x31 * x40;
+    const double x42 = R * h;
+    const double x43 = 29.0 * a_p4;
+    const double x44 = 36.0 * h_p2;
+    const double x45 = x44 * R_p4 + x43 * R_p2 + 58.0 * x42 * a_p4 + x43 * h_p2 - 36.0 * x16 * R_p3 - x44 * R_p2 * a_p2;
+    const double zeta = 3.141592653589793 * x11 * eta * (delta >= 0.0 ? 0.15 * x37 / (x19 * R_p3 * h_p3) : 0.075 * x1 * x15 * x38 * x45 / x41);
     const double F_adh = 0.0;
-    const double dF_ddelta = x4;
+    const double dF_ddelta = x6;
     const double dF_dh = 0.0;
     const double C = dF_ddelta / 2.0;
     const double D = C * zeta / (C + dF_dh);
     const double dh_dt = -F / zeta;
-    const double x15 = 1.0 / dF_ddelta;
-    const double ddelta_dt = x15 * (dF_dt - dF_dh * dh_dt);
+    const double x46 = 1.0 / dF_ddelta;
+    const double ddelta_dt = x46 * (dF_dt - dF_dh * dh_dt);
     const double dX_dt = -F / D - dF_dt / C;
-    const double X = 2.0 * R + h - 2.0 * delta;
+    const double x47 = 2.0 * R;
+    const double x48 = 2.0 * delta;
+    const double X = h + x47 - x48;
     const double lambda1 = 0.0;
-    const double x25 = R + h;
-    const double x25_p2 = x25 * x25;
-    const double x18 = x25_p2;
-    const double R_p4 = R_p2 * R_p2;
-    const double h_p2 = h * h;
-    const double x17 = R_p4 * h_p2;
-    const double x19 = x18 * a_p4;
-    const double x20 = 24.0 * x17 + x19;
-    const double x21 = 12.0 * x17 + x19;
-    const double x22 = 10.0 * R;
-    const double x23 = 9.0 * x12;
-    const double x24 = x1 * x22 + x23 + 20.0;
-    const double a_p3 = a_p2 * a;
-    const double a_p6 = a_p3 * a_p3;
-    const double x21_p2 = x21 * x21;
-    const double lambda2 = -h * (x6 * x8 * x9 * R * (2.0 * x1 * x18 * x20 * a_p6 * (x23 * h + 20.0 * h + x22) / x21_p2 - x10 * (12.0 * x10 * x24 * x3 * R + x0 * x2 * x24 * a_p4 + 5.0 * x14 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (10.0 * x13 * h_p2) - 4.0 * dF_dh * x15 * x20 * R * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (x21 * a_p2));
+    const double x49 = 1.0 / x11;
+    const double x50 = x0 * x2 * a_p2;
+    const double x51 = x50 + 8.0;
+    const double x52 = 1.0 / x51;
+    const double x2_p2 = x2 * x2;
+    const double x54 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x50;
+    const double x55 = x52 * x54;
+    const double x56 = 2.0 * x55;
+    const double x57 = 2.0 - x50;
+    const double x58 = 2.0 * x50 + 1.0;
+    const double x59 = 2.0 * x52 * x58;
+    const double x51_p2 = x51 * x51;
+    const double x60 = x54 * x58 / x51_p2;
+    const double x61 = x2 * (x56 + 1.0 - x57 * x59 - x60);
+    const double x62 = x19 / x37;
+    const double x63 = 1.0 / a_p4;
+    const double x64 = 1.0 / a_p2;
+    const double x65 = x3 * x64;
+    const double x66 = x47 * x65 - 1.0;
+    const double x67 = -x66;
+    const double x68 = x65 * R;
+    const double x69 = 1.0 / x2_p2;
+    const double x70 = x63 * x69 * R_p2;
+    const double x71 = 36.0 * x70 + 29.0 - 36.0 * x68;
+    const double x72 = 1.0 / x71;
+    const double x73 = 220.0 * x72;
+    const double x74 = 4.0 * x70 + 1.0 - 4.0 * x68;
+    const double x71_p2 = x71 * x71;
+    const double x75 = 1980.0 * x74 / x71_p2;
+    const double x76 = 1.0 - x66 * x75 - x67 * x73;
+    const double x77 = x68 + 55.0 * x72 * x74;
+    const double x78 = 1.0 / x38;
+    const double x79 = x41 * x78 / x45;
+    const double x80 = x1 * x7 + x10 + 20.0;
+    const double x81 = 1.0 / (20.0 * x8 + 9.0);
+    const double x82 = 1.0 / x77;
+    const double x83 = x64 * x82;
+    const double x38_p2 = x38 * x38;
+    const double x77_p2 = x77 * x77;
+    const double lambda2 = -h * (x49 * (delta >= 0.0 ? x62 * R_p3 * h_p3 * (2.0 * x61 * x80 * R_p3 / x38_p2 + (x80 * a_p2 * (x57 * x59 + x60 - x56 - 1.0) - 10.0 * R_p2 * (18.0 * x81 + 1.0) * (x50 + x55 * x58)) / h_p2) / 2.0 : x79 * x83 * R * (x68 * x76 * x78 * x80 * x82 * (x42 - x38 * x48) / (x42 - delta * x38) - x1 * (x69 * x80 * x83 * (x66 * x73 + x67 * x75 + 1.0) + 180.0 * x81 + 10.0))) - 20.0 * dF_dh * x46 * x49 * (x8 / 2.0 + 0.45 * x9 + 1.0) * (delta >= 0.0 ? x34 * x61 * x62 : x3 * x42 * x63 * x76 * x79 / (x5 * x77_p2)));
     out[0 * n + i] = a;
     out[1 * n + i] = F_ela;
     out[2 * n + i] = zeta;
@@ -479,11 +617,12 @@ static inline void _deflections(double small, const double *restrict h, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -1087,7 +1226,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void droplet_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[448];
     double p[3];
@@ -1096,7 +1235,7 @@ void droplet_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restr
         for (int64_t k = 0; k < 3; k++) {
             p[k] = runs[at + 4 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1115,6 +1254,9 @@ void droplet_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restr
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[17 * n * count + run] = (double)ended;
         out[17 * n * count + n + run] = worst[0];

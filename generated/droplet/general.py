@@ -1,19 +1,19 @@
 """Contact law droplet: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Princen 1983, doi:10.1016/0021-9797(83)90323-5; Reynolds' film; Brenner 1961 for the friction of spheres
-Law 1f749852e49be335:
-    a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+Law bbf87643f46d45d4:
+    a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
     F_ela = 4*pi*delta*sigma
-    zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
     F_adh = 0
 Left out, with the operations that each saved:
-    no remote force: 116 -> 115
-Operations, 248 in all:
+    no remote force: 282 -> 281
+Operations, 671 in all:
     gap_terms: 1 add, 3 div
     newton: 1 add, 3 mul, 1 div
-    gap_rate: 5 add, 16 mul, 7 div, 1 sqrt, 1 call
-    slopes: 19 add, 64 mul, 13 div, 1 sqrt, 1 call
-    quantities: 23 add, 69 mul, 17 div, 1 sqrt, 1 call
+    gap_rate: 31 add, 80 mul, 7 div, 3 sqrt, 1 call
+    slopes: 68 add, 163 mul, 28 div, 3 sqrt, 1 call
+    quantities: 72 add, 169 mul, 32 div, 3 sqrt, 1 call
 
 Functions: droplet_evaluate, droplet_solve_delta, droplet_drive, droplet_integrate, droplet_passages, droplet_sample, droplet_runs.
 p holds R, eta, sigma.
@@ -46,8 +46,8 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
 def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out: array) -> None:
     """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
     gap0 = terms[0 * n + i]
-    sigma = p[2]
-    newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma
+    own_sigma = p[2]
+    newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma
     out[i] = newton
 
 
@@ -56,16 +56,40 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[1]
-    x0 = 1.0 / R
-    x1 = 1.0 / h
-    x2 = x0 + x1
-    a = sqrt(2.0 * R * (fabs(delta) + 1.0 / x2))
-    x5 = x1 * R
-    R_p2 = R * R
+    x0 = 1.0 / h
+    x1 = 1.0 / (x0 + 1.0 / R)
+    a = (sqrt(delta + x1) if delta >= 0.0 else x1 / sqrt(x1 - delta)) * sqrt(2.0 * R)
     a_p2 = a * a
+    x6 = R * a_p2
+    x7 = h * a_p2
+    R_p2 = R * R
+    x9 = h * R_p2
+    R_p3 = R_p2 * R
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x11 = R_p3 * a_p6
+    h_p2 = h * h
+    h_p3 = h_p2 * h
+    x12 = a_p6 * h_p3
+    R_p6 = R_p3 * R_p3
+    x13 = R_p6 * h_p3
+    x14 = 3.0 * a_p6
+    x16 = R * h_p2
     a_p4 = a_p2 * a_p2
-    x2_p2 = x2 * x2
-    zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x5) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
+    x18 = 3.0 * a_p4
+    R_p4 = R_p2 * R_p2
+    x20 = h * R_p4
+    x21 = R_p2 * h_p3
+    x22 = 6.0 * h_p2
+    x23 = R_p3 * a_p4
+    x24 = R_p4 * a_p2 * h_p3
+    R_p5 = R_p3 * R_p2
+    x25 = R_p5 * a_p2
+    x26 = 165.0 * a_p6
+    x27 = 191.0 * a_p4
+    x28 = 29.0 * a_p4
+    x29 = 36.0 * h_p2
+    zeta = 3.141592653589793 * eta * (10.0 * R + 9.0 * h * log1p((20.0 / 9.0) * x0 * R) + 20.0 * h) * (0.15 * (x11 + x12 + 2.0 * x13 + x14 * x16 + x14 * x9 + x22 * x25 + 6.0 * x24 - x18 * x20 - x18 * x21 - x22 * x23) / (R_p3 * h_p3 * (x6 + x7 + 8.0 * x9)) if delta >= 0.0 else 0.075 * x0 * x6 * (R + h) * (x29 * R_p4 + x28 * R_p2 + 58.0 * R * h * a_p4 + x28 * h_p2 - 36.0 * x7 * R_p3 - x29 * R_p2 * a_p2) / (184.0 * x25 * h_p2 + 55.0 * x11 + 55.0 * x12 + 36.0 * x13 + x16 * x26 + 184.0 * x24 + x26 * x9 - 382.0 * x23 * h_p2 - x20 * x27 - x21 * x27))
     dh_dt = -F / zeta
     w[i] = dh_dt / h
 
@@ -75,46 +99,102 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     """The Jacobian of the rates of the state (ln h, delta following from the force balance)."""
     R = p[0]
     eta = p[1]
-    sigma = p[2]
+    own_sigma = p[2]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
     x3 = 1.0 / x2
-    a = sqrt(2.0 * R * (x3 + fabs(delta)))
+    x5 = x3 - delta
+    a = (sqrt(delta + x3) if delta >= 0.0 else x3 / sqrt(x5)) * sqrt(2.0 * R)
+    x6 = 10.0 * R
+    x7 = x1 * R
+    x8 = log1p((20.0 / 9.0) * x7)
+    x9 = 9.0 * x8
+    x10 = x9 * h + 20.0 * h + x6
     a_p2 = a * a
-    a_p4 = a_p2 * a_p2
-    x5 = 1.0 / a_p4
-    x2_p2 = x2 * x2
-    x7 = 1.0 / x2_p2
+    x14 = R * a_p2
+    x15 = h * a_p2
     R_p2 = R * R
-    x8 = 12.0 * x5 * x7 * R_p2 + 1.0
-    x9 = 1.0 / x8
-    x10 = x1 * R
-    x11 = log1p((20.0 / 9.0) * x10)
-    x12 = x10 / 2.0 + 0.45 * x11 + 1.0
-    x13 = x2_p2 * a_p4
-    zeta = 9.42477796076938 * x0 * x12 * x13 * x9 * eta
-    dF_ddelta = 12.566370614359172 * sigma
-    dF_dh = 0.0
-    dh_dt = -F / zeta
-    x24 = R + h
-    x24_p2 = x24 * x24
-    x16 = x24_p2
-    R_p4 = R_p2 * R_p2
-    h_p2 = h * h
-    x15 = R_p4 * h_p2
-    x17 = x16 * a_p4
-    x18 = 24.0 * x15 + x17
-    x19 = 12.0 * x15 + x17
-    x20 = dF_dh / dF_ddelta
-    x21 = 10.0 * R
-    x22 = 9.0 * x11
-    x23 = x1 * x21 + x22 + 20.0
+    x17 = h * R_p2
+    x18 = x14 + x15 + 8.0 * x17
+    R_p3 = R_p2 * R
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x19_p2 = x19 * x19
-    slope_p11 = -dh_dt * x1 - dh_dt * (x5 * x7 * x8 * R * (2.0 * x1 * x16 * x18 * a_p6 * (x22 * h + 20.0 * h + x21) / x19_p2 - x9 * (12.0 * x23 * x3 * x9 * R + x0 * x2 * x23 * a_p4 + 5.0 * x13 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (10.0 * x12 * h_p2) - 4.0 * x18 * x20 * R * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (x19 * a_p2))
-    slope_p21 = -x20 * h
+    x20 = R_p3 * a_p6
+    h_p2 = h * h
+    h_p3 = h_p2 * h
+    x21 = a_p6 * h_p3
+    R_p6 = R_p3 * R_p3
+    x22 = R_p6 * h_p3
+    x23 = 3.0 * a_p6
+    x25 = R * h_p2
+    a_p4 = a_p2 * a_p2
+    x27 = 3.0 * a_p4
+    R_p4 = R_p2 * R_p2
+    x29 = h * R_p4
+    x30 = R_p2 * h_p3
+    x31 = 6.0 * h_p2
+    x32 = R_p3 * a_p4
+    x33 = R_p4 * h_p3
+    x34 = x33 * a_p2
+    R_p5 = R_p3 * R_p2
+    x35 = R_p5 * a_p2
+    x36 = x17 * x23 + x20 + x21 + 2.0 * x22 + x23 * x25 + x31 * x35 + 6.0 * x34 - x27 * x29 - x27 * x30 - x31 * x32
+    x37 = R + h
+    x38 = 165.0 * a_p6
+    x39 = 191.0 * a_p4
+    x40 = 184.0 * x35 * h_p2 + x17 * x38 + 55.0 * x20 + 55.0 * x21 + 36.0 * x22 + x25 * x38 + 184.0 * x34 - 382.0 * x32 * h_p2 - x29 * x39 - x30 * x39
+    x41 = R * h
+    x42 = 29.0 * a_p4
+    x43 = 36.0 * h_p2
+    x44 = x43 * R_p4 + x42 * R_p2 + 58.0 * x41 * a_p4 + x42 * h_p2 - 36.0 * x15 * R_p3 - x43 * R_p2 * a_p2
+    zeta = 3.141592653589793 * x10 * eta * (0.15 * x36 / (x18 * R_p3 * h_p3) if delta >= 0.0 else 0.075 * x1 * x14 * x37 * x44 / x40)
+    dF_ddelta = 12.566370614359172 * own_sigma
+    dF_dh = 0.0
+    dh_dt = -F / zeta
+    x45 = 1.0 / x10
+    x46 = x0 * x2 * a_p2
+    x47 = x46 + 8.0
+    x48 = 1.0 / x47
+    x2_p2 = x2 * x2
+    x50 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x46
+    x51 = x48 * x50
+    x52 = 2.0 * x51
+    x53 = 2.0 - x46
+    x54 = 2.0 * x46 + 1.0
+    x55 = 2.0 * x48 * x54
+    x47_p2 = x47 * x47
+    x56 = x50 * x54 / x47_p2
+    x57 = x2 * (x52 + 1.0 - x53 * x55 - x56)
+    x58 = x18 / x36
+    x59 = 1.0 / a_p4
+    x60 = 1.0 / a_p2
+    x61 = x60 * R
+    x62 = x3 * x61
+    x63 = 2.0 * x62 - 1.0
+    x64 = -x63
+    x65 = 1.0 / x2_p2
+    x66 = x59 * x65 * R_p2
+    x67 = 36.0 * x66 + 29.0 - 36.0 * x62
+    x68 = 1.0 / x67
+    x69 = 220.0 * x68
+    x70 = 4.0 * x66 + 1.0 - 4.0 * x62
+    x67_p2 = x67 * x67
+    x71 = 1980.0 * x70 / x67_p2
+    x72 = 1.0 - x63 * x71 - x64 * x69
+    x73 = x62 + 55.0 * x68 * x70
+    x74 = 1.0 / x37
+    x75 = x40 * x74 / x44
+    x76 = dF_dh / dF_ddelta
+    x77 = x1 * x6 + x9 + 20.0
+    x78 = 1.0 / (20.0 * x7 + 9.0)
+    x79 = 1.0 / x73
+    x80 = x77 * x79
+    x81 = delta * x37
+    x37_p2 = x37 * x37
+    x73_p2 = x73 * x73
+    slope_p11 = -dh_dt * x1 - dh_dt * (x45 * (x58 * R_p3 * h_p3 * (2.0 * x57 * x77 * R_p3 / x37_p2 + (x77 * a_p2 * (x53 * x55 + x56 - x52 - 1.0) - 10.0 * R_p2 * (18.0 * x78 + 1.0) * (x46 + x51 * x54)) / h_p2) / 2.0 if delta >= 0.0 else x61 * x75 * x79 * (x62 * x72 * x74 * x80 * (x41 - 2.0 * x81) / (x41 - x81) - x1 * (x60 * x65 * x80 * (x63 * x69 + x64 * x71 + 1.0) + 180.0 * x78 + 10.0))) - 20.0 * x45 * x76 * (x7 / 2.0 + 0.45 * x8 + 1.0) * (x33 * x57 * x58 if delta >= 0.0 else x3 * x41 * x59 * x72 * x75 / (x5 * x73_p2)))
+    slope_p21 = -x76 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -124,54 +204,111 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
     """a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2 at state i of n."""
     R = p[0]
     eta = p[1]
-    sigma = p[2]
+    own_sigma = p[2]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
     x3 = 1.0 / x2
-    a = sqrt(2.0 * R * (x3 + fabs(delta)))
-    x4 = 12.566370614359172 * sigma
-    F_ela = delta * x4
+    x5 = x3 - delta
+    a = (sqrt(delta + x3) if delta >= 0.0 else x3 / sqrt(x5)) * sqrt(2.0 * R)
+    x6 = 12.566370614359172 * own_sigma
+    F_ela = delta * x6
+    x7 = 10.0 * R
+    x8 = x1 * R
+    x9 = log1p((20.0 / 9.0) * x8)
+    x10 = 9.0 * x9
+    x11 = x10 * h + 20.0 * h + x7
     a_p2 = a * a
-    a_p4 = a_p2 * a_p2
-    x6 = 1.0 / a_p4
-    x2_p2 = x2 * x2
-    x8 = 1.0 / x2_p2
+    x15 = R * a_p2
+    x16 = h * a_p2
     R_p2 = R * R
-    x9 = 12.0 * x6 * x8 * R_p2 + 1.0
-    x10 = 1.0 / x9
-    x11 = x1 * R
-    x12 = log1p((20.0 / 9.0) * x11)
-    x13 = x11 / 2.0 + 0.45 * x12 + 1.0
-    x14 = x2_p2 * a_p4
-    zeta = 9.42477796076938 * x0 * x10 * x13 * x14 * eta
+    x18 = h * R_p2
+    x19 = x15 + x16 + 8.0 * x18
+    R_p3 = R_p2 * R
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x21 = R_p3 * a_p6
+    h_p2 = h * h
+    h_p3 = h_p2 * h
+    x22 = a_p6 * h_p3
+    R_p6 = R_p3 * R_p3
+    x23 = R_p6 * h_p3
+    x24 = 3.0 * a_p6
+    x26 = R * h_p2
+    a_p4 = a_p2 * a_p2
+    x28 = 3.0 * a_p4
+    R_p4 = R_p2 * R_p2
+    x30 = h * R_p4
+    x31 = R_p2 * h_p3
+    x32 = 6.0 * h_p2
+    x33 = R_p3 * a_p4
+    x34 = R_p4 * h_p3
+    x35 = x34 * a_p2
+    R_p5 = R_p3 * R_p2
+    x36 = R_p5 * a_p2
+    x37 = x18 * x24 + x21 + x22 + 2.0 * x23 + x24 * x26 + x32 * x36 + 6.0 * x35 - x28 * x30 - x28 * x31 - x32 * x33
+    x38 = R + h
+    x39 = 165.0 * a_p6
+    x40 = 191.0 * a_p4
+    x41 = 184.0 * x36 * h_p2 + x18 * x39 + 55.0 * x21 + 55.0 * x22 + 36.0 * x23 + x26 * x39 + 184.0 * x35 - 382.0 * x33 * h_p2 - x30 * x40 - x31 * x40
+    x42 = R * h
+    x43 = 29.0 * a_p4
+    x44 = 36.0 * h_p2
+    x45 = x44 * R_p4 + x43 * R_p2 + 58.0 * x42 * a_p4 + x43 * h_p2 - 36.0 * x16 * R_p3 - x44 * R_p2 * a_p2
+    zeta = 3.141592653589793 * x11 * eta * (0.15 * x37 / (x19 * R_p3 * h_p3) if delta >= 0.0 else 0.075 * x1 * x15 * x38 * x45 / x41)
     F_adh = 0.0
-    dF_ddelta = x4
+    dF_ddelta = x6
     dF_dh = 0.0
     C = dF_ddelta / 2.0
     D = C * zeta / (C + dF_dh)
     dh_dt = -F / zeta
-    x15 = 1.0 / dF_ddelta
-    ddelta_dt = x15 * (dF_dt - dF_dh * dh_dt)
+    x46 = 1.0 / dF_ddelta
+    ddelta_dt = x46 * (dF_dt - dF_dh * dh_dt)
     dX_dt = -F / D - dF_dt / C
-    X = 2.0 * R + h - 2.0 * delta
+    x47 = 2.0 * R
+    x48 = 2.0 * delta
+    X = h + x47 - x48
     lambda1 = 0.0
-    x25 = R + h
-    x25_p2 = x25 * x25
-    x18 = x25_p2
-    R_p4 = R_p2 * R_p2
-    h_p2 = h * h
-    x17 = R_p4 * h_p2
-    x19 = x18 * a_p4
-    x20 = 24.0 * x17 + x19
-    x21 = 12.0 * x17 + x19
-    x22 = 10.0 * R
-    x23 = 9.0 * x12
-    x24 = x1 * x22 + x23 + 20.0
-    a_p3 = a_p2 * a
-    a_p6 = a_p3 * a_p3
-    x21_p2 = x21 * x21
-    lambda2 = -h * (x6 * x8 * x9 * R * (2.0 * x1 * x18 * x20 * a_p6 * (x23 * h + 20.0 * h + x22) / x21_p2 - x10 * (12.0 * x10 * x24 * x3 * R + x0 * x2 * x24 * a_p4 + 5.0 * x14 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (10.0 * x13 * h_p2) - 4.0 * dF_dh * x15 * x20 * R * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (x21 * a_p2))
+    x49 = 1.0 / x11
+    x50 = x0 * x2 * a_p2
+    x51 = x50 + 8.0
+    x52 = 1.0 / x51
+    x2_p2 = x2 * x2
+    x54 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x50
+    x55 = x52 * x54
+    x56 = 2.0 * x55
+    x57 = 2.0 - x50
+    x58 = 2.0 * x50 + 1.0
+    x59 = 2.0 * x52 * x58
+    x51_p2 = x51 * x51
+    x60 = x54 * x58 / x51_p2
+    x61 = x2 * (x56 + 1.0 - x57 * x59 - x60)
+    x62 = x19 / x37
+    x63 = 1.0 / a_p4
+    x64 = 1.0 / a_p2
+    x65 = x3 * x64
+    x66 = x47 * x65 - 1.0
+    x67 = -x66
+    x68 = x65 * R
+    x69 = 1.0 / x2_p2
+    x70 = x63 * x69 * R_p2
+    x71 = 36.0 * x70 + 29.0 - 36.0 * x68
+    x72 = 1.0 / x71
+    x73 = 220.0 * x72
+    x74 = 4.0 * x70 + 1.0 - 4.0 * x68
+    x71_p2 = x71 * x71
+    x75 = 1980.0 * x74 / x71_p2
+    x76 = 1.0 - x66 * x75 - x67 * x73
+    x77 = x68 + 55.0 * x72 * x74
+    x78 = 1.0 / x38
+    x79 = x41 * x78 / x45
+    x80 = x1 * x7 + x10 + 20.0
+    x81 = 1.0 / (20.0 * x8 + 9.0)
+    x82 = 1.0 / x77
+    x83 = x64 * x82
+    x38_p2 = x38 * x38
+    x77_p2 = x77 * x77
+    lambda2 = -h * (x49 * (x62 * R_p3 * h_p3 * (2.0 * x61 * x80 * R_p3 / x38_p2 + (x80 * a_p2 * (x57 * x59 + x60 - x56 - 1.0) - 10.0 * R_p2 * (18.0 * x81 + 1.0) * (x50 + x55 * x58)) / h_p2) / 2.0 if delta >= 0.0 else x79 * x83 * R * (x68 * x76 * x78 * x80 * x82 * (x42 - x38 * x48) / (x42 - delta * x38) - x1 * (x69 * x80 * x83 * (x66 * x73 + x67 * x75 + 1.0) + 180.0 * x81 + 10.0))) - 20.0 * dF_dh * x46 * x49 * (x8 / 2.0 + 0.45 * x9 + 1.0) * (x34 * x61 * x62 if delta >= 0.0 else x3 * x42 * x63 * x76 * x79 / (x5 * x77_p2)))
     out[0 * n + i] = a
     out[1 * n + i] = F_ela
     out[2 * n + i] = zeta
@@ -401,6 +538,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
 
 
 
+
+
 @jit
 def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -408,11 +547,12 @@ def droplet_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -922,7 +1062,7 @@ def droplet_runs(n: int, count: int, at_gaps: int, settings: array, runs: array,
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(448)
     p = empty(3)
@@ -930,7 +1070,7 @@ def droplet_runs(n: int, count: int, at_gaps: int, settings: array, runs: array,
         at: int = 7 * run
         for k in range(3):
             p[k] = runs[at + 4 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -947,5 +1087,7 @@ def droplet_runs(n: int, count: int, at_gaps: int, settings: array, runs: array,
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[17 * n * count + run] = float(ended)
         out[17 * n * count + n + run] = worst[0]

@@ -1,22 +1,22 @@
 /* Contact law equal_spheres: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573
- * Law 0ed9b85bd4713703:
- *     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
- *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
- *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+ * Law a1b3b5f85522bbe7:
+ *     a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+ *     F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
  *     F_adh = 0
  * Left out, with the operations that each saved:
- *     one sign of delta: 192 -> 190
- *     constant force: 190 -> 186
- *     no remote force: 186 -> 185
- *     outputs asked for: 185 -> 170
- * Operations, 304 in all:
+ *     one sign of delta: 357 -> 192
+ *     constant force: 192 -> 188
+ *     no remote force: 188 -> 187
+ *     outputs asked for: 187 -> 172
+ * Operations, 323 in all:
  *     gap_terms: 2 add, 14 mul, 4 div
- *     newton: 12 add, 21 mul, 5 div, 1 sqrt
- *     gap_rate: 7 add, 22 mul, 8 div, 1 sqrt, 1 call
- *     slopes: 35 add, 106 mul, 21 div, 1 sqrt, 1 call
- *     quantities: 9 add, 23 mul, 8 div, 1 sqrt, 1 call
+ *     newton: 12 add, 21 mul, 4 div, 1 sqrt
+ *     gap_rate: 8 add, 27 mul, 10 div, 1 sqrt, 1 call
+ *     slopes: 35 add, 108 mul, 23 div, 1 sqrt, 1 call
+ *     quantities: 10 add, 28 mul, 10 div, 1 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -41,8 +41,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -297,16 +298,17 @@ static inline void _newton(int64_t i, int64_t n, double delta, double F, const d
     const double gap9 = terms[9 * n + i];
     const double R = p[0];
     const double E = p[1];
-    const double nu = p[3];
+    const double own_nu = p[3];
     const double a = sqrt(R * (delta + gap0 + gap1 / (2.0 * delta + gap2)));
-    const double x2 = delta * gap4 + gap3;
-    const double nu_p2 = nu * nu;
-    const double x1 = E / (1.0 - nu_p2);
+    const double x3 = delta * gap4 + gap3;
+    const double x0 = 4.0 / 3.0 * a;
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x2 = E / (1.0 - own_nu_p2);
     const double R_p2 = R * R;
     const double delta_p2 = delta * delta;
-    const double x2_p2 = x2 * x2;
-    const double dF_ddelta = x1 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (x2_p2 * a) + 4.0 * a) / 3.0;
-    const double newton = (4.0 / 3.0 * delta * x1 * a - F) / dF_ddelta;
+    const double x3_p2 = x3 * x3;
+    const double dF_ddelta = x2 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (3.0 * x3_p2 * a) + x0);
+    const double newton = (delta * x0 * x2 - F) / dF_ddelta;
     out[i] = newton;
     out[n + i] = dF_ddelta;
 }
@@ -321,16 +323,20 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
     const double x2_p2 = x2 * x2;
-    const double a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (2.0 * delta + 4.0 * x3))));
-    const double x5 = x1 * R;
+    const double x5 = 1.0 / x2_p2;
+    const double a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)));
+    const double x7 = x1 * R;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p2 = a * a;
     const double a_p4 = a_p2 * a_p2;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
+    const double a_p12 = a_p6 * a_p6;
     const double x2_p3 = x2_p2 * x2;
-    const double zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x5) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x7 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x7) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0);
     const double dh_dt = -F / zeta;
     w[i] = dh_dt / h;
 }
@@ -341,7 +347,7 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double R = p[0];
     const double E = p[1];
     const double eta = p[2];
-    const double nu = p[3];
+    const double own_nu = p[3];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
@@ -349,61 +355,63 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double x2_p2 = x2 * x2;
     const double x5 = 1.0 / x2_p2;
     const double a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)));
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
     const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x8 = 1.0 / a_p4;
+    const double R_p2 = R * R;
+    const double x9 = x5 * x8 * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
+    const double a_p12 = a_p6 * a_p6;
     const double x2_p3 = x2_p2 * x2;
-    const double x8 = R_p3 / (x2_p3 * a_p6);
-    const double x9 = 142.3828125 * x8 + 1.0;
-    const double x10 = x1 * R;
-    const double x11 = log1p(20.0 / 9.0 * x10);
-    const double x12 = x10 / 2.0 + 0.45 * x11 + 1.0;
-    const double a_p4 = a_p2 * a_p2;
-    const double x14 = x2_p2 * a_p4;
-    const double zeta = 25.132741228718345 * x0 * x12 * x14 * eta / x9;
-    const double x15 = R * h;
-    const double x16 = 2.0 * x15;
-    const double x17 = R + h;
-    const double x44 = delta * x17 + x16;
-    const double x44_p2 = x44 * x44;
-    const double x18 = 1.0 / x44_p2;
-    const double x19 = delta * x18 / a;
-    const double x20 = 8.0 * delta;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double x10 = R_p6 / (x2_p6 * a_p12);
+    const double x11 = 3762.643798828125 * x10 + 106.3125 * x9 + 4.0;
+    const double x12 = x1 * R;
+    const double x13 = log1p(20.0 / 9.0 * x12);
+    const double x14 = x12 / 2.0 + 0.45 * x13 + 1.0;
+    const double x15 = x2_p2 * a_p4;
+    const double zeta = 100.53096491487338 * x0 * x14 * x15 * eta / x11;
+    const double x16 = 8.0 * delta;
     const double h_p2 = h * h;
-    const double x22 = R * h_p2;
-    const double x25 = h * R_p2;
+    const double x18 = R * h_p2;
+    const double x20 = R * h;
+    const double x21 = h * R_p2;
     const double delta_p2 = delta * delta;
-    const double x26 = delta_p2 * R_p2;
-    const double x27 = R_p2 * h_p2;
-    const double x28 = delta_p2 * h_p2;
-    const double x29 = R * (4.0 * x15 * delta_p2 + x20 * x22 + x20 * x25 + 2.0 * x26 + 3.0 * x27 + 2.0 * x28);
-    const double nu_p2 = nu * nu;
-    const double x30 = E / (1.0 - nu_p2);
-    const double dF_ddelta = x30 * (4.0 * a + x19 * x29) / 3.0;
-    const double x31 = 9.0 * delta;
-    const double x32 = x16 * delta_p2 + x22 * x31 + x25 * x31 + x26 + 9.0 * x27 + x28;
-    const double x17_p2 = x17 * x17;
-    const double dF_dh = 2.0 / 3.0 * x19 * x30 * x32 * R_p3 / x17_p2;
+    const double x22 = delta_p2 * R_p2;
+    const double x23 = R_p2 * h_p2;
+    const double x24 = delta_p2 * h_p2;
+    const double x25 = 4.0 * x20 * delta_p2 + x16 * x18 + x16 * x21 + 2.0 * x22 + 3.0 * x23 + 2.0 * x24;
+    const double x26 = 1.0 / a;
+    const double x27 = 2.0 * x20;
+    const double x28 = R + h;
+    const double x43 = delta * x28 + x27;
+    const double x43_p2 = x43 * x43;
+    const double x29 = 1.0 / x43_p2;
+    const double x30 = x26 * x29;
+    const double x31 = delta * x30;
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x32 = E / (1.0 - own_nu_p2);
+    const double dF_ddelta = x32 * (x25 * x31 * R / 3.0 + 4.0 / 3.0 * a);
+    const double x34 = 9.0 * delta;
+    const double x28_p2 = x28 * x28;
+    const double x35 = (x27 * delta_p2 + x18 * x34 + x21 * x34 + x22 + 9.0 * x23 + x24) / x28_p2;
+    const double dF_dh = 2.0 / 3.0 * x31 * x32 * x35 * R_p3;
     const double dh_dt = -F / zeta;
-    const double x33 = 1.0 / a_p2;
-    const double R_p6 = R_p3 * R_p3;
-    const double h_p3 = h_p2 * h;
-    const double x34 = R_p6 * h_p3;
-    const double x17_p3 = x17_p2 * x17;
-    const double x36 = x17_p3 * a_p6;
-    const double x37 = 18225.0 * x34 + 128.0 * x36;
-    const double x38 = dF_dh / dF_ddelta;
-    const double x39 = x18 * (91125.0 * x34 + 256.0 * x36);
-    const double x40 = 10.0 * R;
-    const double x41 = 9.0 * x11;
-    const double x42 = 1.0 / (18225.0 * x8 + 128.0);
-    const double x43 = x1 * x40 + x41 + 20.0;
+    const double x36 = 1.0 / R_p2;
+    const double x37 = 1.0 / (15411789.0 * x10 + 435456.0 * x9 + 16384.0);
+    const double R_p4 = R_p2 * R_p2;
     const double a_p8 = a_p4 * a_p4;
-    const double x37_p2 = x37 * x37;
-    const double slope_p11 = -dh_dt * x1 - dh_dt * (6.4 * x5 * x9 * R * (x1 * x32 * x39 * x17_p3 * a_p8 * (x41 * h + 20.0 * h + x40) / x37_p2 - x42 * (54675.0 * x33 * x42 * x43 * x5 * R_p2 + 2.0 * x0 * x2 * x43 * a_p4 + 10.0 * x14 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (x12 * a_p4 * h_p2) - x29 * x33 * x38 * x39 / (2.0 * x37));
-    const double slope_p21 = -x38 * h;
+    const double x2_p4 = x2_p2 * x2_p2;
+    const double x39 = 243.0 * x37 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0);
+    const double x40 = x36 * x2_p2 * a_p3 + x26 * x39;
+    const double x41 = dF_dh / dF_ddelta;
+    const double x42 = 10.0 * x12 + 9.0 * x13 + 20.0;
+    const double a_p5 = a_p3 * a_p2;
+    const double slope_p11 = -dh_dt * x1 - dh_dt * (409.6 * x11 * x37 * x5 * x8 * R * (x30 * x35 * x40 * x42 * R_p4 - (x42 * R * (x2 * x36 * a_p4 + x3 * x39) + 5.0 * x15 * (1.0 + 18.0 / (20.0 * x12 + 9.0))) / h_p2) / x14 - 4096.0 * x11 * x25 * x29 * x37 * x40 * x41 * x5 * R_p3 / a_p5);
+    const double slope_p21 = -x41 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -417,20 +425,24 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
-    const double x5 = 2.0 * delta;
     const double x2_p2 = x2 * x2;
-    const double a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (4.0 * x3 + x5))));
-    const double x6 = x1 * R;
+    const double x5 = 1.0 / x2_p2;
+    const double x6 = 2.0 * delta;
+    const double a = sqrt(R * (delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)));
+    const double x8 = x1 * R;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p2 = a * a;
     const double a_p4 = a_p2 * a_p2;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
+    const double a_p12 = a_p6 * a_p6;
     const double x2_p3 = x2_p2 * x2;
-    const double zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x8) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0);
     const double dh_dt = -F / zeta;
-    const double X = 2.0 * R + h - x5;
+    const double X = 2.0 * R + h - x6;
     out[0 * n + i] = a;
     out[1 * n + i] = X;
     out[2 * n + i] = dh_dt;
@@ -867,11 +879,12 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
    of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1625,7 +1638,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void equal_spheres_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[736];
     double p[4];
@@ -1638,7 +1651,7 @@ void equal_spheres_runs(int64_t n, int64_t count, int64_t at_gaps, const double 
         for (int64_t k = 0; k < 1; k++) {
             c[k] = runs[at + 8 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1657,6 +1670,9 @@ void equal_spheres_runs(int64_t n, int64_t count, int64_t at_gaps, const double 
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[8 * n * count + run] = (double)ended;
         out[8 * n * count + n + run] = worst[0];

@@ -1,22 +1,22 @@
 """Contact law equal_spheres: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573
-Law 0ed9b85bd4713703:
-    a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
-    F_ela = 4*E*a*delta/(3*(1 - nu**2))
-    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+Law a1b3b5f85522bbe7:
+    a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+    F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
     F_adh = 0
 Left out, with the operations that each saved:
-    one sign of delta: 192 -> 190
-    constant force: 190 -> 186
-    no remote force: 186 -> 185
-    outputs asked for: 185 -> 170
-Operations, 304 in all:
+    one sign of delta: 357 -> 192
+    constant force: 192 -> 188
+    no remote force: 188 -> 187
+    outputs asked for: 187 -> 172
+Operations, 323 in all:
     gap_terms: 2 add, 14 mul, 4 div
-    newton: 12 add, 21 mul, 5 div, 1 sqrt
-    gap_rate: 7 add, 22 mul, 8 div, 1 sqrt, 1 call
-    slopes: 35 add, 106 mul, 21 div, 1 sqrt, 1 call
-    quantities: 9 add, 23 mul, 8 div, 1 sqrt, 1 call
+    newton: 12 add, 21 mul, 4 div, 1 sqrt
+    gap_rate: 8 add, 27 mul, 10 div, 1 sqrt, 1 call
+    slopes: 35 add, 108 mul, 23 div, 1 sqrt, 1 call
+    quantities: 10 add, 28 mul, 10 div, 1 sqrt, 1 call
 
 Functions: equal_spheres_evaluate, equal_spheres_solve_delta, equal_spheres_drive, equal_spheres_integrate, equal_spheres_passages, equal_spheres_sample, equal_spheres_runs.
 p holds R, E, eta, nu.
@@ -84,16 +84,17 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     gap9 = terms[9 * n + i]
     R = p[0]
     E = p[1]
-    nu = p[3]
+    own_nu = p[3]
     a = sqrt(R * (delta + gap0 + gap1 / (2.0 * delta + gap2)))
-    x2 = delta * gap4 + gap3
-    nu_p2 = nu * nu
-    x1 = E / (1.0 - nu_p2)
+    x3 = delta * gap4 + gap3
+    x0 = (4.0 / 3.0) * a
+    own_nu_p2 = own_nu * own_nu
+    x2 = E / (1.0 - own_nu_p2)
     R_p2 = R * R
     delta_p2 = delta * delta
-    x2_p2 = x2 * x2
-    dF_ddelta = x1 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (x2_p2 * a) + 4.0 * a) / 3.0
-    newton = ((4.0 / 3.0) * delta * x1 * a - F) / dF_ddelta
+    x3_p2 = x3 * x3
+    dF_ddelta = x2 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (3.0 * x3_p2 * a) + x0)
+    newton = (delta * x0 * x2 - F) / dF_ddelta
     out[i] = newton
     out[n + i] = dF_ddelta
 
@@ -108,16 +109,20 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     x2 = x0 + x1
     x3 = 1.0 / x2
     x2_p2 = x2 * x2
-    a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (2.0 * delta + 4.0 * x3))))
-    x5 = x1 * R
+    x5 = 1.0 / x2_p2
+    a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)))
+    x7 = x1 * R
     R_p2 = R * R
     R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p2 = a * a
     a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
+    a_p12 = a_p6 * a_p6
     x2_p3 = x2_p2 * x2
-    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x5) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    x2_p6 = x2_p3 * x2_p3
+    zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x7 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x7) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0)
     dh_dt = -F / zeta
     w[i] = dh_dt / h
 
@@ -128,7 +133,7 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     R = p[0]
     E = p[1]
     eta = p[2]
-    nu = p[3]
+    own_nu = p[3]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
@@ -136,61 +141,63 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     x2_p2 = x2 * x2
     x5 = 1.0 / x2_p2
     a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)))
-    R_p2 = R * R
-    R_p3 = R_p2 * R
     a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    x8 = 1.0 / a_p4
+    R_p2 = R * R
+    x9 = x5 * x8 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
+    a_p12 = a_p6 * a_p6
     x2_p3 = x2_p2 * x2
-    x8 = R_p3 / (x2_p3 * a_p6)
-    x9 = 142.3828125 * x8 + 1.0
-    x10 = x1 * R
-    x11 = log1p((20.0 / 9.0) * x10)
-    x12 = x10 / 2.0 + 0.45 * x11 + 1.0
-    a_p4 = a_p2 * a_p2
-    x14 = x2_p2 * a_p4
-    zeta = 25.132741228718345 * x0 * x12 * x14 * eta / x9
-    x15 = R * h
-    x16 = 2.0 * x15
-    x17 = R + h
-    x44 = delta * x17 + x16
-    x44_p2 = x44 * x44
-    x18 = 1.0 / x44_p2
-    x19 = delta * x18 / a
-    x20 = 8.0 * delta
+    x2_p6 = x2_p3 * x2_p3
+    x10 = R_p6 / (x2_p6 * a_p12)
+    x11 = 3762.643798828125 * x10 + 106.3125 * x9 + 4.0
+    x12 = x1 * R
+    x13 = log1p((20.0 / 9.0) * x12)
+    x14 = x12 / 2.0 + 0.45 * x13 + 1.0
+    x15 = x2_p2 * a_p4
+    zeta = 100.53096491487338 * x0 * x14 * x15 * eta / x11
+    x16 = 8.0 * delta
     h_p2 = h * h
-    x22 = R * h_p2
-    x25 = h * R_p2
+    x18 = R * h_p2
+    x20 = R * h
+    x21 = h * R_p2
     delta_p2 = delta * delta
-    x26 = delta_p2 * R_p2
-    x27 = R_p2 * h_p2
-    x28 = delta_p2 * h_p2
-    x29 = R * (4.0 * x15 * delta_p2 + x20 * x22 + x20 * x25 + 2.0 * x26 + 3.0 * x27 + 2.0 * x28)
-    nu_p2 = nu * nu
-    x30 = E / (1.0 - nu_p2)
-    dF_ddelta = x30 * (4.0 * a + x19 * x29) / 3.0
-    x31 = 9.0 * delta
-    x32 = x16 * delta_p2 + x22 * x31 + x25 * x31 + x26 + 9.0 * x27 + x28
-    x17_p2 = x17 * x17
-    dF_dh = (2.0 / 3.0) * x19 * x30 * x32 * R_p3 / x17_p2
+    x22 = delta_p2 * R_p2
+    x23 = R_p2 * h_p2
+    x24 = delta_p2 * h_p2
+    x25 = 4.0 * x20 * delta_p2 + x16 * x18 + x16 * x21 + 2.0 * x22 + 3.0 * x23 + 2.0 * x24
+    x26 = 1.0 / a
+    x27 = 2.0 * x20
+    x28 = R + h
+    x43 = delta * x28 + x27
+    x43_p2 = x43 * x43
+    x29 = 1.0 / x43_p2
+    x30 = x26 * x29
+    x31 = delta * x30
+    own_nu_p2 = own_nu * own_nu
+    x32 = E / (1.0 - own_nu_p2)
+    dF_ddelta = x32 * (x25 * x31 * R / 3.0 + (4.0 / 3.0) * a)
+    x34 = 9.0 * delta
+    x28_p2 = x28 * x28
+    x35 = (x27 * delta_p2 + x18 * x34 + x21 * x34 + x22 + 9.0 * x23 + x24) / x28_p2
+    dF_dh = (2.0 / 3.0) * x31 * x32 * x35 * R_p3
     dh_dt = -F / zeta
-    x33 = 1.0 / a_p2
-    R_p6 = R_p3 * R_p3
-    h_p3 = h_p2 * h
-    x34 = R_p6 * h_p3
-    x17_p3 = x17_p2 * x17
-    x36 = x17_p3 * a_p6
-    x37 = 18225.0 * x34 + 128.0 * x36
-    x38 = dF_dh / dF_ddelta
-    x39 = x18 * (91125.0 * x34 + 256.0 * x36)
-    x40 = 10.0 * R
-    x41 = 9.0 * x11
-    x42 = 1.0 / (18225.0 * x8 + 128.0)
-    x43 = x1 * x40 + x41 + 20.0
+    x36 = 1.0 / R_p2
+    x37 = 1.0 / (15411789.0 * x10 + 435456.0 * x9 + 16384.0)
+    R_p4 = R_p2 * R_p2
     a_p8 = a_p4 * a_p4
-    x37_p2 = x37 * x37
-    slope_p11 = -dh_dt * x1 - dh_dt * (6.4 * x5 * x9 * R * (x1 * x32 * x39 * x17_p3 * a_p8 * (x41 * h + 20.0 * h + x40) / x37_p2 - x42 * (54675.0 * x33 * x42 * x43 * x5 * R_p2 + 2.0 * x0 * x2 * x43 * a_p4 + 10.0 * x14 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (x12 * a_p4 * h_p2) - x29 * x33 * x38 * x39 / (2.0 * x37))
-    slope_p21 = -x38 * h
+    x2_p4 = x2_p2 * x2_p2
+    x39 = 243.0 * x37 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0)
+    x40 = x36 * x2_p2 * a_p3 + x26 * x39
+    x41 = dF_dh / dF_ddelta
+    x42 = 10.0 * x12 + 9.0 * x13 + 20.0
+    a_p5 = a_p3 * a_p2
+    slope_p11 = -dh_dt * x1 - dh_dt * (409.6 * x11 * x37 * x5 * x8 * R * (x30 * x35 * x40 * x42 * R_p4 - (x42 * R * (x2 * x36 * a_p4 + x3 * x39) + 5.0 * x15 * (1.0 + 18.0 / (20.0 * x12 + 9.0))) / h_p2) / x14 - 4096.0 * x11 * x25 * x29 * x37 * x40 * x41 * x5 * R_p3 / a_p5)
+    slope_p21 = -x41 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -204,20 +211,24 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, p: array, out:
     x1 = 1.0 / h
     x2 = x0 + x1
     x3 = 1.0 / x2
-    x5 = 2.0 * delta
     x2_p2 = x2 * x2
-    a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (4.0 * x3 + x5))))
-    x6 = x1 * R
+    x5 = 1.0 / x2_p2
+    x6 = 2.0 * delta
+    a = sqrt(R * (delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)))
+    x8 = x1 * R
     R_p2 = R * R
     R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p2 = a * a
     a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
+    a_p12 = a_p6 * a_p6
     x2_p3 = x2_p2 * x2
-    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    x2_p6 = x2_p3 * x2_p3
+    zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x8) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0)
     dh_dt = -F / zeta
-    X = 2.0 * R + h - x5
+    X = 2.0 * R + h - x6
     out[0 * n + i] = a
     out[1 * n + i] = X
     out[2 * n + i] = dh_dt
@@ -615,6 +626,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
 
 
 
+
+
 @jit
 def equal_spheres_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -622,11 +635,12 @@ def equal_spheres_integrate(t_end: float, u_stop: float, rtol: float, p: array, 
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
     of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1277,7 +1291,7 @@ def equal_spheres_runs(n: int, count: int, at_gaps: int, settings: array, runs: 
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(736)
     p = empty(4)
@@ -1288,7 +1302,7 @@ def equal_spheres_runs(n: int, count: int, at_gaps: int, settings: array, runs: 
             p[k] = runs[at + 4 + k]
         for k in range(1):
             c[k] = runs[at + 8 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -1305,5 +1319,7 @@ def equal_spheres_runs(n: int, count: int, at_gaps: int, settings: array, runs: 
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[8 * n * count + run] = float(ended)
         out[8 * n * count + n + run] = worst[0]

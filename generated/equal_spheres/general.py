@@ -1,19 +1,19 @@
 """Contact law equal_spheres: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3; Hertz (Johnson 1985, ch. 4); structure of arXiv:0803.1573
-Law 0ed9b85bd4713703:
-    a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
-    F_ela = 4*E*a*delta/(3*(1 - nu**2))
-    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+Law a1b3b5f85522bbe7:
+    a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+    F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
     F_adh = 0
 Left out, with the operations that each saved:
-    no remote force: 192 -> 191
-Operations, 451 in all:
-    gap_terms: 2 add, 14 mul, 4 div
-    newton: 12 add, 21 mul, 5 div, 1 sqrt
-    gap_rate: 7 add, 22 mul, 8 div, 1 sqrt, 1 call
-    slopes: 35 add, 108 mul, 21 div, 1 sqrt, 1 call
-    quantities: 40 add, 119 mul, 26 div, 1 sqrt, 1 call
+    no remote force: 357 -> 356
+Operations, 897 in all:
+    gap_terms: 2 add, 19 mul, 4 div
+    newton: 20 add, 38 mul, 6 div, 4 sqrt
+    gap_rate: 26 add, 78 mul, 12 div, 3 sqrt, 1 call
+    slopes: 76 add, 216 mul, 34 div, 5 sqrt, 1 call
+    quantities: 81 add, 227 mul, 39 div, 4 sqrt, 1 call
 
 Functions: equal_spheres_evaluate, equal_spheres_solve_delta, equal_spheres_drive, equal_spheres_integrate, equal_spheres_passages, equal_spheres_sample, equal_spheres_runs.
 p holds R, E, eta, nu.
@@ -44,16 +44,25 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
     x0_p2 = x0 * x0
     gap1 = 5.0 / x0_p2
     gap2 = 4.0 * x1
+    gap3 = 1.5 * x1
     x2 = R * h
-    gap3 = 2.0 * x2
-    gap4 = R + h
+    gap4 = 2.0 * x2
+    x3 = R + h
+    gap5 = x3
     R_p2 = R * R
     h_p2 = h * h
-    gap5 = 3.0 * R_p2 * h_p2
-    gap6 = 2.0 * h_p2
-    gap7 = 4.0 * x2
-    gap8 = 8.0 * R * h_p2
-    gap9 = 8.0 * h * R_p2
+    gap6 = 3.0 * R_p2 * h_p2
+    gap7 = 2.0 * h_p2
+    gap8 = 4.0 * x2
+    gap9 = 8.0 * R * h_p2
+    x6 = h * R_p2
+    gap10 = 8.0 * x6
+    gap11 = x2
+    gap12 = -x3
+    gap13 = -12.0 * x6
+    gap14 = -5.0 * h
+    gap15 = 10.0 * x2
+    gap16 = 12.0 * x2
     out[0 * n + i] = gap0
     out[1 * n + i] = gap1
     out[2 * n + i] = gap2
@@ -64,6 +73,13 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
     out[7 * n + i] = gap7
     out[8 * n + i] = gap8
     out[9 * n + i] = gap9
+    out[10 * n + i] = gap10
+    out[11 * n + i] = gap11
+    out[12 * n + i] = gap12
+    out[13 * n + i] = gap13
+    out[14 * n + i] = gap14
+    out[15 * n + i] = gap15
+    out[16 * n + i] = gap16
 
 
 @jit
@@ -79,19 +95,31 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     gap7 = terms[7 * n + i]
     gap8 = terms[8 * n + i]
     gap9 = terms[9 * n + i]
+    gap10 = terms[10 * n + i]
+    gap11 = terms[11 * n + i]
+    gap12 = terms[12 * n + i]
+    gap13 = terms[13 * n + i]
+    gap14 = terms[14 * n + i]
+    gap15 = terms[15 * n + i]
+    gap16 = terms[16 * n + i]
     R = p[0]
     E = p[1]
-    nu = p[3]
-    x0 = fabs(delta)
-    a = sqrt(R * (gap0 + gap1 / (gap2 + 2.0 * x0) + x0))
-    x3 = gap3 + gap4 * x0
-    nu_p2 = nu * nu
-    x2 = E / (1.0 - nu_p2)
+    own_nu = p[3]
+    a = (sqrt(delta + gap0 + gap1 / (2.0 * delta + gap2)) if delta >= 0.0 else gap3 / sqrt(gap0 - delta)) * sqrt(R)
+    x9 = delta * gap5 + gap4
+    x1 = (4.0 / 3.0) * a
     R_p2 = R * R
     delta_p2 = delta * delta
-    x3_p2 = x3 * x3
-    dF_ddelta = x2 * (x0 * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + gap5 + gap8 * x0 + gap9 * x0) / (x3_p2 * a) + 4.0 * a) / 3.0
-    newton = ((4.0 / 3.0) * delta * x2 * a - F) / dF_ddelta
+    x3 = delta_p2 * R_p2
+    x4 = delta * R
+    x5 = 2.23606797749979
+    a_p2 = a * a
+    x7 = sqrt(5.0 * a_p2 - 4.0 * x4)
+    own_nu_p2 = own_nu * own_nu
+    x8 = E / (1.0 - own_nu_p2)
+    x9_p2 = x9 * x9
+    dF_ddelta = x8 * (x1 + x4 * (gap7 * delta_p2 + gap8 * delta_p2 + delta * gap10 + delta * gap9 + gap6 + 2.0 * x3) / (3.0 * x9_p2 * a) if delta >= 0.0 else (2.0 / 15.0) * x5 * (delta * gap14 * a_p2 + gap15 * a_p2 + gap16 * delta_p2 + delta * gap13 + 12.0 * x3 - 5.0 * x4 * a_p2) / (x7 * (delta * gap12 + gap11)))
+    newton = (delta * x8 * (x1 if delta >= 0.0 else (4.0 / 15.0) * x5 * x7) - F) / dF_ddelta
     out[i] = newton
     out[n + i] = dF_ddelta
 
@@ -101,22 +129,36 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[2]
-    x0 = fabs(delta)
-    x1 = 1.0 / R
-    x2 = 1.0 / h
-    x3 = x1 + x2
-    x4 = 1.0 / x3
-    x3_p2 = x3 * x3
-    a = sqrt(R * (x0 + x4 + 5.0 / (x3_p2 * (2.0 * x0 + 4.0 * x4))))
-    x6 = x2 * R
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = 1.0 / x2
+    x2_p2 = x2 * x2
+    x5 = 1.0 / x2_p2
+    a = (sqrt(delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)) if delta >= 0.0 else 1.5 * x3 / sqrt(x3 - delta)) * sqrt(R)
+    x8 = x1 * R
+    x9 = log1p((20.0 / 9.0) * x8)
     a_p2 = a * a
-    a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x3_p3 = x3_p2 * x3
-    zeta = 25.132741228718345 * x1 * eta * x3_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (142.3828125 * R_p3 / (x3_p3 * a_p6) + 1.0)
+    x15 = 7040.0 * a_p6
+    x18 = 21120.0 * a_p6
+    a_p4 = a_p2 * a_p2
+    x20 = 27504.0 * a_p4
+    x21 = 29808.0 * a_p2
+    x22 = 464.0 * a_p4
+    x23 = 648.0 * a_p2
+    R_p2 = R * R
+    R_p3 = R_p2 * R
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    a_p12 = a_p6 * a_p6
+    h_p2 = h * h
+    h_p3 = h_p2 * h
+    x2_p3 = x2_p2 * x2
+    x2_p6 = x2_p3 * x2_p3
+    zeta = 3.141592653589793 * eta * (32.0 * x0 * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * x9 + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0) if delta >= 0.0 else 0.6 * x8 * a_p2 * (R + h) * (10.0 * R + 9.0 * x9 * h + 20.0 * h) * (729.0 * R_p4 * h_p2 + x22 * R_p2 + 928.0 * R * h * a_p4 + x22 * h_p2 - x23 * h * R_p3 - x23 * R_p2 * h_p2) / (6561.0 * R_p6 * h_p3 + x21 * R_p5 * h_p2 + x21 * R_p4 * h_p3 + x15 * R_p3 + x18 * h * R_p2 + x18 * R * h_p2 + x15 * h_p3 - x20 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x20 * R_p2 * h_p3))
     dh_dt = -F / zeta
     w[i] = dh_dt / h
 
@@ -127,70 +169,116 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     R = p[0]
     E = p[1]
     eta = p[2]
-    nu = p[3]
-    x0 = fabs(delta)
-    x1 = 1.0 / R
-    x2 = 1.0 / h
-    x3 = x1 + x2
-    x4 = 1.0 / x3
-    x3_p2 = x3 * x3
-    x6 = 1.0 / x3_p2
-    a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)))
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    own_nu = p[3]
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = 1.0 / x2
+    x2_p2 = x2 * x2
+    x5 = 1.0 / x2_p2
+    x6 = 2.0 * delta
+    x8 = x3 - delta
+    a = (sqrt(delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)) if delta >= 0.0 else 1.5 * x3 / sqrt(x8)) * sqrt(R)
     a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    x11 = 1.0 / a_p4
+    x12 = x11 * x5
+    R_p2 = R * R
+    x13 = x12 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x3_p3 = x3_p2 * x3
-    x9 = R_p3 / (x3_p3 * a_p6)
-    x10 = 142.3828125 * x9 + 1.0
-    x11 = x2 * R
-    x12 = log1p((20.0 / 9.0) * x11)
-    x13 = x11 / 2.0 + 0.45 * x12 + 1.0
-    a_p4 = a_p2 * a_p2
-    x15 = x3_p2 * a_p4
-    zeta = 25.132741228718345 * x1 * x13 * x15 * eta / x10
-    x16 = R * h
-    x17 = 2.0 * x16
-    x18 = R + h
-    x45 = x0 * x18 + x17
-    x45_p2 = x45 * x45
-    x19 = 1.0 / x45_p2
-    x20 = x19 / a
-    delta_p2 = delta * delta
-    x23 = delta_p2 * R_p2
+    a_p12 = a_p6 * a_p6
+    x2_p3 = x2_p2 * x2
+    x2_p6 = x2_p3 * x2_p3
+    x15 = R_p6 / (x2_p6 * a_p12)
+    x16 = 106.3125 * x13 + 3762.643798828125 * x15 + 4.0
+    x17 = x1 * R
+    x18 = log1p((20.0 / 9.0) * x17)
+    x19 = x17 / 2.0 + 0.45 * x18 + 1.0
+    x20 = x2_p2 * a_p4
+    x21 = R + h
+    x24 = 7040.0 * a_p6
+    x27 = 21120.0 * a_p6
+    x28 = h * R_p2
+    x30 = 27504.0 * a_p4
+    x32 = 29808.0 * a_p2
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
     h_p2 = h * h
-    x25 = R_p2 * h_p2
-    x26 = delta_p2 * h_p2
-    x27 = 8.0 * x0
-    x28 = R * h_p2
-    x29 = h * R_p2
-    x30 = R * (4.0 * x16 * delta_p2 + 2.0 * x23 + 3.0 * x25 + 2.0 * x26 + x27 * x28 + x27 * x29)
-    nu_p2 = nu * nu
-    x31 = E / (1.0 - nu_p2)
-    dF_ddelta = x31 * (4.0 * a + x0 * x20 * x30) / 3.0
-    x32 = 9.0 * x0
-    x33 = x17 * delta_p2 + x23 + 9.0 * x25 + x26 + x28 * x32 + x29 * x32
-    x18_p2 = x18 * x18
-    dF_dh = (2.0 / 3.0) * delta * x20 * x31 * x33 * R_p3 / x18_p2
-    dh_dt = -F / zeta
-    x34 = 1.0 / a_p2
-    R_p6 = R_p3 * R_p3
     h_p3 = h_p2 * h
-    x35 = R_p6 * h_p3
-    x18_p3 = x18_p2 * x18
-    x37 = x18_p3 * a_p6
-    x38 = 18225.0 * x35 + 128.0 * x37
-    x39 = dF_dh / dF_ddelta
-    x40 = x19 * (91125.0 * x35 + 256.0 * x37)
-    x41 = 10.0 * R
-    x42 = 9.0 * x12
-    x43 = 1.0 / (18225.0 * x9 + 128.0)
-    x44 = x2 * x41 + x42 + 20.0
+    x33 = 6561.0 * R_p6 * h_p3 + x32 * R_p5 * h_p2 + x32 * R_p4 * h_p3 + x24 * R_p3 + x27 * R * h_p2 + x24 * h_p3 + x27 * x28 - x30 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x30 * R_p2 * h_p3
+    x34 = 10.0 * R
+    x35 = 9.0 * x18
+    x36 = x35 * h + 20.0 * h + x34
+    x37 = R * h
+    x38 = 464.0 * a_p4
+    x39 = 648.0 * a_p2
+    x40 = R_p2 * h_p2
+    x41 = 729.0 * R_p4 * h_p2 + x38 * R_p2 + 928.0 * x37 * a_p4 + x38 * h_p2 - x39 * h * R_p3 - x39 * x40
+    x42 = x17 * a_p2
+    zeta = 3.141592653589793 * eta * (32.0 * x0 * x19 * x20 / x16 if delta >= 0.0 else 0.6 * x21 * x36 * x41 * x42 / x33)
+    x43 = delta * R
+    delta_p2 = delta * delta
+    x46 = x37 * delta_p2
+    x47 = delta * x28
+    x48 = delta_p2 * R_p2
+    x44 = x43 * h_p2
+    x49 = delta_p2 * h_p2
+    x50 = 3.0 * x40 + 8.0 * x44 + 4.0 * x46 + 8.0 * x47 + 2.0 * x48 + 2.0 * x49
+    x51 = 1.0 / a
+    x52 = 2.0 * x37
+    x53 = delta * x21
+    x88 = x52 + x53
+    x88_p2 = x88 * x88
+    x54 = 1.0 / x88_p2
+    x55 = x51 * x54
+    x56 = 5.0 * a_p2
+    x57 = 1.0 / (x37 - x53)
+    x58 = x57 * sqrt(5.0) / sqrt(5.0 * a_p2 - 4.0 * x43)
+    own_nu_p2 = own_nu * own_nu
+    x59 = E / (1.0 - own_nu_p2)
+    dF_ddelta = x59 * ((4.0 / 3.0) * a + x43 * x50 * x55 / 3.0 if delta >= 0.0 else (2.0 / 15.0) * x58 * (x34 * h * a_p2 + 12.0 * x46 + 12.0 * x48 - delta * x56 * h - x43 * x56 - 12.0 * x47))
+    x21_p2 = x21 * x21
+    x60 = x55 * (x52 * delta_p2 + 9.0 * x40 + 9.0 * x44 + 9.0 * x47 + x48 + x49) / x21_p2
+    x61 = 1.0 / x21
+    x62 = x61 * (x37 - x21 * x6)
+    dF_dh = (2.0 / 3.0) * delta * x59 * (x60 * R_p3 if delta >= 0.0 else x42 * x58 * x62)
+    dh_dt = -F / zeta
+    x68 = 1.0 / a_p2
+    x69 = x3 * x68
+    x70 = x69 * R
+    x71 = 729.0 * x13 + 464.0 - 648.0 * x70
+    x72 = 1.0 / x71
+    x73 = 81.0 * x13 + 16.0 - 72.0 * x70
+    x74 = x72 * x73
+    x89 = 2.25 * x70 + 110.0 * x74
+    x63 = 1.0 / R_p2
+    x64 = 1.0 / (435456.0 * x13 + 15411789.0 * x15 + 16384.0)
     a_p8 = a_p4 * a_p4
-    x38_p2 = x38 * x38
-    slope_p11 = -dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x33 * x40 * x18_p3 * a_p8 * (x42 * h + 20.0 * h + x41) / x38_p2 - x43 * (54675.0 * x34 * x43 * x44 * x6 * R_p2 + 2.0 * x1 * x3 * x44 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - x30 * x34 * x39 * x40 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x38))
-    slope_p21 = -x39 * h
+    x2_p4 = x2_p2 * x2_p2
+    x65 = 243.0 * x64 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0)
+    x66 = x63 * x2_p2 * a_p3 + x51 * x65
+    x67 = x16 * x64
+    x75 = 9.0 * x70
+    x76 = x75 - 4.0
+    x77 = -x76
+    x71_p2 = x71 * x71
+    x78 = x73 / x71_p2
+    x79 = x33 * x61 / (x36 * x41)
+    x80 = dF_dh / dF_ddelta
+    x81 = 1.0 / (20.0 * x17 + 9.0)
+    x82 = x1 * x34 + x35 + 20.0
+    x83 = x82 * R
+    x84 = 880.0 * x72
+    x85 = 7920.0 * x78
+    x86 = 1.0 / (440.0 * x74 + x75)
+    x87 = x68 * x86
+    a_p5 = a_p3 * a_p2
+    x89_p2 = x89 * x89
+    slope_p11 = -dh_dt * x1 - dh_dt * (R * (409.6 * x12 * x67 * (x60 * x66 * x82 * R_p4 - (5.0 * x20 * (18.0 * x81 + 1.0) + x83 * (x2 * x63 * a_p4 + x3 * x65)) / h_p2) / x19 if delta >= 0.0 else x79 * x87 * (9.0 * x57 * x62 * x69 * x83 * x86 * (1.0 - x76 * x85 - x77 * x84) - x1 * (9.0 * x5 * x82 * x87 * (x76 * x84 + x77 * x85 + 1.0) + 180.0 * x81 + 10.0))) - x80 * (4096.0 * x5 * x50 * x54 * x66 * x67 * R_p3 / a_p5 if delta >= 0.0 else 22.5 * x11 * x19 * x3 * x37 * x79 * (0.5 - 440.0 * x72 * x77 - 3960.0 * x76 * x78) / (x8 * x89_p2)))
+    slope_p21 = -x80 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -201,79 +289,128 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, dF_dt: float, 
     R = p[0]
     E = p[1]
     eta = p[2]
-    nu = p[3]
-    x0 = fabs(delta)
-    x1 = 1.0 / R
-    x2 = 1.0 / h
-    x3 = x1 + x2
-    x4 = 1.0 / x3
-    x3_p2 = x3 * x3
-    x6 = 1.0 / x3_p2
-    a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)))
-    nu_p2 = nu * nu
-    x8 = E / (1.0 - nu_p2)
-    x9 = delta * x8
-    F_ela = (4.0 / 3.0) * x9 * a
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    own_nu = p[3]
+    x0 = 1.0 / R
+    x1 = 1.0 / h
+    x2 = x0 + x1
+    x3 = 1.0 / x2
+    x2_p2 = x2 * x2
+    x5 = 1.0 / x2_p2
+    x6 = 2.0 * delta
+    x8 = x3 - delta
+    a = (sqrt(delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)) if delta >= 0.0 else 1.5 * x3 / sqrt(x8)) * sqrt(R)
+    x9 = (4.0 / 3.0) * a
+    x10 = 2.23606797749979
+    x11 = delta * R
     a_p2 = a * a
+    x13 = sqrt(5.0 * a_p2 - 4.0 * x11)
+    own_nu_p2 = own_nu * own_nu
+    x15 = E / (1.0 - own_nu_p2)
+    x16 = delta * x15
+    F_ela = x16 * (x9 if delta >= 0.0 else (4.0 / 15.0) * x10 * x13)
+    a_p4 = a_p2 * a_p2
+    x19 = 1.0 / a_p4
+    x20 = x19 * x5
+    R_p2 = R * R
+    x21 = x20 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x3_p3 = x3_p2 * x3
-    x12 = R_p3 / (x3_p3 * a_p6)
-    x13 = 142.3828125 * x12 + 1.0
-    x14 = x2 * R
-    x15 = log1p((20.0 / 9.0) * x14)
-    x16 = x14 / 2.0 + 0.45 * x15 + 1.0
-    a_p4 = a_p2 * a_p2
-    x18 = x3_p2 * a_p4
-    zeta = 25.132741228718345 * x1 * x16 * x18 * eta / x13
-    F_adh = 0.0
-    x19 = 2.0 * R
-    x20 = x19 * h
-    x21 = R + h
-    x48 = x0 * x21 + x20
-    x48_p2 = x48 * x48
-    x22 = 1.0 / x48_p2
-    x23 = x22 / a
-    delta_p2 = delta * delta
-    x26 = delta_p2 * R_p2
+    a_p12 = a_p6 * a_p6
+    x2_p3 = x2_p2 * x2
+    x2_p6 = x2_p3 * x2_p3
+    x23 = R_p6 / (x2_p6 * a_p12)
+    x24 = 106.3125 * x21 + 3762.643798828125 * x23 + 4.0
+    x25 = x1 * R
+    x26 = log1p((20.0 / 9.0) * x25)
+    x27 = x25 / 2.0 + 0.45 * x26 + 1.0
+    x28 = x2_p2 * a_p4
+    x29 = R + h
+    x32 = 7040.0 * a_p6
+    x35 = 21120.0 * a_p6
+    x36 = h * R_p2
+    x38 = 27504.0 * a_p4
+    x39 = 29808.0 * a_p2
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
     h_p2 = h * h
-    x28 = R_p2 * h_p2
-    x29 = delta_p2 * h_p2
-    x30 = 8.0 * x0
-    x31 = R * h_p2
-    x32 = h * R_p2
-    x33 = R * (4.0 * R * h * delta_p2 + 2.0 * x26 + 3.0 * x28 + 2.0 * x29 + x30 * x31 + x30 * x32)
-    dF_ddelta = x8 * (4.0 * a + x0 * x23 * x33) / 3.0
-    x34 = 9.0 * x0
-    x35 = x20 * delta_p2 + x26 + 9.0 * x28 + x29 + x31 * x34 + x32 * x34
-    x21_p2 = x21 * x21
-    x36 = x23 * x35 * R_p3 / x21_p2
-    dF_dh = (2.0 / 3.0) * x36 * x9
+    h_p3 = h_p2 * h
+    x40 = 6561.0 * R_p6 * h_p3 + x39 * R_p5 * h_p2 + x39 * R_p4 * h_p3 + x32 * R_p3 + x35 * R * h_p2 + x32 * h_p3 + x35 * x36 - x38 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x38 * R_p2 * h_p3
+    x41 = 10.0 * R
+    x42 = 9.0 * x26
+    x43 = x42 * h + 20.0 * h + x41
+    x44 = R * h
+    x45 = 464.0 * a_p4
+    x46 = 648.0 * a_p2
+    x47 = R_p2 * h_p2
+    x48 = 729.0 * R_p4 * h_p2 + x45 * R_p2 + 928.0 * x44 * a_p4 + x45 * h_p2 - x46 * h * R_p3 - x46 * x47
+    x49 = x25 * a_p2
+    zeta = 3.141592653589793 * eta * (32.0 * x0 * x27 * x28 / x24 if delta >= 0.0 else 0.6 * x29 * x43 * x48 * x49 / x40)
+    F_adh = 0.0
+    delta_p2 = delta * delta
+    x52 = x44 * delta_p2
+    x53 = delta * x36
+    x54 = delta_p2 * R_p2
+    x50 = x11 * h_p2
+    x55 = delta_p2 * h_p2
+    x56 = 3.0 * x47 + 8.0 * x50 + 4.0 * x52 + 8.0 * x53 + 2.0 * x54 + 2.0 * x55
+    x57 = 1.0 / a
+    x58 = 2.0 * x44
+    x59 = delta * x29
+    x94 = x58 + x59
+    x94_p2 = x94 * x94
+    x60 = 1.0 / x94_p2
+    x61 = x57 * x60
+    x62 = 5.0 * a_p2
+    x63 = 1.0 / (x44 - x59)
+    x64 = x10 * x63 / x13
+    dF_ddelta = x15 * (x11 * x56 * x61 / 3.0 + x9 if delta >= 0.0 else (2.0 / 15.0) * x64 * (x41 * h * a_p2 + 12.0 * x52 + 12.0 * x54 - delta * x62 * h - x11 * x62 - 12.0 * x53))
+    x29_p2 = x29 * x29
+    x65 = x61 * (x58 * delta_p2 + 9.0 * x47 + 9.0 * x50 + 9.0 * x53 + x54 + x55) / x29_p2
+    x66 = 1.0 / x29
+    x67 = x66 * (x44 - x29 * x6)
+    x68 = (x65 * R_p3 if delta >= 0.0 else x49 * x64 * x67)
+    dF_dh = (2.0 / 3.0) * x16 * x68
     C = dF_ddelta / 2.0
     D = C * zeta / (C + dF_dh)
     dh_dt = -F / zeta
-    x37 = 1.0 / dF_ddelta
-    ddelta_dt = x37 * (dF_dt - dF_dh * dh_dt)
+    x69 = 1.0 / dF_ddelta
+    ddelta_dt = x69 * (dF_dt - dF_dh * dh_dt)
     dX_dt = -F / D - dF_dt / C
-    X = h + x19 - 2.0 * delta
-    lambda1 = 2.0 * x36 * x37 * E * h / (3.0 * nu_p2 - 3.0)
-    x38 = 1.0 / a_p2
-    R_p6 = R_p3 * R_p3
-    h_p3 = h_p2 * h
-    x39 = R_p6 * h_p3
-    x21_p3 = x21_p2 * x21
-    x41 = x21_p3 * a_p6
-    x42 = 18225.0 * x39 + 128.0 * x41
-    x43 = x22 * (91125.0 * x39 + 256.0 * x41)
-    x44 = 10.0 * R
-    x45 = 9.0 * x15
-    x46 = 1.0 / (18225.0 * x12 + 128.0)
-    x47 = x2 * x44 + x45 + 20.0
+    X = 2.0 * R + h - x6
+    lambda1 = 2.0 * x68 * x69 * E * h / (3.0 * own_nu_p2 - 3.0)
+    x75 = 1.0 / a_p2
+    x76 = x3 * x75
+    x77 = x76 * R
+    x78 = 729.0 * x21 + 464.0 - 648.0 * x77
+    x79 = 1.0 / x78
+    x80 = 81.0 * x21 + 16.0 - 72.0 * x77
+    x81 = x79 * x80
+    x95 = 2.25 * x77 + 110.0 * x81
+    x70 = 1.0 / R_p2
+    x71 = 1.0 / (435456.0 * x21 + 15411789.0 * x23 + 16384.0)
     a_p8 = a_p4 * a_p4
-    x42_p2 = x42 * x42
-    lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x35 * x43 * x21_p3 * a_p8 * (x45 * h + 20.0 * h + x44) / x42_p2 - x46 * (54675.0 * x38 * x46 * x47 * x6 * R_p2 + 2.0 * x1 * x3 * x47 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x33 * x37 * x38 * x43 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0)) / (2.0 * x42))
+    x2_p4 = x2_p2 * x2_p2
+    x72 = 243.0 * x71 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0)
+    x73 = x70 * x2_p2 * a_p3 + x57 * x72
+    x74 = x24 * x71
+    x82 = 9.0 * x77
+    x83 = x82 - 4.0
+    x84 = -x83
+    x78_p2 = x78 * x78
+    x85 = x80 / x78_p2
+    x86 = x40 * x66 / (x43 * x48)
+    x87 = 1.0 / (20.0 * x25 + 9.0)
+    x88 = x1 * x41 + x42 + 20.0
+    x89 = x88 * R
+    x90 = 880.0 * x79
+    x91 = 7920.0 * x85
+    x92 = 1.0 / (440.0 * x81 + x82)
+    x93 = x75 * x92
+    a_p5 = a_p3 * a_p2
+    x95_p2 = x95 * x95
+    lambda2 = -h * (R * (409.6 * x20 * x74 * (x65 * x73 * x88 * R_p4 - (5.0 * x28 * (18.0 * x87 + 1.0) + x89 * (x2 * x70 * a_p4 + x3 * x72)) / h_p2) / x27 if delta >= 0.0 else x86 * x93 * (9.0 * x63 * x67 * x76 * x89 * x92 * (1.0 - x83 * x91 - x84 * x90) - x1 * (9.0 * x5 * x88 * x93 * (x83 * x90 + x84 * x91 + 1.0) + 180.0 * x87 + 10.0))) - dF_dh * x69 * (4096.0 * x5 * x56 * x60 * x73 * x74 * R_p3 / a_p5 if delta >= 0.0 else 22.5 * x19 * x27 * x3 * x44 * x86 * (0.5 - 440.0 * x79 * x84 - 3960.0 * x83 * x85) / (x8 * x95_p2)))
     out[0 * n + i] = a
     out[1 * n + i] = F_ela
     out[2 * n + i] = zeta
@@ -363,7 +500,7 @@ def equal_spheres_evaluate(n: int, h: array, delta: array, F: array, dF_dt: arra
 def equal_spheres_solve_delta(n: int, h: array, F: array, p: array, delta: array) -> None:
     """The deflection at n gaps under n forces, from guesses, or nan for that of the state before; nan if there is none."""
     w = empty(2)
-    terms = empty(10)
+    terms = empty(17)
     guess = nan
     for i in range(n):
         guess = guess if delta[i] != delta[i] else delta[i]
@@ -503,6 +640,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
 
 
 
+
+
 @jit
 def equal_spheres_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -510,11 +649,12 @@ def equal_spheres_integrate(t_end: float, u_stop: float, rtol: float, p: array, 
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -523,7 +663,7 @@ def equal_spheres_integrate(t_end: float, u_stop: float, rtol: float, p: array, 
     """
     w = empty(4)
     work = empty(40)
-    terms = empty(80)
+    terms = empty(136)
     given = empty(8)
     h = empty(8)
     deflection = empty(8)
@@ -965,7 +1105,7 @@ def _collect(small: float, start: float, worst: array, j: int, first: int, count
     delta = empty(8)
     z = empty(8)
     work = empty(40)
-    terms = empty(80)
+    terms = empty(136)
     # outputs gathered and not written yet
     gathered: int = 0
     delta[7] = out[2 * total + first + j - 1] if j > 0 else nan
@@ -1024,7 +1164,7 @@ def equal_spheres_runs(n: int, count: int, at_gaps: int, settings: array, runs: 
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(448)
     p = empty(4)
@@ -1032,7 +1172,7 @@ def equal_spheres_runs(n: int, count: int, at_gaps: int, settings: array, runs: 
         at: int = 8 * run
         for k in range(4):
             p[k] = runs[at + 4 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -1049,5 +1189,7 @@ def equal_spheres_runs(n: int, count: int, at_gaps: int, settings: array, runs: 
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[17 * n * count + run] = float(ended)
         out[17 * n * count + n + run] = worst[0]

@@ -39,11 +39,11 @@ def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out:
     """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta)), out[n + i] = dF_ela/d(delta)."""
     R = p[0]
     E = p[1]
-    nu = p[2]
+    own_nu = p[2]
     x0 = fabs(delta)
     a = sqrt(x0 * R)
-    nu_p2 = nu * nu
-    x1 = E / (1.0 - nu_p2)
+    own_nu_p2 = own_nu * own_nu
+    x1 = E / (1.0 - own_nu_p2)
     dF_ddelta = (2.0 / 3.0) * x1 * (x0 * R / a + 2.0 * a)
     newton = ((4.0 / 3.0) * delta * x1 * a - F) / dF_ddelta
     out[i] = newton
@@ -71,11 +71,11 @@ def _quantities(i: int, n: int, h: float, delta: float, dF_dt: float, p: array, 
     """a, F_ela, C, dh_dt, ddelta_dt, dX_dt, X at state i of n."""
     R = p[0]
     E = p[1]
-    nu = p[2]
+    own_nu = p[2]
     x0 = fabs(delta)
     a = sqrt(x0 * R)
-    nu_p2 = nu * nu
-    x1 = E / (1.0 - nu_p2)
+    own_nu_p2 = own_nu * own_nu
+    x1 = E / (1.0 - own_nu_p2)
     F_ela = (4.0 / 3.0) * delta * x1 * a
     dF_ddelta = (2.0 / 3.0) * x1 * (x0 * R / a + 2.0 * a)
     C = dF_ddelta / 2.0
@@ -307,6 +307,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
 
 
 
+
+
 @jit
 def hertz_dry_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -314,11 +316,12 @@ def hertz_dry_integrate(t_end: float, u_stop: float, rtol: float, p: array, tabl
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -828,7 +831,7 @@ def hertz_dry_runs(n: int, count: int, at_gaps: int, settings: array, runs: arra
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(448)
     p = empty(3)
@@ -836,7 +839,7 @@ def hertz_dry_runs(n: int, count: int, at_gaps: int, settings: array, runs: arra
         at: int = 7 * run
         for k in range(3):
             p[k] = runs[at + 4 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -853,5 +856,7 @@ def hertz_dry_runs(n: int, count: int, at_gaps: int, settings: array, runs: arra
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[12 * n * count + run] = float(ended)
         out[12 * n * count + n + run] = worst[0]

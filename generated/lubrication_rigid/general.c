@@ -1,17 +1,17 @@
 /* Contact law lubrication_rigid: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3
- * Law 8d69788a3b8a1440:
+ * Law 98baecf9831b393d:
  *     a = sqrt(R)*sqrt(5*(1/(4*h) + 1/(4*R))/(1/h + 1/R)**2 + 1/(1/h + 1/R))
  *     F_ela = oo
- *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+ *     zeta = 32*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4))
  *     F_adh = 0
  * Left out, with the operations that each saved:
- *     no remote force: 103 -> 102
- * Operations, 231 in all:
- *     gap_rate: 5 add, 20 mul, 7 div, 2 sqrt, 1 call
- *     slopes: 18 add, 65 mul, 13 div, 2 sqrt, 1 call
- *     quantities: 18 add, 63 mul, 13 div, 2 sqrt, 1 call
+ *     no remote force: 101 -> 100
+ * Operations, 236 in all:
+ *     gap_rate: 6 add, 25 mul, 8 div, 2 sqrt, 1 call
+ *     slopes: 18 add, 60 mul, 16 div, 2 sqrt, 1 call
+ *     quantities: 18 add, 60 mul, 16 div, 2 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -35,8 +35,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -94,18 +95,21 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
     const double eta = p[1];
     const double a = 1.5 * R * sqrt(h) / sqrt(R + h);
     const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double x3 = x1 * R;
+    const double x2 = 1.0 / h;
+    const double x3 = x0 + x2;
+    const double x5 = x2 * R;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p2 = a * a;
     const double a_p4 = a_p2 * a_p2;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x2_p2 = x2 * x2;
-    const double x2_p3 = x2_p2 * x2;
-    const double zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x3 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x3) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
+    const double a_p12 = a_p6 * a_p6;
+    const double x3_p2 = x3 * x3;
+    const double x3_p3 = x3_p2 * x3;
+    const double x3_p6 = x3_p3 * x3_p3;
+    const double zeta = 100.53096491487338 * x0 * eta * x3_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x5) + 1.0) / (3762.643798828125 * R_p6 / (x3_p6 * a_p12) + 106.3125 * R_p2 / (x3_p2 * a_p4) + 4.0);
     const double dh_dt = -F / zeta;
     w[i] = dh_dt / h;
 }
@@ -117,41 +121,40 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double eta = p[1];
     const double x0 = R + h;
     const double a = 1.5 * R * sqrt(h) / sqrt(x0);
-    const double x1 = 1.0 / R;
+    const double x2 = 1.0 / R;
     const double x3 = 1.0 / h;
-    const double x4 = x1 + x3;
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
+    const double x4 = x2 + x3;
     const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x4_p2 = x4 * x4;
+    const double x6 = 1.0 / (x4_p2 * a_p4);
+    const double R_p2 = R * R;
+    const double x7 = x6 * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x4_p2 = x4 * x4;
+    const double a_p12 = a_p6 * a_p6;
     const double x4_p3 = x4_p2 * x4;
-    const double x5 = R_p3 / (x4_p3 * a_p6);
-    const double x6 = 142.3828125 * x5 + 1.0;
-    const double x7 = x3 * R;
-    const double x8 = log1p(20.0 / 9.0 * x7);
-    const double x9 = x7 / 2.0 + 0.45 * x8 + 1.0;
-    const double a_p4 = a_p2 * a_p2;
-    const double x12 = x4_p2 * a_p4;
-    const double zeta = 25.132741228718345 * x1 * x12 * x9 * eta / x6;
+    const double x4_p6 = x4_p3 * x4_p3;
+    const double x8 = R_p6 / (x4_p6 * a_p12);
+    const double x9 = 106.3125 * x7 + 3762.643798828125 * x8 + 4.0;
+    const double x10 = x3 * R;
+    const double x11 = log1p(20.0 / 9.0 * x10);
+    const double x12 = x10 / 2.0 + 0.45 * x11 + 1.0;
+    const double x13 = x2 * x4_p2;
+    const double zeta = 100.53096491487338 * x12 * x13 * eta * a_p4 / x9;
     const double dh_dt = -F / zeta;
-    const double R_p6 = R_p3 * R_p3;
-    const double h_p2 = h * h;
-    const double h_p3 = h_p2 * h;
-    const double x17 = R_p6 * h_p3;
-    const double x0_p2 = x0 * x0;
-    const double x0_p3 = x0_p2 * x0;
-    const double x18 = x0_p3 * a_p6;
-    const double x21 = 18225.0 * x17 + 128.0 * x18;
-    const double x13 = 1.0 / x4_p2;
-    const double x15 = 10.0 * R;
-    const double x16 = 9.0 * x8;
-    const double x19 = 1.0 / (18225.0 * x5 + 128.0);
-    const double x20 = x15 * x3 + x16 + 20.0;
+    const double x14 = 1.0 / a;
+    const double x15 = 10.0 * x10 + 9.0 * x11 + 20.0;
+    const double x16 = R / (435456.0 * x7 + 15411789.0 * x8 + 16384.0);
+    const double R_p4 = R_p2 * R_p2;
     const double a_p8 = a_p4 * a_p4;
-    const double x21_p2 = x21 * x21;
-    const double slope_p11 = -1.6 * dh_dt * x13 * x6 * R * (9.0 * x3 * x0_p3 * a_p8 * (91125.0 * x17 + 256.0 * x18) * (x16 * h + 20.0 * h + x15) / x21_p2 - 4.0 * x19 * (54675.0 * x13 * x19 * x20 * R_p2 / a_p2 + 2.0 * x1 * x20 * x4 * a_p4 + 10.0 * x12 * (1.0 + 18.0 / (20.0 * x7 + 9.0)))) / (x9 * a_p4 * h_p2) - dh_dt * x3;
+    const double x4_p4 = x4_p2 * x4_p2;
+    const double x17 = 243.0 * x16 * (190269.0 * R_p4 / (x4_p4 * a_p8) + 1792.0);
+    const double h_p2 = h * h;
+    const double x0_p2 = x0 * x0;
+    const double slope_p11 = -dh_dt * x3 - 102.4 * dh_dt * x16 * x6 * x9 * (9.0 * x14 * x15 * R_p3 * (x13 * a_p3 + x14 * x17) / x0_p2 - 4.0 * (x15 * x2 * x4 * a_p4 + 5.0 * x4_p2 * a_p4 * (1.0 + 18.0 / (20.0 * x10 + 9.0)) + x15 * x17 / x4) / h_p2) / x12;
     const double slope_p21 = 0.0;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
@@ -165,45 +168,44 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
     const double x0 = R + h;
     const double a = 1.5 * R * sqrt(h) / sqrt(x0);
     const double F_ela = F;
-    const double x1 = 1.0 / R;
+    const double x2 = 1.0 / R;
     const double x3 = 1.0 / h;
-    const double x4 = x1 + x3;
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
+    const double x4 = x2 + x3;
     const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x4_p2 = x4 * x4;
+    const double x6 = 1.0 / (x4_p2 * a_p4);
+    const double R_p2 = R * R;
+    const double x7 = x6 * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x4_p2 = x4 * x4;
+    const double a_p12 = a_p6 * a_p6;
     const double x4_p3 = x4_p2 * x4;
-    const double x5 = R_p3 / (x4_p3 * a_p6);
-    const double x6 = 142.3828125 * x5 + 1.0;
-    const double x7 = x3 * R;
-    const double x8 = log1p(20.0 / 9.0 * x7);
-    const double x9 = x7 / 2.0 + 0.45 * x8 + 1.0;
-    const double a_p4 = a_p2 * a_p2;
-    const double x12 = x4_p2 * a_p4;
-    const double zeta = 25.132741228718345 * x1 * x12 * x9 * eta / x6;
+    const double x4_p6 = x4_p3 * x4_p3;
+    const double x8 = R_p6 / (x4_p6 * a_p12);
+    const double x9 = 106.3125 * x7 + 3762.643798828125 * x8 + 4.0;
+    const double x10 = x3 * R;
+    const double x11 = log1p(20.0 / 9.0 * x10);
+    const double x12 = x10 / 2.0 + 0.45 * x11 + 1.0;
+    const double x13 = x2 * x4_p2;
+    const double zeta = 100.53096491487338 * x12 * x13 * eta * a_p4 / x9;
     const double F_adh = 0.0;
     const double D = zeta;
     const double dh_dt = -F / zeta;
     const double dX_dt = dh_dt;
     const double X = 2.0 * R + h;
-    const double R_p6 = R_p3 * R_p3;
-    const double h_p2 = h * h;
-    const double h_p3 = h_p2 * h;
-    const double x17 = R_p6 * h_p3;
-    const double x0_p2 = x0 * x0;
-    const double x0_p3 = x0_p2 * x0;
-    const double x18 = x0_p3 * a_p6;
-    const double x21 = 18225.0 * x17 + 128.0 * x18;
-    const double x13 = 1.0 / x4_p2;
-    const double x15 = 10.0 * R;
-    const double x16 = 9.0 * x8;
-    const double x19 = 1.0 / (18225.0 * x5 + 128.0);
-    const double x20 = x15 * x3 + x16 + 20.0;
+    const double x14 = 1.0 / a;
+    const double x15 = 10.0 * x10 + 9.0 * x11 + 20.0;
+    const double x16 = R / (435456.0 * x7 + 15411789.0 * x8 + 16384.0);
+    const double R_p4 = R_p2 * R_p2;
     const double a_p8 = a_p4 * a_p4;
-    const double x21_p2 = x21 * x21;
-    const double lambda2 = -1.6 * x13 * x6 * x7 * (9.0 * x3 * x0_p3 * a_p8 * (91125.0 * x17 + 256.0 * x18) * (x16 * h + 20.0 * h + x15) / x21_p2 - 4.0 * x19 * (54675.0 * x13 * x19 * x20 * R_p2 / a_p2 + 2.0 * x1 * x20 * x4 * a_p4 + 10.0 * x12 * (1.0 + 18.0 / (20.0 * x7 + 9.0)))) / (x9 * a_p4);
+    const double x4_p4 = x4_p2 * x4_p2;
+    const double x17 = 243.0 * x16 * (190269.0 * R_p4 / (x4_p4 * a_p8) + 1792.0);
+    const double h_p2 = h * h;
+    const double x0_p2 = x0 * x0;
+    const double lambda2 = -102.4 * x16 * x6 * x9 * h * (9.0 * x14 * x15 * R_p3 * (x13 * a_p3 + x14 * x17) / x0_p2 - 4.0 * (x15 * x2 * x4 * a_p4 + 5.0 * x4_p2 * a_p4 * (1.0 + 18.0 / (20.0 * x10 + 9.0)) + x15 * x17 / x4) / h_p2) / x12;
     out[0 * n + i] = a;
     out[1 * n + i] = F_ela;
     out[2 * n + i] = zeta;
@@ -380,11 +382,12 @@ static inline void _deflections(double small, const double *restrict h, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -988,7 +991,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void lubrication_rigid_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[448];
     double p[2];
@@ -997,7 +1000,7 @@ void lubrication_rigid_runs(int64_t n, int64_t count, int64_t at_gaps, const dou
         for (int64_t k = 0; k < 2; k++) {
             p[k] = runs[at + 4 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1016,6 +1019,9 @@ void lubrication_rigid_runs(int64_t n, int64_t count, int64_t at_gaps, const dou
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[14 * n * count + run] = (double)ended;
         out[14 * n * count + n + run] = worst[0];

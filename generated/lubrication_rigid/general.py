@@ -1,17 +1,17 @@
 """Contact law lubrication_rigid: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Brenner 1961, doi:10.1016/0009-2509(61)80035-3
-Law 8d69788a3b8a1440:
+Law 98baecf9831b393d:
     a = sqrt(R)*sqrt(5*(1/(4*h) + 1/(4*R))/(1/h + 1/R)**2 + 1/(1/h + 1/R))
     F_ela = oo
-    zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+    zeta = 32*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4))
     F_adh = 0
 Left out, with the operations that each saved:
-    no remote force: 103 -> 102
-Operations, 231 in all:
-    gap_rate: 5 add, 20 mul, 7 div, 2 sqrt, 1 call
-    slopes: 18 add, 65 mul, 13 div, 2 sqrt, 1 call
-    quantities: 18 add, 63 mul, 13 div, 2 sqrt, 1 call
+    no remote force: 101 -> 100
+Operations, 236 in all:
+    gap_rate: 6 add, 25 mul, 8 div, 2 sqrt, 1 call
+    slopes: 18 add, 60 mul, 16 div, 2 sqrt, 1 call
+    quantities: 18 add, 60 mul, 16 div, 2 sqrt, 1 call
 
 Functions: lubrication_rigid_evaluate, lubrication_rigid_solve_delta, lubrication_rigid_drive, lubrication_rigid_integrate, lubrication_rigid_passages, lubrication_rigid_sample, lubrication_rigid_runs.
 p holds R, eta.
@@ -39,18 +39,21 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     eta = p[1]
     a = 1.5 * R * sqrt(h) / sqrt(R + h)
     x0 = 1.0 / R
-    x1 = 1.0 / h
-    x2 = x0 + x1
-    x3 = x1 * R
+    x2 = 1.0 / h
+    x3 = x0 + x2
+    x5 = x2 * R
     R_p2 = R * R
     R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p2 = a * a
     a_p4 = a_p2 * a_p2
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x2_p2 = x2 * x2
-    x2_p3 = x2_p2 * x2
-    zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x3 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x3) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0)
+    a_p12 = a_p6 * a_p6
+    x3_p2 = x3 * x3
+    x3_p3 = x3_p2 * x3
+    x3_p6 = x3_p3 * x3_p3
+    zeta = 100.53096491487338 * x0 * eta * x3_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x5) + 1.0) / (3762.643798828125 * R_p6 / (x3_p6 * a_p12) + 106.3125 * R_p2 / (x3_p2 * a_p4) + 4.0)
     dh_dt = -F / zeta
     w[i] = dh_dt / h
 
@@ -62,41 +65,40 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     eta = p[1]
     x0 = R + h
     a = 1.5 * R * sqrt(h) / sqrt(x0)
-    x1 = 1.0 / R
+    x2 = 1.0 / R
     x3 = 1.0 / h
-    x4 = x1 + x3
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    x4 = x2 + x3
     a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    x4_p2 = x4 * x4
+    x6 = 1.0 / (x4_p2 * a_p4)
+    R_p2 = R * R
+    x7 = x6 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x4_p2 = x4 * x4
+    a_p12 = a_p6 * a_p6
     x4_p3 = x4_p2 * x4
-    x5 = R_p3 / (x4_p3 * a_p6)
-    x6 = 142.3828125 * x5 + 1.0
-    x7 = x3 * R
-    x8 = log1p((20.0 / 9.0) * x7)
-    x9 = x7 / 2.0 + 0.45 * x8 + 1.0
-    a_p4 = a_p2 * a_p2
-    x12 = x4_p2 * a_p4
-    zeta = 25.132741228718345 * x1 * x12 * x9 * eta / x6
+    x4_p6 = x4_p3 * x4_p3
+    x8 = R_p6 / (x4_p6 * a_p12)
+    x9 = 106.3125 * x7 + 3762.643798828125 * x8 + 4.0
+    x10 = x3 * R
+    x11 = log1p((20.0 / 9.0) * x10)
+    x12 = x10 / 2.0 + 0.45 * x11 + 1.0
+    x13 = x2 * x4_p2
+    zeta = 100.53096491487338 * x12 * x13 * eta * a_p4 / x9
     dh_dt = -F / zeta
-    R_p6 = R_p3 * R_p3
-    h_p2 = h * h
-    h_p3 = h_p2 * h
-    x17 = R_p6 * h_p3
-    x0_p2 = x0 * x0
-    x0_p3 = x0_p2 * x0
-    x18 = x0_p3 * a_p6
-    x21 = 18225.0 * x17 + 128.0 * x18
-    x13 = 1.0 / x4_p2
-    x15 = 10.0 * R
-    x16 = 9.0 * x8
-    x19 = 1.0 / (18225.0 * x5 + 128.0)
-    x20 = x15 * x3 + x16 + 20.0
+    x14 = 1.0 / a
+    x15 = 10.0 * x10 + 9.0 * x11 + 20.0
+    x16 = R / (435456.0 * x7 + 15411789.0 * x8 + 16384.0)
+    R_p4 = R_p2 * R_p2
     a_p8 = a_p4 * a_p4
-    x21_p2 = x21 * x21
-    slope_p11 = -1.6 * dh_dt * x13 * x6 * R * (9.0 * x3 * x0_p3 * a_p8 * (91125.0 * x17 + 256.0 * x18) * (x16 * h + 20.0 * h + x15) / x21_p2 - 4.0 * x19 * (54675.0 * x13 * x19 * x20 * R_p2 / a_p2 + 2.0 * x1 * x20 * x4 * a_p4 + 10.0 * x12 * (1.0 + 18.0 / (20.0 * x7 + 9.0)))) / (x9 * a_p4 * h_p2) - dh_dt * x3
+    x4_p4 = x4_p2 * x4_p2
+    x17 = 243.0 * x16 * (190269.0 * R_p4 / (x4_p4 * a_p8) + 1792.0)
+    h_p2 = h * h
+    x0_p2 = x0 * x0
+    slope_p11 = -dh_dt * x3 - 102.4 * dh_dt * x16 * x6 * x9 * (9.0 * x14 * x15 * R_p3 * (x13 * a_p3 + x14 * x17) / x0_p2 - 4.0 * (x15 * x2 * x4 * a_p4 + 5.0 * x4_p2 * a_p4 * (1.0 + 18.0 / (20.0 * x10 + 9.0)) + x15 * x17 / x4) / h_p2) / x12
     slope_p21 = 0.0
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
@@ -110,45 +112,44 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, p: array, out:
     x0 = R + h
     a = 1.5 * R * sqrt(h) / sqrt(x0)
     F_ela = F
-    x1 = 1.0 / R
+    x2 = 1.0 / R
     x3 = 1.0 / h
-    x4 = x1 + x3
-    R_p2 = R * R
-    R_p3 = R_p2 * R
+    x4 = x2 + x3
     a_p2 = a * a
+    a_p4 = a_p2 * a_p2
+    x4_p2 = x4 * x4
+    x6 = 1.0 / (x4_p2 * a_p4)
+    R_p2 = R * R
+    x7 = x6 * R_p2
+    R_p3 = R_p2 * R
+    R_p6 = R_p3 * R_p3
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x4_p2 = x4 * x4
+    a_p12 = a_p6 * a_p6
     x4_p3 = x4_p2 * x4
-    x5 = R_p3 / (x4_p3 * a_p6)
-    x6 = 142.3828125 * x5 + 1.0
-    x7 = x3 * R
-    x8 = log1p((20.0 / 9.0) * x7)
-    x9 = x7 / 2.0 + 0.45 * x8 + 1.0
-    a_p4 = a_p2 * a_p2
-    x12 = x4_p2 * a_p4
-    zeta = 25.132741228718345 * x1 * x12 * x9 * eta / x6
+    x4_p6 = x4_p3 * x4_p3
+    x8 = R_p6 / (x4_p6 * a_p12)
+    x9 = 106.3125 * x7 + 3762.643798828125 * x8 + 4.0
+    x10 = x3 * R
+    x11 = log1p((20.0 / 9.0) * x10)
+    x12 = x10 / 2.0 + 0.45 * x11 + 1.0
+    x13 = x2 * x4_p2
+    zeta = 100.53096491487338 * x12 * x13 * eta * a_p4 / x9
     F_adh = 0.0
     D = zeta
     dh_dt = -F / zeta
     dX_dt = dh_dt
     X = 2.0 * R + h
-    R_p6 = R_p3 * R_p3
-    h_p2 = h * h
-    h_p3 = h_p2 * h
-    x17 = R_p6 * h_p3
-    x0_p2 = x0 * x0
-    x0_p3 = x0_p2 * x0
-    x18 = x0_p3 * a_p6
-    x21 = 18225.0 * x17 + 128.0 * x18
-    x13 = 1.0 / x4_p2
-    x15 = 10.0 * R
-    x16 = 9.0 * x8
-    x19 = 1.0 / (18225.0 * x5 + 128.0)
-    x20 = x15 * x3 + x16 + 20.0
+    x14 = 1.0 / a
+    x15 = 10.0 * x10 + 9.0 * x11 + 20.0
+    x16 = R / (435456.0 * x7 + 15411789.0 * x8 + 16384.0)
+    R_p4 = R_p2 * R_p2
     a_p8 = a_p4 * a_p4
-    x21_p2 = x21 * x21
-    lambda2 = -1.6 * x13 * x6 * x7 * (9.0 * x3 * x0_p3 * a_p8 * (91125.0 * x17 + 256.0 * x18) * (x16 * h + 20.0 * h + x15) / x21_p2 - 4.0 * x19 * (54675.0 * x13 * x19 * x20 * R_p2 / a_p2 + 2.0 * x1 * x20 * x4 * a_p4 + 10.0 * x12 * (1.0 + 18.0 / (20.0 * x7 + 9.0)))) / (x9 * a_p4)
+    x4_p4 = x4_p2 * x4_p2
+    x17 = 243.0 * x16 * (190269.0 * R_p4 / (x4_p4 * a_p8) + 1792.0)
+    h_p2 = h * h
+    x0_p2 = x0 * x0
+    lambda2 = -102.4 * x16 * x6 * x9 * h * (9.0 * x14 * x15 * R_p3 * (x13 * a_p3 + x14 * x17) / x0_p2 - 4.0 * (x15 * x2 * x4 * a_p4 + 5.0 * x4_p2 * a_p4 * (1.0 + 18.0 / (20.0 * x10 + 9.0)) + x15 * x17 / x4) / h_p2) / x12
     out[0 * n + i] = a
     out[1 * n + i] = F_ela
     out[2 * n + i] = zeta
@@ -317,6 +318,8 @@ def _deflections(small: float, h: array, F: array, delta: array, p: array, w: ar
 
 
 
+
+
 @jit
 def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: array, table_t: array, table_F: array, rows: int, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -324,11 +327,12 @@ def lubrication_rigid_integrate(t_end: float, u_stop: float, rtol: float, p: arr
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -838,7 +842,7 @@ def lubrication_rigid_runs(n: int, count: int, at_gaps: int, settings: array, ru
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(448)
     p = empty(2)
@@ -846,7 +850,7 @@ def lubrication_rigid_runs(n: int, count: int, at_gaps: int, settings: array, ru
         at: int = 6 * run
         for k in range(2):
             p[k] = runs[at + 4 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -863,5 +867,7 @@ def lubrication_rigid_runs(n: int, count: int, at_gaps: int, settings: array, ru
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[14 * n * count + run] = float(ended)
         out[14 * n * count + n + run] = worst[0]

@@ -1,25 +1,25 @@
 """Contact law rognon_gay: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Rognon & Gay, arXiv:0803.1573, eqs. 3-5
-Law b2a8534843dae832, 9fb2ccb7b9282ed1:
+Law b2a8534843dae832, 38dbbd0c7a1c46a1:
     a = sqrt(2)*sqrt(R)*sqrt(R*h/(R + h) + Abs(delta))
     F_ela = 4*E*a*delta/9
     zeta = 3*pi*a**4*eta*(R + h)**3/(2*R**3*h**3)
     F_adh = 0
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
-    no remote force: 118 -> 107
-Operations, 286 in all:
-    iteration: 18 add, 58 mul, 18 div, 1 sqrt
-    tangent: 20 add, 64 mul, 20 div, 1 sqrt
-    state: 6 add, 30 mul, 10 div, 1 sqrt
+    no remote force: 128 -> 117
+Operations, 311 in all:
+    iteration: 23 add, 61 mul, 20 div, 1 sqrt
+    tangent: 25 add, 67 mul, 22 div, 1 sqrt
+    state: 8 add, 32 mul, 11 div, 1 sqrt
     elastic: 2 add, 11 mul, 2 div, 1 sqrt
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
     drag: 2 mul
 
 Functions: rognon_gay_contacts, rognon_gay_state, rognon_gay_energy.
-p holds E, eta; q holds R of each contact.
+p holds E, eta, undragged_p1; q holds R of each contact.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
     """
     E = p[0]
     eta = p[1]
+    undragged_p1 = p[2]
     overlap_lane = empty(16)
     g_lane = empty(16)
     target_lane = empty(16)
@@ -98,50 +99,56 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
                 delta = h / 2.0 + overlap / 2.0
                 x0 = fabs(delta)
                 x1 = R + h
-                a = sqrt(2.0 * R * (R * h / x1 + x0))
-                x2 = (4.0 / 9.0) * E
-                x3 = delta * x2
-                F_ela = x3 * a
+                x2 = 1.0 / x1
+                a = sqrt(2.0 * R * (x2 * R * h + x0))
+                x3 = (4.0 / 9.0) * E
+                x4 = delta * x3
+                F_ela = x4 * a
+                x5 = 1.0 / h
+                excess = x5 * R
                 h_p2 = h * h
+                x6 = 1.0 / h_p2
+                excess_h = -x6 * R
                 h_p3 = h_p2 * h
-                x5 = 1.0 / h_p3
+                x8 = 1.0 / h_p3
+                x9 = excess + undragged_p1
+                x10 = 1.0 / (excess + 1.0)
                 R_p2 = R * R
                 R_p3 = R_p2 * R
                 a_p2 = a * a
                 a_p4 = a_p2 * a_p2
                 x1_p2 = x1 * x1
                 x1_p3 = x1_p2 * x1
-                zeta = 4.71238898038469 * x5 * eta * x1_p3 * a_p4 / R_p3
-                x6 = 1.0 / a
-                dF_ddelta = x2 * (x0 * x6 * R + a)
-                x7 = 1.0 / x1_p2
-                dF_dh = x3 * x6 * x7 * R_p3
-                x8 = 1.0 / h
-                x10 = R / a_p2
-                log_zeta_h = x10 * x7 * x8 * (4.0 * h * R_p2 - 3.0 * x1 * a_p2)
-                log_zeta_delta = 4.0 * x10 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
-                x11 = 1.0 / reach
-                fading = x11 * (2.0 * reach - 2.0 * h)
+                zeta = 4.71238898038469 * x10 * x8 * x9 * eta * x1_p3 * a_p4 / R_p3
+                x11 = 1.0 / a
+                dF_ddelta = x3 * (x0 * x11 * R + a)
+                x12 = R_p3 / x1_p2
+                dF_dh = x11 * x12 * x4
+                x13 = 4.0 / a_p2
+                log_zeta_h = excess_h * x10 * (1.0 - undragged_p1) / x9 + x12 * x13 + 3.0 * x2 - 3.0 * x5
+                log_zeta_delta = x13 * R * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
+                x14 = 1.0 / reach
+                fading = x14 * (2.0 * reach - 2.0 * h)
                 started = (1.0 if 1.0 < fading else fading)
                 ahead = (0.0 if 0.0 > started else started)
-                x13 = 3.0 - 2.0 * ahead
+                x16 = 3.0 - 2.0 * ahead
                 ahead_p2 = ahead * ahead
-                w = x13 * ahead_p2
-                w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
+                w = x16 * ahead_p2
+                w_h = -2.0 * x14 * (2.0 * x16 * ahead - 2.0 * ahead_p2)
                 film = (w if pressed > 0.0 else 1.0)
                 film_h = (w_h if pressed > 0.0 else 0.0)
-                x15 = 1.0 / g
-                x16 = g / 2.0
-                Y = x15 * h / 2.0 - x16 * x8
-                Y_h = x15 / 2.0 + x16 / h_p2
-                Y_hh = -x5 * g
-                x17 = 1.0 / zeta
-                rho = F_ela * x17
-                rho_h = x17 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
-                x18 = rho * s
-                x19 = Y - y_star
-                H = x18 * Y_h + x19 * film
-                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x18 + film_h * x19
+                x18 = 1.0 / g
+                x19 = g / 2.0
+                Y = x18 * h / 2.0 - x19 * x5
+                Y_h = x18 / 2.0 + x19 * x6
+                Y_hh = -x8 * g
+                x20 = 1.0 / zeta
+                rho = F_ela * x20
+                rho_h = x20 * (dF_ddelta / 2.0 + dF_dh) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+                x21 = rho * s
+                x22 = Y - y_star
+                H = x21 * Y_h + x22 * film
+                H_h = film * Y_h + rho_h * Y_h * s + Y_hh * x21 + film_h * x22
                 step = -H * Y_h / H_h
                 low_before = low_lane[k]
                 high_before = high_lane[k]
@@ -190,57 +197,63 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
             delta = h / 2.0 + overlap / 2.0
             x0 = fabs(delta)
             x1 = R + h
-            a = sqrt(2.0 * R * (R * h / x1 + x0))
-            x2 = (4.0 / 9.0) * E
-            x3 = delta * x2
-            F_ela = x3 * a
+            x2 = 1.0 / x1
+            a = sqrt(2.0 * R * (x2 * R * h + x0))
+            x3 = (4.0 / 9.0) * E
+            x4 = delta * x3
+            F_ela = x4 * a
+            x5 = 1.0 / h
+            excess = x5 * R
             h_p2 = h * h
+            x6 = 1.0 / h_p2
+            excess_h = -x6 * R
             h_p3 = h_p2 * h
-            x5 = 1.0 / h_p3
+            x8 = 1.0 / h_p3
+            x9 = excess + undragged_p1
+            x10 = 1.0 / (excess + 1.0)
             R_p2 = R * R
             R_p3 = R_p2 * R
             a_p2 = a * a
             a_p4 = a_p2 * a_p2
             x1_p2 = x1 * x1
             x1_p3 = x1_p2 * x1
-            zeta = 4.71238898038469 * x5 * eta * x1_p3 * a_p4 / R_p3
-            x6 = 1.0 / a
-            dF_ddelta = x2 * (x0 * x6 * R + a)
-            x7 = 1.0 / x1_p2
-            dF_dh = x3 * x6 * x7 * R_p3
-            x8 = 1.0 / h
-            x10 = R / a_p2
-            log_zeta_h = x10 * x7 * x8 * (4.0 * h * R_p2 - 3.0 * x1 * a_p2)
-            log_zeta_delta = 4.0 * x10 * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
-            x11 = 1.0 / reach
-            fading = x11 * (2.0 * reach - 2.0 * h)
+            zeta = 4.71238898038469 * x10 * x8 * x9 * eta * x1_p3 * a_p4 / R_p3
+            x11 = 1.0 / a
+            dF_ddelta = x3 * (x0 * x11 * R + a)
+            x12 = R_p3 / x1_p2
+            dF_dh = x11 * x12 * x4
+            x13 = 4.0 / a_p2
+            log_zeta_h = excess_h * x10 * (1.0 - undragged_p1) / x9 + x12 * x13 + 3.0 * x2 - 3.0 * x5
+            log_zeta_delta = x13 * R * (1.0 if delta > 0.0 else (-1.0 if delta < 0.0 else 0.0))
+            x14 = 1.0 / reach
+            fading = x14 * (2.0 * reach - 2.0 * h)
             started = (1.0 if 1.0 < fading else fading)
             ahead = (0.0 if 0.0 > started else started)
-            x13 = 3.0 - 2.0 * ahead
+            x16 = 3.0 - 2.0 * ahead
             ahead_p2 = ahead * ahead
-            w = x13 * ahead_p2
-            w_h = -2.0 * x11 * (2.0 * x13 * ahead - 2.0 * ahead_p2)
+            w = x16 * ahead_p2
+            w_h = -2.0 * x14 * (2.0 * x16 * ahead - 2.0 * ahead_p2)
             film = (w if pressed > 0.0 else 1.0)
             film_h = (w_h if pressed > 0.0 else 0.0)
             grip = (1.0 if pressed > 0.0 else w)
             grip_h = (0.0 if pressed > 0.0 else w_h)
-            x15 = 1.0 / g
-            x16 = g / 2.0
-            Y = x15 * h / 2.0 - x16 * x8
-            Y_h = x15 / 2.0 + x16 / h_p2
-            Y_hh = -x5 * g
-            x17 = 1.0 / zeta
-            rho = F_ela * x17
-            x18 = dF_ddelta / 2.0
-            x19 = dF_dh + x18
-            rho_h = x17 * x19 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
-            rho_r = log_zeta_delta * rho / 2.0 - x17 * x18
-            x20 = Y_h * s
-            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x20
-            H_r = rho_r * x20
+            x18 = 1.0 / g
+            x19 = g / 2.0
+            Y = x18 * h / 2.0 - x19 * x5
+            Y_h = x18 / 2.0 + x19 * x6
+            Y_hh = -x8 * g
+            x20 = 1.0 / zeta
+            rho = F_ela * x20
+            x21 = dF_ddelta / 2.0
+            x22 = dF_dh + x21
+            rho_h = x20 * x22 - rho * (log_zeta_delta / 2.0 + log_zeta_h)
+            rho_r = log_zeta_delta * rho / 2.0 - x20 * x21
+            x23 = Y_h * s
+            H_h = film * Y_h + Y_hh * rho * s + film_h * (Y - y_star) + rho_h * x23
+            H_r = rho_r * x23
             h_r = -H_r / H_h
             F = F_ela * grip
-            F_r = F_ela * grip_h * h_r + grip * (h_r * x19 - x18)
+            F_r = F_ela * grip_h * h_r + grip * (h_r * x22 - x21)
             h_lane[k] = h
             F_lane[k] = F if open_lane[k] == 0.0 else nan
             F_r_lane[k] = F_r
@@ -261,6 +274,7 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
     """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
     E = p[0]
     eta = p[1]
+    undragged_p1 = p[2]
     for i in range(n):
         overlap = overlaps[i]
         h = gap[i]
@@ -273,6 +287,7 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
         x2 = (4.0 / 9.0) * E
         x3 = delta * x2
         F_ela = x3 * a
+        excess = R / h
         R_p2 = R * R
         R_p3 = R_p2 * R
         a_p2 = a * a
@@ -281,7 +296,7 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
         h_p3 = h_p2 * h
         x1_p2 = x1 * x1
         x1_p3 = x1_p2 * x1
-        zeta = 4.71238898038469 * eta * x1_p3 * a_p4 / (R_p3 * h_p3)
+        zeta = 4.71238898038469 * eta * x1_p3 * a_p4 * (excess + undragged_p1) / (R_p3 * h_p3 * (excess + 1.0))
         x5 = 1.0 / a
         dF_ddelta = x2 * (x0 * x5 * R + a)
         dF_dh = x3 * x5 * R_p3 / x1_p2

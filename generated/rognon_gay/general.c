@@ -37,8 +37,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -452,11 +453,12 @@ static inline void _deflections(double small, const double *restrict h, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -1060,7 +1062,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void rognon_gay_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[448];
     double p[3];
@@ -1069,7 +1071,7 @@ void rognon_gay_runs(int64_t n, int64_t count, int64_t at_gaps, const double *re
         for (int64_t k = 0; k < 3; k++) {
             p[k] = runs[at + 4 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1088,6 +1090,9 @@ void rognon_gay_runs(int64_t n, int64_t count, int64_t at_gaps, const double *re
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[17 * n * count + run] = (double)ended;
         out[17 * n * count + n + run] = worst[0];

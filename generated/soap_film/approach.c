@@ -1,21 +1,21 @@
 /* Contact law soap_film: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Bergeron 1999, doi:10.1088/0953-8984/11/19/201; droplet
- * Law b58da6dec597cfd2:
- *     a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+ * Law 6bd00ef615be7c1f:
+ *     a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
  *     F_ela = 4*pi*delta*sigma
- *     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
- *     F_adh = pi*Pi0*(R*ell - 2*R/(1/h + 1/R) + a**2)*exp(-h/ell)
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
+ *     F_adh = pi*Pi0*Piecewise((R*ell - 2*R/(1/h + 1/R) + a**2, delta >= 0), (a**2*ell*(1/(2*h) + 1/(2*R)), True))*exp(-h/ell)
  * Left out, with the operations that each saved:
- *     one sign of delta: 148 -> 147
- *     constant force: 147 -> 142
- *     outputs asked for: 142 -> 132
- * Operations, 221 in all:
+ *     one sign of delta: 333 -> 195
+ *     constant force: 195 -> 190
+ *     outputs asked for: 190 -> 180
+ * Operations, 352 in all:
  *     gap_terms: 1 add, 3 div
  *     newton: 1 add, 3 mul, 1 div
- *     gap_rate: 8 add, 22 mul, 8 div, 1 sqrt, 2 call
- *     slopes: 28 add, 81 mul, 15 div, 1 sqrt, 2 call
- *     quantities: 10 add, 23 mul, 8 div, 1 sqrt, 2 call
+ *     gap_rate: 18 add, 55 mul, 6 div, 1 sqrt, 2 call
+ *     slopes: 46 add, 109 mul, 18 div, 1 sqrt, 2 call
+ *     quantities: 20 add, 56 mul, 6 div, 1 sqrt, 2 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -40,8 +40,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -261,8 +262,8 @@ static inline void _gap_terms(int64_t i, int64_t n, double h, const double *rest
 static inline void _newton(int64_t i, int64_t n, double delta, double F, const double *restrict terms, const double *restrict p, double *restrict out)
 {
     const double gap0 = terms[0 * n + i];
-    const double sigma = p[4];
-    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma;
+    const double own_sigma = p[4];
+    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma;
     out[i] = newton;
 }
 
@@ -271,20 +272,28 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[1];
-    const double Pi0 = p[2];
-    const double ell = p[3];
-    const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (delta + x3));
-    const double x6 = x1 * R;
+    const double own_Pi0 = p[2];
+    const double own_ell = p[3];
+    const double x0 = 1.0 / h;
+    const double x1 = 1.0 / (x0 + 1.0 / R);
+    const double a = sqrt(2.0 * R * (delta + x1));
     const double R_p2 = R * R;
+    const double x6 = h * R_p2;
     const double a_p2 = a * a;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x9 = 3.0 * a_p6;
     const double a_p4 = a_p2 * a_p2;
-    const double x2_p2 = x2 * x2;
-    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
-    const double F_adh = 3.141592653589793 * Pi0 * (R * ell + a_p2 - 2.0 * x3 * R) * exp(-h / ell);
+    const double x12 = 3.0 * a_p4;
+    const double h_p2 = h * h;
+    const double x13 = 6.0 * h_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double h_p3 = h_p2 * h;
+    const double zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p(20.0 / 9.0 * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x13 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x9 * R * h_p2 + a_p6 * h_p3 + x6 * x9 - x12 * h * R_p4 - x13 * R_p3 * a_p4 - x12 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x6));
+    const double F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - 2.0 * x1 * R) * exp(-h / own_ell);
     const double dh_dt = (F_adh - F) / zeta;
     w[i] = dh_dt / h;
 }
@@ -294,54 +303,69 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
 {
     const double R = p[0];
     const double eta = p[1];
-    const double Pi0 = p[2];
-    const double ell = p[3];
-    const double sigma = p[4];
+    const double own_Pi0 = p[2];
+    const double own_ell = p[3];
+    const double own_sigma = p[4];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
     const double a = sqrt(2.0 * R * (delta + x3));
-    const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
-    const double x6 = 1.0 / a_p4;
-    const double x2_p2 = x2 * x2;
-    const double x8 = 1.0 / x2_p2;
+    const double x6 = 10.0 * R;
+    const double x7 = x1 * R;
+    const double x8 = log1p(20.0 / 9.0 * x7);
+    const double x9 = 9.0 * x8;
+    const double x10 = x9 * h + 20.0 * h + x6;
     const double R_p2 = R * R;
-    const double x9 = 12.0 * x6 * x8 * R_p2 + 1.0;
-    const double x10 = 1.0 / x9;
-    const double x11 = x1 * R;
-    const double x12 = log1p(20.0 / 9.0 * x11);
-    const double x13 = x11 / 2.0 + 0.45 * x12 + 1.0;
-    const double x14 = x2_p2 * a_p4;
-    const double zeta = 9.42477796076938 * x0 * x10 * x13 * x14 * eta;
-    const double x16 = R * ell;
-    const double x17 = x3 * R;
-    const double x18 = 1.0 / ell;
-    const double x19 = 3.141592653589793 * Pi0 * exp(-x18 * h);
-    const double F_adh = x19 * (a_p2 + x16 - 2.0 * x17);
-    const double dF_ddelta = 12.566370614359172 * sigma;
-    const double dF_dh = 0.0;
-    const double x20 = 1.0 / zeta;
-    const double dh_dt = x20 * (F_adh - F);
-    const double x21 = dF_dh / dF_ddelta;
-    const double x22 = x21 * R;
-    const double x23 = R + h;
-    const double R_p4 = R_p2 * R_p2;
-    const double h_p2 = h * h;
-    const double x25 = R_p4 * h_p2;
-    const double x23_p2 = x23 * x23;
-    const double x27 = x23_p2 * a_p4;
-    const double x28 = 12.0 * x25 + x27;
-    const double x29 = 24.0 * x25 + x27;
-    const double x30 = 10.0 * R;
-    const double x31 = 9.0 * x12;
-    const double x32 = x1 * x30 + x31 + 20.0;
+    const double x12 = h * R_p2;
+    const double a_p2 = a * a;
+    const double x14 = R * a_p2 + h * a_p2;
+    const double x15 = 8.0 * x12 + x14;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x28_p2 = x28 * x28;
-    const double slope_p11 = x20 * (-x18 * x19 * (ell * R_p2 + R * a_p2 + h * a_p2 + x16 * h - 2.0 * h * R_p2) / x23 - 2.0 * x19 * x22) - dh_dt * x1 - dh_dt * (x6 * x8 * x9 * R * (2.0 * x1 * x29 * x23_p2 * a_p6 * (x31 * h + 20.0 * h + x30) / x28_p2 - x10 * (x0 * x2 * x32 * a_p4 + 12.0 * x10 * x17 * x32 + 5.0 * x14 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (10.0 * x13 * h_p2) - 4.0 * x22 * x29 / (x28 * a_p2));
-    const double slope_p21 = -x21 * h;
+    const double x18 = 3.0 * a_p6;
+    const double a_p4 = a_p2 * a_p2;
+    const double x21 = 3.0 * a_p4;
+    const double h_p2 = h * h;
+    const double x22 = 6.0 * h_p2;
+    const double R_p4 = R_p2 * R_p2;
+    const double h_p3 = h_p2 * h;
+    const double x23 = R_p4 * h_p3;
+    const double R_p3 = R_p2 * R;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double x24 = 2.0 * R_p6 * h_p3 + x22 * R_p5 * a_p2 + R_p3 * a_p6 + x18 * R * h_p2 + a_p6 * h_p3 + 6.0 * x23 * a_p2 + x12 * x18 - x21 * h * R_p4 - x22 * R_p3 * a_p4 - x21 * R_p2 * h_p3;
+    const double zeta = 0.47123889803846897 * x10 * x24 * eta / (x15 * R_p3 * h_p3);
+    const double x25 = R * own_ell;
+    const double x26 = 2.0 * R;
+    const double x27 = 1.0 / own_ell;
+    const double x28 = 3.141592653589793 * own_Pi0 * exp(-x27 * h);
+    const double F_adh = x28 * (a_p2 + x25 - x26 * x3);
+    const double dF_ddelta = 12.566370614359172 * own_sigma;
+    const double dF_dh = 0.0;
+    const double x29 = 1.0 / zeta;
+    const double dh_dt = x29 * (F_adh - F);
+    const double x30 = dF_dh / dF_ddelta;
+    const double x31 = R + h;
+    const double x32 = x0 * x2 * a_p2;
+    const double x33 = x32 + 8.0;
+    const double x34 = 1.0 / x33;
+    const double x2_p2 = x2 * x2;
+    const double x35 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x32;
+    const double x36 = x34 * x35;
+    const double x37 = 2.0 * x36;
+    const double x38 = 2.0 - x32;
+    const double x39 = 2.0 * x32 + 1.0;
+    const double x40 = 2.0 * x34 * x39;
+    const double x33_p2 = x33 * x33;
+    const double x41 = x35 * x39 / x33_p2;
+    const double x42 = x2 * (x37 + 1.0 - x38 * x40 - x41);
+    const double x43 = 1.0 / x10;
+    const double x44 = 1.0 / x24;
+    const double x45 = x1 * x6 + x9 + 20.0;
+    const double x31_p2 = x31 * x31;
+    const double slope_p11 = x29 * (-x26 * x28 * x30 - x27 * x28 * (own_ell * R_p2 + x25 * h + x14 - 2.0 * x12) / x31) - dh_dt * x1 - dh_dt * (x15 * x43 * x44 * R_p3 * h_p3 * (2.0 * x42 * x45 * R_p3 / x31_p2 + (x45 * a_p2 * (x38 * x40 + x41 - x37 - 1.0) - 10.0 * R_p2 * (1.0 + 18.0 / (20.0 * x7 + 9.0)) * (x32 + x36 * x39)) / h_p2) / 2.0 - 20.0 * x15 * x23 * x30 * x42 * x43 * x44 * (x7 / 2.0 + 0.45 * x8 + 1.0));
+    const double slope_p21 = -x30 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -351,23 +375,31 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 {
     const double R = p[0];
     const double eta = p[1];
-    const double Pi0 = p[2];
-    const double ell = p[3];
-    const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (delta + x3));
-    const double x6 = x1 * R;
+    const double own_Pi0 = p[2];
+    const double own_ell = p[3];
+    const double x0 = 1.0 / h;
+    const double x1 = 1.0 / (x0 + 1.0 / R);
+    const double a = sqrt(2.0 * R * (delta + x1));
     const double R_p2 = R * R;
+    const double x6 = h * R_p2;
     const double a_p2 = a * a;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x9 = 3.0 * a_p6;
     const double a_p4 = a_p2 * a_p2;
-    const double x2_p2 = x2 * x2;
-    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
-    const double x7 = 2.0 * R;
-    const double F_adh = 3.141592653589793 * Pi0 * (R * ell + a_p2 - x3 * x7) * exp(-h / ell);
+    const double x12 = 3.0 * a_p4;
+    const double h_p2 = h * h;
+    const double x13 = 6.0 * h_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double h_p3 = h_p2 * h;
+    const double zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p(20.0 / 9.0 * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x13 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x9 * R * h_p2 + a_p6 * h_p3 + x6 * x9 - x12 * h * R_p4 - x13 * R_p3 * a_p4 - x12 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x6));
+    const double x14 = 2.0 * R;
+    const double F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - x1 * x14) * exp(-h / own_ell);
     const double dh_dt = (F_adh - F) / zeta;
-    const double X = h + x7 - 2.0 * delta;
+    const double X = h + x14 - 2.0 * delta;
     out[0 * n + i] = a;
     out[1 * n + i] = X;
     out[2 * n + i] = dh_dt;
@@ -804,11 +836,12 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
    of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1562,7 +1595,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void soap_film_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[736];
     double p[5];
@@ -1575,7 +1608,7 @@ void soap_film_runs(int64_t n, int64_t count, int64_t at_gaps, const double *res
         for (int64_t k = 0; k < 1; k++) {
             c[k] = runs[at + 9 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1594,6 +1627,9 @@ void soap_film_runs(int64_t n, int64_t count, int64_t at_gaps, const double *res
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[8 * n * count + run] = (double)ended;
         out[8 * n * count + n + run] = worst[0];

@@ -1,21 +1,21 @@
 """Contact law soap_film: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
 
 Source: Bergeron 1999, doi:10.1088/0953-8984/11/19/201; droplet
-Law b58da6dec597cfd2:
-    a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+Law 6bd00ef615be7c1f:
+    a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
     F_ela = 4*pi*delta*sigma
-    zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
-    F_adh = pi*Pi0*(R*ell - 2*R/(1/h + 1/R) + a**2)*exp(-h/ell)
+    zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
+    F_adh = pi*Pi0*Piecewise((R*ell - 2*R/(1/h + 1/R) + a**2, delta >= 0), (a**2*ell*(1/(2*h) + 1/(2*R)), True))*exp(-h/ell)
 Left out, with the operations that each saved:
-    one sign of delta: 148 -> 147
-    constant force: 147 -> 142
-    outputs asked for: 142 -> 132
-Operations, 221 in all:
+    one sign of delta: 333 -> 195
+    constant force: 195 -> 190
+    outputs asked for: 190 -> 180
+Operations, 352 in all:
     gap_terms: 1 add, 3 div
     newton: 1 add, 3 mul, 1 div
-    gap_rate: 8 add, 22 mul, 8 div, 1 sqrt, 2 call
-    slopes: 28 add, 81 mul, 15 div, 1 sqrt, 2 call
-    quantities: 10 add, 23 mul, 8 div, 1 sqrt, 2 call
+    gap_rate: 18 add, 55 mul, 6 div, 1 sqrt, 2 call
+    slopes: 46 add, 109 mul, 18 div, 1 sqrt, 2 call
+    quantities: 20 add, 56 mul, 6 div, 1 sqrt, 2 call
 
 Functions: soap_film_evaluate, soap_film_solve_delta, soap_film_drive, soap_film_integrate, soap_film_passages, soap_film_sample, soap_film_runs.
 p holds R, eta, Pi0, ell, sigma.
@@ -48,8 +48,8 @@ def _gap_terms(i: int, n: int, h: float, p: array, out: array) -> None:
 def _newton(i: int, n: int, delta: float, F: float, terms: array, p: array, out: array) -> None:
     """A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta))."""
     gap0 = terms[0 * n + i]
-    sigma = p[4]
-    newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma
+    own_sigma = p[4]
+    newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma
     out[i] = newton
 
 
@@ -58,20 +58,28 @@ def _gap_rate(i: int, h: float, delta: float, F: float, p: array, w: array, out:
     """w[i] = d(ln h)/dt (eq. 7)."""
     R = p[0]
     eta = p[1]
-    Pi0 = p[2]
-    ell = p[3]
-    x0 = 1.0 / R
-    x1 = 1.0 / h
-    x2 = x0 + x1
-    x3 = 1.0 / x2
-    a = sqrt(2.0 * R * (delta + x3))
-    x6 = x1 * R
+    own_Pi0 = p[2]
+    own_ell = p[3]
+    x0 = 1.0 / h
+    x1 = 1.0 / (x0 + 1.0 / R)
+    a = sqrt(2.0 * R * (delta + x1))
     R_p2 = R * R
+    x6 = h * R_p2
     a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x9 = 3.0 * a_p6
     a_p4 = a_p2 * a_p2
-    x2_p2 = x2 * x2
-    zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
-    F_adh = 3.141592653589793 * Pi0 * (R * ell + a_p2 - 2.0 * x3 * R) * exp(-h / ell)
+    x12 = 3.0 * a_p4
+    h_p2 = h * h
+    x13 = 6.0 * h_p2
+    R_p3 = R_p2 * R
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    h_p3 = h_p2 * h
+    zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p((20.0 / 9.0) * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x13 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x9 * R * h_p2 + a_p6 * h_p3 + x6 * x9 - x12 * h * R_p4 - x13 * R_p3 * a_p4 - x12 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x6))
+    F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - 2.0 * x1 * R) * exp(-h / own_ell)
     dh_dt = (F_adh - F) / zeta
     w[i] = dh_dt / h
 
@@ -81,54 +89,69 @@ def _slopes(i: int, h: float, delta: float, F: float, p: array, out: array) -> N
     """The Jacobian of the rates of the state (ln h, delta following from the force balance)."""
     R = p[0]
     eta = p[1]
-    Pi0 = p[2]
-    ell = p[3]
-    sigma = p[4]
+    own_Pi0 = p[2]
+    own_ell = p[3]
+    own_sigma = p[4]
     x0 = 1.0 / R
     x1 = 1.0 / h
     x2 = x0 + x1
     x3 = 1.0 / x2
     a = sqrt(2.0 * R * (delta + x3))
-    a_p2 = a * a
-    a_p4 = a_p2 * a_p2
-    x6 = 1.0 / a_p4
-    x2_p2 = x2 * x2
-    x8 = 1.0 / x2_p2
+    x6 = 10.0 * R
+    x7 = x1 * R
+    x8 = log1p((20.0 / 9.0) * x7)
+    x9 = 9.0 * x8
+    x10 = x9 * h + 20.0 * h + x6
     R_p2 = R * R
-    x9 = 12.0 * x6 * x8 * R_p2 + 1.0
-    x10 = 1.0 / x9
-    x11 = x1 * R
-    x12 = log1p((20.0 / 9.0) * x11)
-    x13 = x11 / 2.0 + 0.45 * x12 + 1.0
-    x14 = x2_p2 * a_p4
-    zeta = 9.42477796076938 * x0 * x10 * x13 * x14 * eta
-    x16 = R * ell
-    x17 = x3 * R
-    x18 = 1.0 / ell
-    x19 = 3.141592653589793 * Pi0 * exp(-x18 * h)
-    F_adh = x19 * (a_p2 + x16 - 2.0 * x17)
-    dF_ddelta = 12.566370614359172 * sigma
-    dF_dh = 0.0
-    x20 = 1.0 / zeta
-    dh_dt = x20 * (F_adh - F)
-    x21 = dF_dh / dF_ddelta
-    x22 = x21 * R
-    x23 = R + h
-    R_p4 = R_p2 * R_p2
-    h_p2 = h * h
-    x25 = R_p4 * h_p2
-    x23_p2 = x23 * x23
-    x27 = x23_p2 * a_p4
-    x28 = 12.0 * x25 + x27
-    x29 = 24.0 * x25 + x27
-    x30 = 10.0 * R
-    x31 = 9.0 * x12
-    x32 = x1 * x30 + x31 + 20.0
+    x12 = h * R_p2
+    a_p2 = a * a
+    x14 = R * a_p2 + h * a_p2
+    x15 = 8.0 * x12 + x14
     a_p3 = a_p2 * a
     a_p6 = a_p3 * a_p3
-    x28_p2 = x28 * x28
-    slope_p11 = x20 * (-x18 * x19 * (ell * R_p2 + R * a_p2 + h * a_p2 + x16 * h - 2.0 * h * R_p2) / x23 - 2.0 * x19 * x22) - dh_dt * x1 - dh_dt * (x6 * x8 * x9 * R * (2.0 * x1 * x29 * x23_p2 * a_p6 * (x31 * h + 20.0 * h + x30) / x28_p2 - x10 * (x0 * x2 * x32 * a_p4 + 12.0 * x10 * x17 * x32 + 5.0 * x14 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (10.0 * x13 * h_p2) - 4.0 * x22 * x29 / (x28 * a_p2))
-    slope_p21 = -x21 * h
+    x18 = 3.0 * a_p6
+    a_p4 = a_p2 * a_p2
+    x21 = 3.0 * a_p4
+    h_p2 = h * h
+    x22 = 6.0 * h_p2
+    R_p4 = R_p2 * R_p2
+    h_p3 = h_p2 * h
+    x23 = R_p4 * h_p3
+    R_p3 = R_p2 * R
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    x24 = 2.0 * R_p6 * h_p3 + x22 * R_p5 * a_p2 + R_p3 * a_p6 + x18 * R * h_p2 + a_p6 * h_p3 + 6.0 * x23 * a_p2 + x12 * x18 - x21 * h * R_p4 - x22 * R_p3 * a_p4 - x21 * R_p2 * h_p3
+    zeta = 0.47123889803846897 * x10 * x24 * eta / (x15 * R_p3 * h_p3)
+    x25 = R * own_ell
+    x26 = 2.0 * R
+    x27 = 1.0 / own_ell
+    x28 = 3.141592653589793 * own_Pi0 * exp(-x27 * h)
+    F_adh = x28 * (a_p2 + x25 - x26 * x3)
+    dF_ddelta = 12.566370614359172 * own_sigma
+    dF_dh = 0.0
+    x29 = 1.0 / zeta
+    dh_dt = x29 * (F_adh - F)
+    x30 = dF_dh / dF_ddelta
+    x31 = R + h
+    x32 = x0 * x2 * a_p2
+    x33 = x32 + 8.0
+    x34 = 1.0 / x33
+    x2_p2 = x2 * x2
+    x35 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x32
+    x36 = x34 * x35
+    x37 = 2.0 * x36
+    x38 = 2.0 - x32
+    x39 = 2.0 * x32 + 1.0
+    x40 = 2.0 * x34 * x39
+    x33_p2 = x33 * x33
+    x41 = x35 * x39 / x33_p2
+    x42 = x2 * (x37 + 1.0 - x38 * x40 - x41)
+    x43 = 1.0 / x10
+    x44 = 1.0 / x24
+    x45 = x1 * x6 + x9 + 20.0
+    x31_p2 = x31 * x31
+    slope_p11 = x29 * (-x26 * x28 * x30 - x27 * x28 * (own_ell * R_p2 + x25 * h + x14 - 2.0 * x12) / x31) - dh_dt * x1 - dh_dt * (x15 * x43 * x44 * R_p3 * h_p3 * (2.0 * x42 * x45 * R_p3 / x31_p2 + (x45 * a_p2 * (x38 * x40 + x41 - x37 - 1.0) - 10.0 * R_p2 * (1.0 + 18.0 / (20.0 * x7 + 9.0)) * (x32 + x36 * x39)) / h_p2) / 2.0 - 20.0 * x15 * x23 * x30 * x42 * x43 * x44 * (x7 / 2.0 + 0.45 * x8 + 1.0))
+    slope_p21 = -x30 * h
     out[0 + i] = slope_p11
     out[8 + i] = slope_p21
 
@@ -138,23 +161,31 @@ def _quantities(i: int, n: int, h: float, delta: float, F: float, p: array, out:
     """a, X, dh_dt at state i of n."""
     R = p[0]
     eta = p[1]
-    Pi0 = p[2]
-    ell = p[3]
-    x0 = 1.0 / R
-    x1 = 1.0 / h
-    x2 = x0 + x1
-    x3 = 1.0 / x2
-    a = sqrt(2.0 * R * (delta + x3))
-    x6 = x1 * R
+    own_Pi0 = p[2]
+    own_ell = p[3]
+    x0 = 1.0 / h
+    x1 = 1.0 / (x0 + 1.0 / R)
+    a = sqrt(2.0 * R * (delta + x1))
     R_p2 = R * R
+    x6 = h * R_p2
     a_p2 = a * a
+    a_p3 = a_p2 * a
+    a_p6 = a_p3 * a_p3
+    x9 = 3.0 * a_p6
     a_p4 = a_p2 * a_p2
-    x2_p2 = x2 * x2
-    zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p((20.0 / 9.0) * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0)
-    x7 = 2.0 * R
-    F_adh = 3.141592653589793 * Pi0 * (R * ell + a_p2 - x3 * x7) * exp(-h / ell)
+    x12 = 3.0 * a_p4
+    h_p2 = h * h
+    x13 = 6.0 * h_p2
+    R_p3 = R_p2 * R
+    R_p4 = R_p2 * R_p2
+    R_p5 = R_p3 * R_p2
+    R_p6 = R_p3 * R_p3
+    h_p3 = h_p2 * h
+    zeta = 0.47123889803846897 * eta * (10.0 * R + 9.0 * h * log1p((20.0 / 9.0) * x0 * R) + 20.0 * h) * (2.0 * R_p6 * h_p3 + x13 * R_p5 * a_p2 + 6.0 * R_p4 * a_p2 * h_p3 + R_p3 * a_p6 + x9 * R * h_p2 + a_p6 * h_p3 + x6 * x9 - x12 * h * R_p4 - x13 * R_p3 * a_p4 - x12 * R_p2 * h_p3) / (R_p3 * h_p3 * (R * a_p2 + h * a_p2 + 8.0 * x6))
+    x14 = 2.0 * R
+    F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - x1 * x14) * exp(-h / own_ell)
     dh_dt = (F_adh - F) / zeta
-    X = h + x7 - 2.0 * delta
+    X = h + x14 - 2.0 * delta
     out[0 * n + i] = a
     out[1 * n + i] = X
     out[2 * n + i] = dh_dt
@@ -552,6 +583,8 @@ def _by_gap(t_end: float, u_stop: float, rtol: float, p: array, c: array, capaci
 
 
 
+
+
 @jit
 def soap_film_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: array, capacity: int, state: array, steps: array) -> int:
     """Integrate the state, u = ln h, by collocation: Radau IIA with 8 stages, which is L-stable.
@@ -559,11 +592,12 @@ def soap_film_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: a
     A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
     of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-    state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+    state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
     rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
     longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-    errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-    call goes on from it.
+    errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+    not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+    goes on from it.
     steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
     table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
     of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1214,7 +1248,7 @@ def soap_film_runs(n: int, count: int, at_gaps: int, settings: array, runs: arra
     and the largest estimated error of its outputs, relative.
     What a run does not reach is left as it is.
     """
-    state = empty(17)
+    state = empty(20)
     worst = empty(1)
     steps = empty(736)
     p = empty(5)
@@ -1225,7 +1259,7 @@ def soap_film_runs(n: int, count: int, at_gaps: int, settings: array, runs: arra
             p[k] = runs[at + 4 + k]
         for k in range(1):
             c[k] = runs[at + 9 + k]
-        for k in range(17):
+        for k in range(20):
             state[k] = 0.0
         state[0] = settings[1]
         state[1] = runs[at + 2]
@@ -1242,5 +1276,7 @@ def soap_film_runs(n: int, count: int, at_gaps: int, settings: array, runs: arra
                 ended = 10
             elif ended == 2 and not fabs(state[1]) < 690.0:
                 ended = 11
+        if state[17] > 0.0:
+            ended = 12
         out[8 * n * count + run] = float(ended)
         out[8 * n * count + n + run] = worst[0]

@@ -1,17 +1,17 @@
 /* Contact law soap_film: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Bergeron 1999, doi:10.1088/0953-8984/11/19/201; droplet
- * Law b58da6dec597cfd2:
- *     a = sqrt(2)*sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R))
+ * Law 6bd00ef615be7c1f:
+ *     a = sqrt(2)*sqrt(R)*Piecewise((sqrt(delta + 1/(1/h + 1/R)), delta >= 0), (sqrt(1/(-delta + 1/(1/h + 1/R)))/(1/h + 1/R), True))
  *     F_ela = 4*pi*delta*sigma
- *     zeta = 3*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(12*R**2/(a**4*(1/h + 1/R)**2) + 1))
- *     F_adh = pi*Pi0*(R*ell - 2*R/(1/h + 1/R) + a**2)*exp(-h/ell)
- * Operations, 319 in all:
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise(((1 + 2*a**2*(1/h + 1/R)/R)*(1 - a**2*(1/h + 1/R)/R + a**4*(1/h + 1/R)**2/(4*R**2))/(4 + a**2*(1/h + 1/R)/(2*R)) + a**2*(1/h + 1/R)/(2*R), delta >= 0), (1/(2*R/(a**2*(1/h + 1/R)) + (440*R**2/(a**4*(1/h + 1/R)**2) - 440*R/(a**2*(1/h + 1/R)) + 110)/(36*R**2/(a**4*(1/h + 1/R)**2) - 36*R/(a**2*(1/h + 1/R)) + 29)), True))
+ *     F_adh = pi*Pi0*Piecewise((R*ell - 2*R/(1/h + 1/R) + a**2, delta >= 0), (a**2*ell*(1/(2*h) + 1/(2*R)), True))*exp(-h/ell)
+ * Operations, 785 in all:
  *     gap_terms: 1 add, 3 div
  *     newton: 1 add, 3 mul, 1 div
- *     gap_rate: 8 add, 22 mul, 8 div, 1 sqrt, 2 call
- *     slopes: 28 add, 82 mul, 15 div, 1 sqrt, 2 call
- *     quantities: 32 add, 86 mul, 20 div, 1 sqrt, 2 call
+ *     gap_rate: 34 add, 88 mul, 9 div, 3 sqrt, 2 call
+ *     slopes: 81 add, 196 mul, 32 div, 3 sqrt, 2 call
+ *     quantities: 85 add, 199 mul, 37 div, 3 sqrt, 2 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -35,8 +35,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -99,8 +100,8 @@ static inline void _gap_terms(int64_t i, int64_t n, double h, const double *rest
 static inline void _newton(int64_t i, int64_t n, double delta, double F, const double *restrict terms, const double *restrict p, double *restrict out)
 {
     const double gap0 = terms[0 * n + i];
-    const double sigma = p[4];
-    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * sigma - F) / sigma;
+    const double own_sigma = p[4];
+    const double newton = 0.07957747154594767 * (12.566370614359172 * delta * own_sigma - F) / own_sigma;
     out[i] = newton;
 }
 
@@ -109,20 +110,44 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[1];
-    const double Pi0 = p[2];
-    const double ell = p[3];
-    const double x0 = 1.0 / R;
-    const double x1 = 1.0 / h;
-    const double x2 = x0 + x1;
-    const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
-    const double x6 = x1 * R;
-    const double R_p2 = R * R;
+    const double own_Pi0 = p[2];
+    const double own_ell = p[3];
+    const double x0 = 1.0 / h;
+    const double x1 = x0 + 1.0 / R;
+    const double x2 = 1.0 / x1;
+    const double a = (delta >= 0.0 ? sqrt(delta + x2) : x2 / sqrt(x2 - delta)) * sqrt(2.0 * R);
     const double a_p2 = a * a;
+    const double x7 = R * a_p2;
+    const double x8 = h * a_p2;
+    const double R_p2 = R * R;
+    const double x10 = h * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x12 = R_p3 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x13 = a_p6 * h_p3;
+    const double R_p6 = R_p3 * R_p3;
+    const double x14 = R_p6 * h_p3;
+    const double x15 = 3.0 * a_p6;
+    const double x17 = R * h_p2;
     const double a_p4 = a_p2 * a_p2;
-    const double x2_p2 = x2 * x2;
-    const double zeta = 9.42477796076938 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (12.0 * R_p2 / (x2_p2 * a_p4) + 1.0);
-    const double F_adh = 3.141592653589793 * Pi0 * (R * ell + a_p2 - 2.0 * x3 * R) * exp(-h / ell);
+    const double x19 = 3.0 * a_p4;
+    const double R_p4 = R_p2 * R_p2;
+    const double x21 = h * R_p4;
+    const double x22 = R_p2 * h_p3;
+    const double x23 = 6.0 * h_p2;
+    const double x24 = R_p3 * a_p4;
+    const double x25 = R_p4 * a_p2 * h_p3;
+    const double R_p5 = R_p3 * R_p2;
+    const double x26 = R_p5 * a_p2;
+    const double x27 = 165.0 * a_p6;
+    const double x28 = 191.0 * a_p4;
+    const double x29 = 29.0 * a_p4;
+    const double x30 = 36.0 * h_p2;
+    const double zeta = 3.141592653589793 * eta * (10.0 * R + 9.0 * h * log1p(20.0 / 9.0 * x0 * R) + 20.0 * h) * (delta >= 0.0 ? 0.15 * (x10 * x15 + x12 + x13 + 2.0 * x14 + x15 * x17 + x23 * x26 + 6.0 * x25 - x19 * x21 - x19 * x22 - x23 * x24) / (R_p3 * h_p3 * (8.0 * x10 + x7 + x8)) : 0.075 * x0 * x7 * (R + h) * (x30 * R_p4 + x29 * R_p2 + 58.0 * R * h * a_p4 + x29 * h_p2 - 36.0 * x8 * R_p3 - x30 * R_p2 * a_p2) / (184.0 * x26 * h_p2 + x10 * x27 + 55.0 * x12 + 55.0 * x13 + 36.0 * x14 + x17 * x27 + 184.0 * x25 - 382.0 * x24 * h_p2 - x21 * x28 - x22 * x28));
+    const double F_adh = 3.141592653589793 * own_Pi0 * (delta >= 0.0 ? R * own_ell + a_p2 - 2.0 * x2 * R : x1 * own_ell * a_p2 / 2.0) * exp(-h / own_ell);
     const double dh_dt = (F_adh - F) / zeta;
     w[i] = dh_dt / h;
 }
@@ -132,54 +157,116 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
 {
     const double R = p[0];
     const double eta = p[1];
-    const double Pi0 = p[2];
-    const double ell = p[3];
-    const double sigma = p[4];
+    const double own_Pi0 = p[2];
+    const double own_ell = p[3];
+    const double own_sigma = p[4];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
+    const double x5 = x3 - delta;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3) : x3 / sqrt(x5)) * sqrt(2.0 * R);
+    const double x6 = 10.0 * R;
+    const double x7 = x1 * R;
+    const double x8 = log1p(20.0 / 9.0 * x7);
+    const double x9 = 9.0 * x8;
+    const double x10 = x9 * h + 20.0 * h + x6;
     const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
-    const double x6 = 1.0 / a_p4;
-    const double x2_p2 = x2 * x2;
-    const double x8 = 1.0 / x2_p2;
+    const double x16 = R * a_p2;
     const double R_p2 = R * R;
-    const double x9 = 12.0 * x6 * x8 * R_p2 + 1.0;
-    const double x10 = 1.0 / x9;
-    const double x11 = x1 * R;
-    const double x12 = log1p(20.0 / 9.0 * x11);
-    const double x13 = x11 / 2.0 + 0.45 * x12 + 1.0;
-    const double x14 = x2_p2 * a_p4;
-    const double zeta = 9.42477796076938 * x0 * x10 * x13 * x14 * eta;
-    const double x16 = R * ell;
-    const double x17 = x3 * R;
-    const double x18 = 1.0 / ell;
-    const double x19 = 3.141592653589793 * Pi0 * exp(-x18 * h);
-    const double F_adh = x19 * (a_p2 + x16 - 2.0 * x17);
-    const double dF_ddelta = 12.566370614359172 * sigma;
-    const double dF_dh = 0.0;
-    const double x20 = 1.0 / zeta;
-    const double dh_dt = x20 * (F_adh - F);
-    const double x21 = dF_dh / dF_ddelta;
-    const double x22 = x21 * R * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
-    const double x23 = R + h;
-    const double R_p4 = R_p2 * R_p2;
-    const double h_p2 = h * h;
-    const double x25 = R_p4 * h_p2;
-    const double x23_p2 = x23 * x23;
-    const double x27 = x23_p2 * a_p4;
-    const double x28 = 24.0 * x25 + x27;
-    const double x29 = 12.0 * x25 + x27;
-    const double x30 = 10.0 * R;
-    const double x31 = 9.0 * x12;
-    const double x32 = x1 * x30 + x31 + 20.0;
+    const double x14 = h * R_p2;
+    const double x17 = h * a_p2;
+    const double x18 = x16 + x17;
+    const double x19 = 8.0 * x14 + x18;
+    const double R_p3 = R_p2 * R;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x29_p2 = x29 * x29;
-    const double slope_p11 = x20 * (-x18 * x19 * (ell * R_p2 + R * a_p2 + h * a_p2 + x16 * h - 2.0 * h * R_p2) / x23 - 2.0 * x19 * x22) - dh_dt * x1 - dh_dt * (x6 * x8 * x9 * R * (2.0 * x1 * x28 * x23_p2 * a_p6 * (x31 * h + 20.0 * h + x30) / x29_p2 - x10 * (x0 * x2 * x32 * a_p4 + 12.0 * x10 * x17 * x32 + 5.0 * x14 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (10.0 * x13 * h_p2) - 4.0 * x22 * x28 / (x29 * a_p2));
-    const double slope_p21 = -x21 * h;
+    const double x21 = R_p3 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x22 = a_p6 * h_p3;
+    const double R_p6 = R_p3 * R_p3;
+    const double x23 = R_p6 * h_p3;
+    const double x25 = R * h_p2;
+    const double x26 = 3.0 * a_p6;
+    const double a_p4 = a_p2 * a_p2;
+    const double x28 = 3.0 * a_p4;
+    const double R_p4 = R_p2 * R_p2;
+    const double x30 = h * R_p4;
+    const double x31 = R_p2 * h_p3;
+    const double x32 = 6.0 * h_p2;
+    const double x33 = R_p3 * a_p4;
+    const double x34 = R_p4 * h_p3;
+    const double x35 = x34 * a_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double x36 = R_p5 * a_p2;
+    const double x37 = x14 * x26 + x21 + x22 + 2.0 * x23 + x25 * x26 + x32 * x36 + 6.0 * x35 - x28 * x30 - x28 * x31 - x32 * x33;
+    const double x38 = R + h;
+    const double x39 = 165.0 * a_p6;
+    const double x40 = 191.0 * a_p4;
+    const double x41 = 184.0 * x36 * h_p2 + x14 * x39 + 55.0 * x21 + 55.0 * x22 + 36.0 * x23 + x25 * x39 + 184.0 * x35 - 382.0 * x33 * h_p2 - x30 * x40 - x31 * x40;
+    const double x42 = R * h;
+    const double x43 = 29.0 * a_p4;
+    const double x44 = 36.0 * h_p2;
+    const double x45 = x44 * R_p4 + x43 * R_p2 + 58.0 * x42 * a_p4 + x43 * h_p2 - 36.0 * x17 * R_p3 - x44 * R_p2 * a_p2;
+    const double zeta = 3.141592653589793 * x10 * eta * (delta >= 0.0 ? 0.15 * x37 / (x19 * R_p3 * h_p3) : 0.075 * x1 * x16 * x38 * x45 / x41);
+    const double x46 = R * own_ell;
+    const double x47 = 2.0 * R;
+    const double x48 = x3 * x47;
+    const double x49 = x2 * a_p2;
+    const double x50 = x49 * own_ell / 2.0;
+    const double x51 = 1.0 / own_ell;
+    const double x52 = 3.141592653589793 * own_Pi0 * exp(-x51 * h);
+    const double F_adh = x52 * (delta >= 0.0 ? a_p2 + x46 - x48 : x50);
+    const double dF_ddelta = 12.566370614359172 * own_sigma;
+    const double dF_dh = 0.0;
+    const double x53 = 1.0 / zeta;
+    const double dh_dt = x53 * (F_adh - F);
+    const double x54 = 1.0 / x5;
+    const double x55 = dF_dh / dF_ddelta;
+    const double x56 = 1.0 / x38;
+    const double x57 = 1.0 / h_p2;
+    const double x58 = 1.0 / x10;
+    const double x59 = x0 * x49;
+    const double x60 = x59 + 8.0;
+    const double x61 = 1.0 / x60;
+    const double x2_p2 = x2 * x2;
+    const double x63 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x59;
+    const double x64 = x61 * x63;
+    const double x65 = 2.0 * x64;
+    const double x66 = 2.0 - x59;
+    const double x67 = 2.0 * x59 + 1.0;
+    const double x68 = 2.0 * x61 * x67;
+    const double x60_p2 = x60 * x60;
+    const double x69 = x63 * x67 / x60_p2;
+    const double x70 = x2 * (x65 + 1.0 - x66 * x68 - x69);
+    const double x71 = x19 / x37;
+    const double x72 = 1.0 / a_p4;
+    const double x73 = 1.0 / a_p2;
+    const double x74 = x48 * x73 - 1.0;
+    const double x75 = -x74;
+    const double x76 = x73 * R;
+    const double x77 = x3 * x76;
+    const double x78 = 1.0 / x2_p2;
+    const double x79 = x72 * x78 * R_p2;
+    const double x80 = 36.0 * x79 + 29.0 - 36.0 * x77;
+    const double x81 = 1.0 / x80;
+    const double x82 = 220.0 * x81;
+    const double x83 = 4.0 * x79 + 1.0 - 4.0 * x77;
+    const double x80_p2 = x80 * x80;
+    const double x84 = 1980.0 * x83 / x80_p2;
+    const double x85 = 1.0 - x74 * x84 - x75 * x82;
+    const double x86 = x77 + 55.0 * x81 * x83;
+    const double x87 = x41 * x56 / x45;
+    const double x88 = x1 * x6 + x9 + 20.0;
+    const double x89 = 1.0 / (20.0 * x7 + 9.0);
+    const double x90 = 1.0 / x86;
+    const double x91 = x88 * x90;
+    const double x92 = delta * x38;
+    const double x38_p2 = x38 * x38;
+    const double x86_p2 = x86 * x86;
+    const double slope_p11 = x53 * (x52 * (delta >= 0.0 ? -x51 * x56 * (own_ell * R_p2 + x46 * h + x18 - 2.0 * x14) : -x0 * x38 * x57 * a_p2 * (delta * R * own_ell + R * h_p2 - delta * h_p2 - delta * x42) / (2.0 * (R * h - delta * R - delta * h))) - x52 * x55 * (delta >= 0.0 ? x47 : x50 * x54)) - dh_dt * x1 - dh_dt * (x58 * (delta >= 0.0 ? x71 * R_p3 * h_p3 * (2.0 * x70 * x88 * R_p3 / x38_p2 + x57 * (x88 * a_p2 * (x66 * x68 + x69 - x65 - 1.0) - 10.0 * R_p2 * (18.0 * x89 + 1.0) * (x59 + x64 * x67))) / 2.0 : x76 * x87 * x90 * (x56 * x77 * x85 * x91 * (x42 - 2.0 * x92) / (x42 - x92) - x1 * (x73 * x78 * x91 * (x74 * x82 + x75 * x84 + 1.0) + 180.0 * x89 + 10.0))) - 20.0 * x55 * x58 * (x7 / 2.0 + 0.45 * x8 + 1.0) * (delta >= 0.0 ? x34 * x70 * x71 : x3 * x42 * x54 * x72 * x85 * x87 / x86_p2));
+    const double slope_p21 = -x55 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -189,61 +276,124 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 {
     const double R = p[0];
     const double eta = p[1];
-    const double Pi0 = p[2];
-    const double ell = p[3];
-    const double sigma = p[4];
+    const double own_Pi0 = p[2];
+    const double own_ell = p[3];
+    const double own_sigma = p[4];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
-    const double a = sqrt(2.0 * R * (x3 + fabs(delta)));
-    const double x4 = 12.566370614359172 * sigma;
-    const double F_ela = delta * x4;
+    const double x5 = x3 - delta;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3) : x3 / sqrt(x5)) * sqrt(2.0 * R);
+    const double x6 = 12.566370614359172 * own_sigma;
+    const double F_ela = delta * x6;
+    const double x7 = 10.0 * R;
+    const double x8 = x1 * R;
+    const double x9 = log1p(20.0 / 9.0 * x8);
+    const double x10 = 9.0 * x9;
+    const double x11 = x10 * h + 20.0 * h + x7;
     const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
-    const double x7 = 1.0 / a_p4;
-    const double x2_p2 = x2 * x2;
-    const double x9 = 1.0 / x2_p2;
+    const double x17 = R * a_p2;
     const double R_p2 = R * R;
-    const double x10 = 12.0 * x7 * x9 * R_p2 + 1.0;
-    const double x11 = 1.0 / x10;
-    const double x12 = x1 * R;
-    const double x13 = log1p(20.0 / 9.0 * x12);
-    const double x14 = x12 / 2.0 + 0.45 * x13 + 1.0;
-    const double x15 = x2_p2 * a_p4;
-    const double zeta = 9.42477796076938 * x0 * x11 * x14 * x15 * eta;
-    const double x17 = R * ell;
-    const double x18 = 2.0 * R;
-    const double x19 = 1.0 / ell;
-    const double x20 = 3.141592653589793 * Pi0 * exp(-x19 * h);
-    const double F_adh = x20 * (a_p2 + x17 - x18 * x3);
-    const double dF_ddelta = x4;
+    const double x15 = h * R_p2;
+    const double x18 = h * a_p2;
+    const double x19 = x17 + x18;
+    const double x20 = 8.0 * x15 + x19;
+    const double R_p3 = R_p2 * R;
+    const double a_p3 = a_p2 * a;
+    const double a_p6 = a_p3 * a_p3;
+    const double x22 = R_p3 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x23 = a_p6 * h_p3;
+    const double R_p6 = R_p3 * R_p3;
+    const double x24 = R_p6 * h_p3;
+    const double x26 = R * h_p2;
+    const double x27 = 3.0 * a_p6;
+    const double a_p4 = a_p2 * a_p2;
+    const double x29 = 3.0 * a_p4;
+    const double R_p4 = R_p2 * R_p2;
+    const double x31 = h * R_p4;
+    const double x32 = R_p2 * h_p3;
+    const double x33 = 6.0 * h_p2;
+    const double x34 = R_p3 * a_p4;
+    const double x35 = R_p4 * h_p3;
+    const double x36 = x35 * a_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double x37 = R_p5 * a_p2;
+    const double x38 = x15 * x27 + x22 + x23 + 2.0 * x24 + x26 * x27 + x33 * x37 + 6.0 * x36 - x29 * x31 - x29 * x32 - x33 * x34;
+    const double x39 = R + h;
+    const double x40 = 165.0 * a_p6;
+    const double x41 = 191.0 * a_p4;
+    const double x42 = 184.0 * x37 * h_p2 + x15 * x40 + 55.0 * x22 + 55.0 * x23 + 36.0 * x24 + x26 * x40 + 184.0 * x36 - 382.0 * x34 * h_p2 - x31 * x41 - x32 * x41;
+    const double x43 = R * h;
+    const double x44 = 29.0 * a_p4;
+    const double x45 = 36.0 * h_p2;
+    const double x46 = x45 * R_p4 + x44 * R_p2 + 58.0 * x43 * a_p4 + x44 * h_p2 - 36.0 * x18 * R_p3 - x45 * R_p2 * a_p2;
+    const double zeta = 3.141592653589793 * x11 * eta * (delta >= 0.0 ? 0.15 * x38 / (x20 * R_p3 * h_p3) : 0.075 * x1 * x17 * x39 * x46 / x42);
+    const double x47 = R * own_ell;
+    const double x48 = 2.0 * R;
+    const double x49 = x3 * x48;
+    const double x50 = x2 * a_p2;
+    const double x51 = x50 * own_ell / 2.0;
+    const double x52 = 1.0 / own_ell;
+    const double x53 = 3.141592653589793 * own_Pi0 * exp(-x52 * h);
+    const double F_adh = x53 * (delta >= 0.0 ? a_p2 + x47 - x49 : x51);
+    const double dF_ddelta = x6;
     const double dF_dh = 0.0;
     const double C = dF_ddelta / 2.0;
     const double D = C * zeta / (C + dF_dh);
-    const double x21 = F - F_adh;
-    const double dh_dt = -x21 / zeta;
-    const double x22 = 1.0 / dF_ddelta;
-    const double ddelta_dt = x22 * (dF_dt - dF_dh * dh_dt);
-    const double dX_dt = -x21 / D - dF_dt / C;
-    const double X = h + x18 - 2.0 * delta;
+    const double x54 = F - F_adh;
+    const double dh_dt = -x54 / zeta;
+    const double x55 = 1.0 / dF_ddelta;
+    const double ddelta_dt = x55 * (dF_dt - dF_dh * dh_dt);
+    const double dX_dt = -x54 / D - dF_dt / C;
+    const double x56 = 2.0 * delta;
+    const double X = h + x48 - x56;
     const double lambda1 = 0.0;
-    const double x23 = dF_dh * x22 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0));
-    const double x24 = R + h;
-    const double R_p4 = R_p2 * R_p2;
-    const double h_p2 = h * h;
-    const double x26 = R_p4 * h_p2;
-    const double x24_p2 = x24 * x24;
-    const double x28 = x24_p2 * a_p4;
-    const double x29 = 24.0 * x26 + x28;
-    const double x30 = 12.0 * x26 + x28;
-    const double x31 = 10.0 * R;
-    const double x32 = 9.0 * x13;
-    const double x33 = x1 * x31 + x32 + 20.0;
-    const double a_p3 = a_p2 * a;
-    const double a_p6 = a_p3 * a_p3;
-    const double x30_p2 = x30 * x30;
-    const double lambda2 = -h * (x10 * x7 * x9 * R * (2.0 * x1 * x29 * x24_p2 * a_p6 * (x32 * h + 20.0 * h + x31) / x30_p2 - x11 * (12.0 * x11 * x3 * x33 * R + x0 * x2 * x33 * a_p4 + 5.0 * x15 * (1.0 + 18.0 / (20.0 * x12 + 9.0)))) / (10.0 * x14 * h_p2) - 4.0 * x23 * x29 * R / (x30 * a_p2)) - h * (-x18 * x20 * x23 - x19 * x20 * (ell * R_p2 + R * a_p2 + h * a_p2 + x17 * h - 2.0 * h * R_p2) / x24) / x21;
+    const double x57 = 1.0 / x5;
+    const double x58 = dF_dh * x55;
+    const double x59 = 1.0 / x39;
+    const double x60 = 1.0 / h_p2;
+    const double x61 = 1.0 / x11;
+    const double x62 = x0 * x50;
+    const double x63 = x62 + 8.0;
+    const double x64 = 1.0 / x63;
+    const double x2_p2 = x2 * x2;
+    const double x66 = 4.0 + x2_p2 * a_p4 / R_p2 - 4.0 * x62;
+    const double x67 = x64 * x66;
+    const double x68 = 2.0 * x67;
+    const double x69 = 2.0 - x62;
+    const double x70 = 2.0 * x62 + 1.0;
+    const double x71 = 2.0 * x64 * x70;
+    const double x63_p2 = x63 * x63;
+    const double x72 = x66 * x70 / x63_p2;
+    const double x73 = x2 * (x68 + 1.0 - x69 * x71 - x72);
+    const double x74 = x20 / x38;
+    const double x75 = 1.0 / a_p4;
+    const double x76 = 1.0 / a_p2;
+    const double x77 = x49 * x76 - 1.0;
+    const double x78 = -x77;
+    const double x79 = x76 * R;
+    const double x80 = x3 * x79;
+    const double x81 = 1.0 / x2_p2;
+    const double x82 = x75 * x81 * R_p2;
+    const double x83 = 36.0 * x82 + 29.0 - 36.0 * x80;
+    const double x84 = 1.0 / x83;
+    const double x85 = 220.0 * x84;
+    const double x86 = 4.0 * x82 + 1.0 - 4.0 * x80;
+    const double x83_p2 = x83 * x83;
+    const double x87 = 1980.0 * x86 / x83_p2;
+    const double x88 = 1.0 - x77 * x87 - x78 * x85;
+    const double x89 = x80 + 55.0 * x84 * x86;
+    const double x90 = x42 * x59 / x46;
+    const double x91 = x1 * x7 + x10 + 20.0;
+    const double x92 = 1.0 / (20.0 * x8 + 9.0);
+    const double x93 = 1.0 / x89;
+    const double x94 = x91 * x93;
+    const double x39_p2 = x39 * x39;
+    const double x89_p2 = x89 * x89;
+    const double lambda2 = -h * (x61 * (delta >= 0.0 ? x74 * R_p3 * h_p3 * (2.0 * x73 * x91 * R_p3 / x39_p2 + x60 * (x91 * a_p2 * (x69 * x71 + x72 - x68 - 1.0) - 10.0 * R_p2 * (18.0 * x92 + 1.0) * (x62 + x67 * x70))) / 2.0 : x79 * x90 * x93 * (x59 * x80 * x88 * x94 * (x43 - x39 * x56) / (x43 - delta * x39) - x1 * (x76 * x81 * x94 * (x77 * x85 + x78 * x87 + 1.0) + 180.0 * x92 + 10.0))) - 20.0 * x58 * x61 * (x8 / 2.0 + 0.45 * x9 + 1.0) * (delta >= 0.0 ? x35 * x73 * x74 : x3 * x43 * x57 * x75 * x88 * x90 / x89_p2)) - h * (x53 * (delta >= 0.0 ? -x52 * x59 * (own_ell * R_p2 + x47 * h + x19 - 2.0 * x15) : -x0 * x39 * x60 * a_p2 * (delta * R * own_ell + R * h_p2 - delta * h_p2 - delta * x43) / (2.0 * (R * h - delta * R - delta * h))) - x53 * x58 * (delta >= 0.0 ? x48 : x51 * x57)) / x54;
     out[0 * n + i] = a;
     out[1 * n + i] = F_ela;
     out[2 * n + i] = zeta;
@@ -496,11 +646,12 @@ static inline void _deflections(double small, const double *restrict h, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -1104,7 +1255,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void soap_film_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[448];
     double p[5];
@@ -1113,7 +1264,7 @@ void soap_film_runs(int64_t n, int64_t count, int64_t at_gaps, const double *res
         for (int64_t k = 0; k < 5; k++) {
             p[k] = runs[at + 4 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1132,6 +1283,9 @@ void soap_film_runs(int64_t n, int64_t count, int64_t at_gaps, const double *res
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[17 * n * count + run] = (double)ended;
         out[17 * n * count + n + run] = worst[0];

@@ -1,21 +1,21 @@
 /* Contact law steric: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Alexander 1977; de Gennes, Adv. Colloid Interface Sci. 27 (1987) 189; equal_spheres
- * Law 8934d7f84e49ea39:
- *     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
- *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
- *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+ * Law 75c5daff457f09fe:
+ *     a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+ *     F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
  *     F_adh = Piecewise((2*pi*L*Pi0*R*(8*2**(1/4)*L**(5/4)/(5*h**(5/4)) - 48/35 + 2**(1/4)*h**(7/4)/(7*L**(7/4))), h < 2*L), (0, True))
  * Left out, with the operations that each saved:
- *     one sign of delta: 241 -> 239
- *     constant force: 239 -> 235
- *     outputs asked for: 235 -> 217
- * Operations, 407 in all:
+ *     one sign of delta: 406 -> 241
+ *     constant force: 241 -> 237
+ *     outputs asked for: 237 -> 219
+ * Operations, 426 in all:
  *     gap_terms: 2 add, 14 mul, 4 div
- *     newton: 12 add, 21 mul, 5 div, 1 sqrt
- *     gap_rate: 10 add, 37 mul, 10 div, 9 sqrt, 1 call
- *     slopes: 40 add, 132 mul, 25 div, 13 sqrt, 1 call
- *     quantities: 12 add, 38 mul, 10 div, 9 sqrt, 1 call
+ *     newton: 12 add, 21 mul, 4 div, 1 sqrt
+ *     gap_rate: 11 add, 42 mul, 12 div, 9 sqrt, 1 call
+ *     slopes: 40 add, 134 mul, 27 div, 13 sqrt, 1 call
+ *     quantities: 13 add, 43 mul, 12 div, 9 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -40,8 +40,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -296,16 +297,17 @@ static inline void _newton(int64_t i, int64_t n, double delta, double F, const d
     const double gap9 = terms[9 * n + i];
     const double R = p[0];
     const double E = p[1];
-    const double nu = p[5];
+    const double own_nu = p[5];
     const double a = sqrt(R * (delta + gap0 + gap1 / (2.0 * delta + gap2)));
-    const double x2 = delta * gap4 + gap3;
-    const double nu_p2 = nu * nu;
-    const double x1 = E / (1.0 - nu_p2);
+    const double x3 = delta * gap4 + gap3;
+    const double x0 = 4.0 / 3.0 * a;
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x2 = E / (1.0 - own_nu_p2);
     const double R_p2 = R * R;
     const double delta_p2 = delta * delta;
-    const double x2_p2 = x2 * x2;
-    const double dF_ddelta = x1 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (x2_p2 * a) + 4.0 * a) / 3.0;
-    const double newton = (4.0 / 3.0 * delta * x1 * a - F) / dF_ddelta;
+    const double x3_p2 = x3 * x3;
+    const double dF_ddelta = x2 * (delta * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + delta * gap8 + delta * gap9 + gap5) / (3.0 * x3_p2 * a) + x0);
+    const double newton = (delta * x0 * x2 - F) / dF_ddelta;
     out[i] = newton;
     out[n + i] = dF_ddelta;
 }
@@ -315,25 +317,29 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[2];
-    const double L = p[3];
-    const double Pi0 = p[4];
+    const double own_L = p[3];
+    const double own_Pi0 = p[4];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
     const double x2_p2 = x2 * x2;
-    const double a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (2.0 * delta + 4.0 * x3))));
-    const double x5 = x1 * R;
+    const double x5 = 1.0 / x2_p2;
+    const double a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)));
+    const double x7 = x1 * R;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p2 = a * a;
     const double a_p4 = a_p2 * a_p2;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
+    const double a_p12 = a_p6 * a_p6;
     const double x2_p3 = x2_p2 * x2;
-    const double zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x5 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x5) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
-    const double x6 = 1.189207115002721;
-    const double F_adh = h < 2.0 * L ? 0.17951958020513104 * L * Pi0 * R * (56.0 * x6 * L * sqrt(sqrt(L)) / (h * sqrt(sqrt(h))) + 5.0 * x6 * h * sqrt(h * sqrt(h)) / (L * sqrt(L * sqrt(L))) - 48.0) : 0.0;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x7 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x7) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0);
+    const double x8 = 1.189207115002721;
+    const double F_adh = h < 2.0 * own_L ? 0.17951958020513104 * R * own_L * own_Pi0 * (5.0 * x8 * h * sqrt(h * sqrt(h)) / (own_L * sqrt(own_L * sqrt(own_L))) + 56.0 * x8 * own_L * sqrt(sqrt(own_L)) / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
     const double dh_dt = (F_adh - F) / zeta;
     w[i] = dh_dt / h;
 }
@@ -344,9 +350,9 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double R = p[0];
     const double E = p[1];
     const double eta = p[2];
-    const double L = p[3];
-    const double Pi0 = p[4];
-    const double nu = p[5];
+    const double own_L = p[3];
+    const double own_Pi0 = p[4];
+    const double own_nu = p[5];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
@@ -354,68 +360,70 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double x2_p2 = x2 * x2;
     const double x5 = 1.0 / x2_p2;
     const double a = sqrt(R * (delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)));
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
     const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x8 = 1.0 / a_p4;
+    const double R_p2 = R * R;
+    const double x9 = x5 * x8 * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
+    const double a_p12 = a_p6 * a_p6;
     const double x2_p3 = x2_p2 * x2;
-    const double x8 = R_p3 / (x2_p3 * a_p6);
-    const double x9 = 142.3828125 * x8 + 1.0;
-    const double x10 = x1 * R;
-    const double x11 = log1p(20.0 / 9.0 * x10);
-    const double x12 = x10 / 2.0 + 0.45 * x11 + 1.0;
-    const double a_p4 = a_p2 * a_p2;
-    const double x14 = x2_p2 * a_p4;
-    const double zeta = 25.132741228718345 * x0 * x12 * x14 * eta / x9;
-    const double x15 = 1.189207115002721;
-    const double x16 = 1.0 / (L * sqrt(L * sqrt(L)));
-    const double x17 = L * sqrt(sqrt(L));
-    const double x18 = 3.141592653589793 * Pi0 * R;
-    const double x19 = 2.0 * L;
-    const double F_adh = h < x19 ? 2.0 / 35.0 * x18 * L * (5.0 * x15 * x16 * h * sqrt(h * sqrt(h)) + 56.0 * x15 * x17 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
-    const double x21 = R * h;
-    const double x22 = 2.0 * x21;
-    const double x23 = R + h;
-    const double x51 = delta * x23 + x22;
-    const double x51_p2 = x51 * x51;
-    const double x24 = 1.0 / x51_p2;
-    const double x25 = delta * x24 / a;
-    const double x26 = 8.0 * delta;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double x10 = R_p6 / (x2_p6 * a_p12);
+    const double x11 = 3762.643798828125 * x10 + 106.3125 * x9 + 4.0;
+    const double x12 = x1 * R;
+    const double x13 = log1p(20.0 / 9.0 * x12);
+    const double x14 = x12 / 2.0 + 0.45 * x13 + 1.0;
+    const double x15 = x2_p2 * a_p4;
+    const double zeta = 100.53096491487338 * x0 * x14 * x15 * eta / x11;
+    const double x16 = 1.189207115002721;
+    const double x17 = own_L * sqrt(sqrt(own_L));
+    const double x18 = 1.0 / (own_L * sqrt(own_L * sqrt(own_L)));
+    const double x19 = 3.141592653589793 * R * own_Pi0;
+    const double x20 = 2.0 * own_L;
+    const double F_adh = h < x20 ? 2.0 / 35.0 * x19 * own_L * (5.0 * x16 * x18 * h * sqrt(h * sqrt(h)) + 56.0 * x16 * x17 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
+    const double x22 = 8.0 * delta;
     const double h_p2 = h * h;
-    const double x28 = R * h_p2;
-    const double x31 = h * R_p2;
+    const double x24 = R * h_p2;
+    const double x26 = R * h;
+    const double x27 = h * R_p2;
     const double delta_p2 = delta * delta;
-    const double x32 = delta_p2 * R_p2;
-    const double x33 = R_p2 * h_p2;
-    const double x34 = delta_p2 * h_p2;
-    const double x35 = R * (4.0 * x21 * delta_p2 + x26 * x28 + x26 * x31 + 2.0 * x32 + 3.0 * x33 + 2.0 * x34);
-    const double nu_p2 = nu * nu;
-    const double x36 = E / (1.0 - nu_p2);
-    const double dF_ddelta = x36 * (4.0 * a + x25 * x35) / 3.0;
-    const double x37 = 9.0 * delta;
-    const double x38 = x22 * delta_p2 + x28 * x37 + x31 * x37 + x32 + 9.0 * x33 + x34;
-    const double x23_p2 = x23 * x23;
-    const double dF_dh = 2.0 / 3.0 * x25 * x36 * x38 * R_p3 / x23_p2;
-    const double x39 = 1.0 / zeta;
-    const double dh_dt = x39 * (F_adh - F);
-    const double x40 = 1.0 / a_p2;
-    const double R_p6 = R_p3 * R_p3;
-    const double h_p3 = h_p2 * h;
-    const double x41 = R_p6 * h_p3;
-    const double x23_p3 = x23_p2 * x23;
-    const double x43 = x23_p3 * a_p6;
-    const double x44 = 18225.0 * x41 + 128.0 * x43;
-    const double x45 = dF_dh / dF_ddelta;
-    const double x46 = x24 * (91125.0 * x41 + 256.0 * x43);
-    const double x47 = 10.0 * R;
-    const double x48 = 9.0 * x11;
-    const double x49 = 1.0 / (18225.0 * x8 + 128.0);
-    const double x50 = x1 * x47 + x48 + 20.0;
+    const double x28 = delta_p2 * R_p2;
+    const double x29 = R_p2 * h_p2;
+    const double x30 = delta_p2 * h_p2;
+    const double x31 = 4.0 * x26 * delta_p2 + x22 * x24 + x22 * x27 + 2.0 * x28 + 3.0 * x29 + 2.0 * x30;
+    const double x32 = 1.0 / a;
+    const double x33 = 2.0 * x26;
+    const double x34 = R + h;
+    const double x50 = delta * x34 + x33;
+    const double x50_p2 = x50 * x50;
+    const double x35 = 1.0 / x50_p2;
+    const double x36 = x32 * x35;
+    const double x37 = delta * x36;
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x38 = E / (1.0 - own_nu_p2);
+    const double dF_ddelta = x38 * (x31 * x37 * R / 3.0 + 4.0 / 3.0 * a);
+    const double x40 = 9.0 * delta;
+    const double x34_p2 = x34 * x34;
+    const double x41 = (x33 * delta_p2 + x24 * x40 + x27 * x40 + x28 + 9.0 * x29 + x30) / x34_p2;
+    const double dF_dh = 2.0 / 3.0 * x37 * x38 * x41 * R_p3;
+    const double x42 = 1.0 / zeta;
+    const double dh_dt = x42 * (F_adh - F);
+    const double x43 = 1.0 / R_p2;
+    const double x44 = 1.0 / (15411789.0 * x10 + 435456.0 * x9 + 16384.0);
+    const double R_p4 = R_p2 * R_p2;
     const double a_p8 = a_p4 * a_p4;
-    const double x44_p2 = x44 * x44;
-    const double slope_p11 = x39 * (h < x19 ? x15 * x18 * x19 * (x16 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x17 / (h_p2 * sqrt(sqrt(h)))) : 0.0) - dh_dt * x1 - dh_dt * (6.4 * x5 * x9 * R * (x1 * x38 * x46 * x23_p3 * a_p8 * (x48 * h + 20.0 * h + x47) / x44_p2 - x49 * (54675.0 * x40 * x49 * x5 * x50 * R_p2 + 2.0 * x0 * x2 * x50 * a_p4 + 10.0 * x14 * (1.0 + 18.0 / (20.0 * x10 + 9.0)))) / (x12 * a_p4 * h_p2) - x35 * x40 * x45 * x46 / (2.0 * x44));
-    const double slope_p21 = -x45 * h;
+    const double x2_p4 = x2_p2 * x2_p2;
+    const double x46 = 243.0 * x44 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0);
+    const double x47 = x43 * x2_p2 * a_p3 + x32 * x46;
+    const double x48 = dF_dh / dF_ddelta;
+    const double x49 = 10.0 * x12 + 9.0 * x13 + 20.0;
+    const double a_p5 = a_p3 * a_p2;
+    const double slope_p11 = x42 * (h < x20 ? x16 * x19 * x20 * (x18 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x17 / (h_p2 * sqrt(sqrt(h)))) : 0.0) - dh_dt * x1 - dh_dt * (409.6 * x11 * x44 * x5 * x8 * R * (x36 * x41 * x47 * x49 * R_p4 - (x49 * R * (x2 * x43 * a_p4 + x3 * x46) + 5.0 * x15 * (1.0 + 18.0 / (20.0 * x12 + 9.0))) / h_p2) / x14 - 4096.0 * x11 * x31 * x35 * x44 * x47 * x48 * x5 * R_p3 / a_p5);
+    const double slope_p21 = -x48 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -425,28 +433,32 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
 {
     const double R = p[0];
     const double eta = p[2];
-    const double L = p[3];
-    const double Pi0 = p[4];
+    const double own_L = p[3];
+    const double own_Pi0 = p[4];
     const double x0 = 1.0 / R;
     const double x1 = 1.0 / h;
     const double x2 = x0 + x1;
     const double x3 = 1.0 / x2;
-    const double x5 = 2.0 * delta;
     const double x2_p2 = x2 * x2;
-    const double a = sqrt(R * (delta + x3 + 5.0 / (x2_p2 * (4.0 * x3 + x5))));
-    const double x6 = x1 * R;
+    const double x5 = 1.0 / x2_p2;
+    const double x6 = 2.0 * delta;
+    const double a = sqrt(R * (delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)));
+    const double x8 = x1 * R;
     const double R_p2 = R * R;
     const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p2 = a * a;
     const double a_p4 = a_p2 * a_p2;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
+    const double a_p12 = a_p6 * a_p6;
     const double x2_p3 = x2_p2 * x2;
-    const double zeta = 25.132741228718345 * x0 * eta * x2_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (142.3828125 * R_p3 / (x2_p3 * a_p6) + 1.0);
-    const double x7 = 1.189207115002721;
-    const double F_adh = h < 2.0 * L ? 0.17951958020513104 * L * Pi0 * R * (56.0 * x7 * L * sqrt(sqrt(L)) / (h * sqrt(sqrt(h))) + 5.0 * x7 * h * sqrt(h * sqrt(h)) / (L * sqrt(L * sqrt(L))) - 48.0) : 0.0;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double zeta = 100.53096491487338 * x0 * eta * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x8) + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0);
+    const double x9 = 1.189207115002721;
+    const double F_adh = h < 2.0 * own_L ? 0.17951958020513104 * R * own_L * own_Pi0 * (5.0 * x9 * h * sqrt(h * sqrt(h)) / (own_L * sqrt(own_L * sqrt(own_L))) + 56.0 * x9 * own_L * sqrt(sqrt(own_L)) / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
     const double dh_dt = (F_adh - F) / zeta;
-    const double X = 2.0 * R + h - x5;
+    const double X = 2.0 * R + h - x6;
     out[0 * n + i] = a;
     out[1 * n + i] = X;
     out[2 * n + i] = dh_dt;
@@ -883,11 +895,12 @@ static inline int64_t _by_gap(double t_end, double u_stop, double rtol, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 23*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Of a panel
    of the gap, ln h at its start and the times at its 16 nodes, from its start. Then its length in ln h; 0 of a step in time. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
@@ -1641,7 +1654,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void steric_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[736];
     double p[6];
@@ -1654,7 +1667,7 @@ void steric_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restri
         for (int64_t k = 0; k < 1; k++) {
             c[k] = runs[at + 10 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1673,6 +1686,9 @@ void steric_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restri
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[8 * n * count + run] = (double)ended;
         out[8 * n * count + n + run] = worst[0];

@@ -1,17 +1,17 @@
 /* Contact law steric: written by softdyn 0.1.0 with sympy 1.14.0; do not edit.
  *
  * Source: Alexander 1977; de Gennes, Adv. Colloid Interface Sci. 27 (1987) 189; equal_spheres
- * Law 8934d7f84e49ea39:
- *     a = sqrt(R)*sqrt(Abs(delta) + 1/(1/h + 1/R) + 5/((1/h + 1/R)**2*(2*Abs(delta) + 4/(1/h + 1/R))))
- *     F_ela = 4*E*a*delta/(3*(1 - nu**2))
- *     zeta = 8*pi*a**4*eta*(1/h + 1/R)**2*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)/(R*(18225*R**3/(128*a**6*(1/h + 1/R)**3) + 1))
+ * Law 75c5daff457f09fe:
+ *     a = Piecewise((sqrt(R)*sqrt(delta + 1/(1/h + 1/R) + 5/((2*delta + 4/(1/h + 1/R))*(1/h + 1/R)**2)), delta >= 0), (3*sqrt(R)*sqrt(1/(-delta + 1/(1/h + 1/R)))/(2*(1/h + 1/R)), True))
+ *     F_ela = 4*E*delta*Piecewise((a, delta >= 0), (sqrt(5)*sqrt(-4*R*delta + 5*a**2)/5, True))/(3*(1 - nu**2))
+ *     zeta = 3*pi*R*eta*(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)*Piecewise((32*a**4*(1/h + 1/R)**2/(3*R**2*(15411789*R**6/(4096*a**12*(1/h + 1/R)**6) + 1701*R**2/(16*a**4*(1/h + 1/R)**2) + 4)), delta >= 0), (1/(9*R/(4*a**2*(1/h + 1/R)) + (4455*R**2/(8*a**4*(1/h + 1/R)**2) - 495*R/(a**2*(1/h + 1/R)) + 110)/(729*R**2/(16*a**4*(1/h + 1/R)**2) - 81*R/(2*a**2*(1/h + 1/R)) + 29)), True))
  *     F_adh = Piecewise((2*pi*L*Pi0*R*(8*2**(1/4)*L**(5/4)/(5*h**(5/4)) - 48/35 + 2**(1/4)*h**(7/4)/(7*L**(7/4))), h < 2*L), (0, True))
- * Operations, 573 in all:
- *     gap_terms: 2 add, 14 mul, 4 div
- *     newton: 12 add, 21 mul, 5 div, 1 sqrt
- *     gap_rate: 10 add, 37 mul, 10 div, 9 sqrt, 1 call
- *     slopes: 40 add, 134 mul, 25 div, 13 sqrt, 1 call
- *     quantities: 45 add, 144 mul, 31 div, 13 sqrt, 1 call
+ * Operations, 1019 in all:
+ *     gap_terms: 2 add, 19 mul, 4 div
+ *     newton: 20 add, 38 mul, 6 div, 4 sqrt
+ *     gap_rate: 29 add, 93 mul, 14 div, 11 sqrt, 1 call
+ *     slopes: 81 add, 242 mul, 38 div, 17 sqrt, 1 call
+ *     quantities: 86 add, 252 mul, 44 div, 16 sqrt, 1 call
  *
  * A C API that depends on math.h alone; all arrays are of the lengths given, and may not overlap.
  *
@@ -35,8 +35,9 @@
 #include <math.h>
 #include <stdint.h>
 
-#if defined(__FAST_MATH__)
-#error "this code relies on IEEE arithmetic: compile it without -ffast-math"
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "this code relies on IEEE arithmetic: compile it without -ffast-math and its parts"
 #endif
 
 static const double _NODES[9] = {
@@ -97,16 +98,25 @@ static inline void _gap_terms(int64_t i, int64_t n, double h, const double *rest
     const double x0_p2 = x0 * x0;
     const double gap1 = 5.0 / x0_p2;
     const double gap2 = 4.0 * x1;
+    const double gap3 = 1.5 * x1;
     const double x2 = R * h;
-    const double gap3 = 2.0 * x2;
-    const double gap4 = R + h;
+    const double gap4 = 2.0 * x2;
+    const double x3 = R + h;
+    const double gap5 = x3;
     const double R_p2 = R * R;
     const double h_p2 = h * h;
-    const double gap5 = 3.0 * R_p2 * h_p2;
-    const double gap6 = 2.0 * h_p2;
-    const double gap7 = 4.0 * x2;
-    const double gap8 = 8.0 * R * h_p2;
-    const double gap9 = 8.0 * h * R_p2;
+    const double gap6 = 3.0 * R_p2 * h_p2;
+    const double gap7 = 2.0 * h_p2;
+    const double gap8 = 4.0 * x2;
+    const double gap9 = 8.0 * R * h_p2;
+    const double x6 = h * R_p2;
+    const double gap10 = 8.0 * x6;
+    const double gap11 = x2;
+    const double gap12 = -x3;
+    const double gap13 = -12.0 * x6;
+    const double gap14 = -5.0 * h;
+    const double gap15 = 10.0 * x2;
+    const double gap16 = 12.0 * x2;
     out[0 * n + i] = gap0;
     out[1 * n + i] = gap1;
     out[2 * n + i] = gap2;
@@ -117,6 +127,13 @@ static inline void _gap_terms(int64_t i, int64_t n, double h, const double *rest
     out[7 * n + i] = gap7;
     out[8 * n + i] = gap8;
     out[9 * n + i] = gap9;
+    out[10 * n + i] = gap10;
+    out[11 * n + i] = gap11;
+    out[12 * n + i] = gap12;
+    out[13 * n + i] = gap13;
+    out[14 * n + i] = gap14;
+    out[15 * n + i] = gap15;
+    out[16 * n + i] = gap16;
 }
 
 /* A step of Newton's iteration for delta at a given gap: out[i] = (F_ela - F)/(dF_ela/d(delta)), out[n + i] = dF_ela/d(delta). */
@@ -132,19 +149,31 @@ static inline void _newton(int64_t i, int64_t n, double delta, double F, const d
     const double gap7 = terms[7 * n + i];
     const double gap8 = terms[8 * n + i];
     const double gap9 = terms[9 * n + i];
+    const double gap10 = terms[10 * n + i];
+    const double gap11 = terms[11 * n + i];
+    const double gap12 = terms[12 * n + i];
+    const double gap13 = terms[13 * n + i];
+    const double gap14 = terms[14 * n + i];
+    const double gap15 = terms[15 * n + i];
+    const double gap16 = terms[16 * n + i];
     const double R = p[0];
     const double E = p[1];
-    const double nu = p[5];
-    const double x0 = fabs(delta);
-    const double a = sqrt(R * (gap0 + gap1 / (gap2 + 2.0 * x0) + x0));
-    const double x3 = gap3 + gap4 * x0;
-    const double nu_p2 = nu * nu;
-    const double x2 = E / (1.0 - nu_p2);
+    const double own_nu = p[5];
+    const double a = (delta >= 0.0 ? sqrt(delta + gap0 + gap1 / (2.0 * delta + gap2)) : gap3 / sqrt(gap0 - delta)) * sqrt(R);
+    const double x9 = delta * gap5 + gap4;
+    const double x1 = 4.0 / 3.0 * a;
     const double R_p2 = R * R;
     const double delta_p2 = delta * delta;
-    const double x3_p2 = x3 * x3;
-    const double dF_ddelta = x2 * (x0 * R * (2.0 * delta_p2 * R_p2 + gap6 * delta_p2 + gap7 * delta_p2 + gap5 + gap8 * x0 + gap9 * x0) / (x3_p2 * a) + 4.0 * a) / 3.0;
-    const double newton = (4.0 / 3.0 * delta * x2 * a - F) / dF_ddelta;
+    const double x3 = delta_p2 * R_p2;
+    const double x4 = delta * R;
+    const double x5 = 2.23606797749979;
+    const double a_p2 = a * a;
+    const double x7 = sqrt(5.0 * a_p2 - 4.0 * x4);
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x8 = E / (1.0 - own_nu_p2);
+    const double x9_p2 = x9 * x9;
+    const double dF_ddelta = x8 * (delta >= 0.0 ? x1 + x4 * (gap7 * delta_p2 + gap8 * delta_p2 + delta * gap10 + delta * gap9 + gap6 + 2.0 * x3) / (3.0 * x9_p2 * a) : 2.0 / 15.0 * x5 * (delta * gap14 * a_p2 + gap15 * a_p2 + gap16 * delta_p2 + delta * gap13 + 12.0 * x3 - 5.0 * x4 * a_p2) / (x7 * (delta * gap12 + gap11)));
+    const double newton = (delta * x8 * (delta >= 0.0 ? x1 : 4.0 / 15.0 * x5 * x7) - F) / dF_ddelta;
     out[i] = newton;
     out[n + i] = dF_ddelta;
 }
@@ -154,26 +183,40 @@ static inline void _gap_rate(int64_t i, double h, double delta, double F, const 
 {
     const double R = p[0];
     const double eta = p[2];
-    const double L = p[3];
-    const double Pi0 = p[4];
-    const double x0 = fabs(delta);
-    const double x1 = 1.0 / R;
-    const double x2 = 1.0 / h;
-    const double x3 = x1 + x2;
-    const double x4 = 1.0 / x3;
-    const double x3_p2 = x3 * x3;
-    const double a = sqrt(R * (x0 + x4 + 5.0 / (x3_p2 * (2.0 * x0 + 4.0 * x4))));
-    const double x6 = x2 * R;
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
+    const double own_L = p[3];
+    const double own_Pi0 = p[4];
+    const double x0 = 1.0 / R;
+    const double x1 = 1.0 / h;
+    const double x2 = x0 + x1;
+    const double x3 = 1.0 / x2;
+    const double x2_p2 = x2 * x2;
+    const double x5 = 1.0 / x2_p2;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3 + 5.0 * x5 / (2.0 * delta + 4.0 * x3)) : 1.5 * x3 / sqrt(x3 - delta)) * sqrt(R);
+    const double x8 = x1 * R;
+    const double x9 = log1p(20.0 / 9.0 * x8);
     const double a_p2 = a * a;
-    const double a_p4 = a_p2 * a_p2;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x3_p3 = x3_p2 * x3;
-    const double zeta = 25.132741228718345 * x1 * eta * x3_p2 * a_p4 * (x6 / 2.0 + 0.45 * log1p(20.0 / 9.0 * x6) + 1.0) / (142.3828125 * R_p3 / (x3_p3 * a_p6) + 1.0);
-    const double x7 = 1.189207115002721;
-    const double F_adh = h < 2.0 * L ? 0.17951958020513104 * L * Pi0 * R * (56.0 * x7 * L * sqrt(sqrt(L)) / (h * sqrt(sqrt(h))) + 5.0 * x7 * h * sqrt(h * sqrt(h)) / (L * sqrt(L * sqrt(L))) - 48.0) : 0.0;
+    const double x15 = 7040.0 * a_p6;
+    const double x18 = 21120.0 * a_p6;
+    const double a_p4 = a_p2 * a_p2;
+    const double x20 = 27504.0 * a_p4;
+    const double x21 = 29808.0 * a_p2;
+    const double x22 = 464.0 * a_p4;
+    const double x23 = 648.0 * a_p2;
+    const double R_p2 = R * R;
+    const double R_p3 = R_p2 * R;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
+    const double R_p6 = R_p3 * R_p3;
+    const double a_p12 = a_p6 * a_p6;
+    const double h_p2 = h * h;
+    const double h_p3 = h_p2 * h;
+    const double x2_p3 = x2_p2 * x2;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double zeta = 3.141592653589793 * eta * (delta >= 0.0 ? 32.0 * x0 * x2_p2 * a_p4 * (x8 / 2.0 + 0.45 * x9 + 1.0) / (3762.643798828125 * R_p6 / (x2_p6 * a_p12) + 106.3125 * x5 * R_p2 / a_p4 + 4.0) : 0.6 * x8 * a_p2 * (R + h) * (10.0 * R + 9.0 * x9 * h + 20.0 * h) * (729.0 * R_p4 * h_p2 + x22 * R_p2 + 928.0 * R * h * a_p4 + x22 * h_p2 - x23 * h * R_p3 - x23 * R_p2 * h_p2) / (6561.0 * R_p6 * h_p3 + x21 * R_p5 * h_p2 + x21 * R_p4 * h_p3 + x15 * R_p3 + x18 * h * R_p2 + x18 * R * h_p2 + x15 * h_p3 - x20 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x20 * R_p2 * h_p3));
+    const double x24 = 1.189207115002721;
+    const double F_adh = h < 2.0 * own_L ? 0.17951958020513104 * R * own_L * own_Pi0 * (5.0 * x24 * h * sqrt(h * sqrt(h)) / (own_L * sqrt(own_L * sqrt(own_L))) + 56.0 * x24 * own_L * sqrt(sqrt(own_L)) / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
     const double dh_dt = (F_adh - F) / zeta;
     w[i] = dh_dt / h;
 }
@@ -184,79 +227,125 @@ static inline void _slopes(int64_t i, double h, double delta, double F, const do
     const double R = p[0];
     const double E = p[1];
     const double eta = p[2];
-    const double L = p[3];
-    const double Pi0 = p[4];
-    const double nu = p[5];
-    const double x0 = fabs(delta);
-    const double x1 = 1.0 / R;
-    const double x2 = 1.0 / h;
-    const double x3 = x1 + x2;
-    const double x4 = 1.0 / x3;
-    const double x3_p2 = x3 * x3;
-    const double x6 = 1.0 / x3_p2;
-    const double a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)));
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
+    const double own_L = p[3];
+    const double own_Pi0 = p[4];
+    const double own_nu = p[5];
+    const double x0 = 1.0 / R;
+    const double x1 = 1.0 / h;
+    const double x2 = x0 + x1;
+    const double x3 = 1.0 / x2;
+    const double x2_p2 = x2 * x2;
+    const double x5 = 1.0 / x2_p2;
+    const double x6 = 2.0 * delta;
+    const double x8 = x3 - delta;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)) : 1.5 * x3 / sqrt(x8)) * sqrt(R);
     const double a_p2 = a * a;
+    const double a_p4 = a_p2 * a_p2;
+    const double x11 = 1.0 / a_p4;
+    const double x12 = x11 * x5;
+    const double R_p2 = R * R;
+    const double x13 = x12 * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x3_p3 = x3_p2 * x3;
-    const double x9 = R_p3 / (x3_p3 * a_p6);
-    const double x10 = 142.3828125 * x9 + 1.0;
-    const double x11 = x2 * R;
-    const double x12 = log1p(20.0 / 9.0 * x11);
-    const double x13 = x11 / 2.0 + 0.45 * x12 + 1.0;
-    const double a_p4 = a_p2 * a_p2;
-    const double x15 = x3_p2 * a_p4;
-    const double zeta = 25.132741228718345 * x1 * x13 * x15 * eta / x10;
-    const double x16 = 1.189207115002721;
-    const double x17 = 1.0 / (L * sqrt(L * sqrt(L)));
-    const double x18 = L * sqrt(sqrt(L));
-    const double x19 = 3.141592653589793 * Pi0 * R;
-    const double x20 = 2.0 * L;
-    const double F_adh = h < x20 ? 2.0 / 35.0 * x19 * L * (5.0 * x16 * x17 * h * sqrt(h * sqrt(h)) + 56.0 * x16 * x18 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
-    const double x22 = R * h;
-    const double x23 = 2.0 * x22;
-    const double x24 = R + h;
-    const double x52 = x0 * x24 + x23;
-    const double x52_p2 = x52 * x52;
-    const double x25 = 1.0 / x52_p2;
-    const double x26 = x25 / a;
-    const double delta_p2 = delta * delta;
-    const double x29 = delta_p2 * R_p2;
+    const double a_p12 = a_p6 * a_p6;
+    const double x2_p3 = x2_p2 * x2;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double x15 = R_p6 / (x2_p6 * a_p12);
+    const double x16 = 106.3125 * x13 + 3762.643798828125 * x15 + 4.0;
+    const double x17 = x1 * R;
+    const double x18 = log1p(20.0 / 9.0 * x17);
+    const double x19 = x17 / 2.0 + 0.45 * x18 + 1.0;
+    const double x20 = x2_p2 * a_p4;
+    const double x21 = R + h;
+    const double x24 = 7040.0 * a_p6;
+    const double x27 = 21120.0 * a_p6;
+    const double x28 = h * R_p2;
+    const double x30 = 27504.0 * a_p4;
+    const double x32 = 29808.0 * a_p2;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
     const double h_p2 = h * h;
-    const double x31 = R_p2 * h_p2;
-    const double x32 = delta_p2 * h_p2;
-    const double x33 = 8.0 * x0;
-    const double x34 = R * h_p2;
-    const double x35 = h * R_p2;
-    const double x36 = R * (4.0 * x22 * delta_p2 + 2.0 * x29 + 3.0 * x31 + 2.0 * x32 + x33 * x34 + x33 * x35);
-    const double nu_p2 = nu * nu;
-    const double x37 = E / (1.0 - nu_p2);
-    const double dF_ddelta = x37 * (4.0 * a + x0 * x26 * x36) / 3.0;
-    const double x38 = 9.0 * x0;
-    const double x39 = x23 * delta_p2 + x29 + 9.0 * x31 + x32 + x34 * x38 + x35 * x38;
-    const double x24_p2 = x24 * x24;
-    const double dF_dh = 2.0 / 3.0 * delta * x26 * x37 * x39 * R_p3 / x24_p2;
-    const double x40 = 1.0 / zeta;
-    const double dh_dt = x40 * (F_adh - F);
-    const double x41 = 1.0 / a_p2;
-    const double R_p6 = R_p3 * R_p3;
     const double h_p3 = h_p2 * h;
-    const double x42 = R_p6 * h_p3;
-    const double x24_p3 = x24_p2 * x24;
-    const double x44 = x24_p3 * a_p6;
-    const double x45 = 18225.0 * x42 + 128.0 * x44;
-    const double x46 = dF_dh / dF_ddelta;
-    const double x47 = x25 * (91125.0 * x42 + 256.0 * x44);
-    const double x48 = 10.0 * R;
-    const double x49 = 9.0 * x12;
-    const double x50 = 1.0 / (18225.0 * x9 + 128.0);
-    const double x51 = x2 * x48 + x49 + 20.0;
+    const double x33 = 6561.0 * R_p6 * h_p3 + x32 * R_p5 * h_p2 + x32 * R_p4 * h_p3 + x24 * R_p3 + x27 * R * h_p2 + x24 * h_p3 + x27 * x28 - x30 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x30 * R_p2 * h_p3;
+    const double x34 = 10.0 * R;
+    const double x35 = 9.0 * x18;
+    const double x36 = x35 * h + 20.0 * h + x34;
+    const double x37 = R * h;
+    const double x38 = 464.0 * a_p4;
+    const double x39 = 648.0 * a_p2;
+    const double x40 = R_p2 * h_p2;
+    const double x41 = 729.0 * R_p4 * h_p2 + x38 * R_p2 + 928.0 * x37 * a_p4 + x38 * h_p2 - x39 * h * R_p3 - x39 * x40;
+    const double x42 = x17 * a_p2;
+    const double zeta = 3.141592653589793 * eta * (delta >= 0.0 ? 32.0 * x0 * x19 * x20 / x16 : 0.6 * x21 * x36 * x41 * x42 / x33);
+    const double x43 = 1.189207115002721;
+    const double x44 = own_L * sqrt(sqrt(own_L));
+    const double x45 = 1.0 / (own_L * sqrt(own_L * sqrt(own_L)));
+    const double x46 = 3.141592653589793 * R * own_Pi0;
+    const double x47 = 2.0 * own_L;
+    const double F_adh = h < x47 ? 2.0 / 35.0 * x46 * own_L * (5.0 * x43 * x45 * h * sqrt(h * sqrt(h)) + 56.0 * x43 * x44 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
+    const double x49 = delta * R;
+    const double delta_p2 = delta * delta;
+    const double x52 = x37 * delta_p2;
+    const double x53 = delta * x28;
+    const double x54 = delta_p2 * R_p2;
+    const double x50 = x49 * h_p2;
+    const double x55 = delta_p2 * h_p2;
+    const double x56 = 3.0 * x40 + 8.0 * x50 + 4.0 * x52 + 8.0 * x53 + 2.0 * x54 + 2.0 * x55;
+    const double x57 = 1.0 / a;
+    const double x58 = 2.0 * x37;
+    const double x59 = delta * x21;
+    const double x95 = x58 + x59;
+    const double x95_p2 = x95 * x95;
+    const double x60 = 1.0 / x95_p2;
+    const double x61 = x57 * x60;
+    const double x62 = 5.0 * a_p2;
+    const double x63 = 1.0 / (x37 - x59);
+    const double x64 = x63 * sqrt(5.0) / sqrt(5.0 * a_p2 - 4.0 * x49);
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x65 = E / (1.0 - own_nu_p2);
+    const double dF_ddelta = x65 * (delta >= 0.0 ? 4.0 / 3.0 * a + x49 * x56 * x61 / 3.0 : 2.0 / 15.0 * x64 * (x34 * h * a_p2 + 12.0 * x52 + 12.0 * x54 - delta * x62 * h - x49 * x62 - 12.0 * x53));
+    const double x21_p2 = x21 * x21;
+    const double x66 = x61 * (x58 * delta_p2 + 9.0 * x40 + 9.0 * x50 + 9.0 * x53 + x54 + x55) / x21_p2;
+    const double x67 = 1.0 / x21;
+    const double x68 = x67 * (x37 - x21 * x6);
+    const double dF_dh = 2.0 / 3.0 * delta * x65 * (delta >= 0.0 ? x66 * R_p3 : x42 * x64 * x68);
+    const double x69 = 1.0 / zeta;
+    const double dh_dt = x69 * (F_adh - F);
+    const double x75 = 1.0 / a_p2;
+    const double x76 = x3 * x75;
+    const double x77 = x76 * R;
+    const double x78 = 729.0 * x13 + 464.0 - 648.0 * x77;
+    const double x79 = 1.0 / x78;
+    const double x80 = 81.0 * x13 + 16.0 - 72.0 * x77;
+    const double x81 = x79 * x80;
+    const double x96 = 2.25 * x77 + 110.0 * x81;
+    const double x70 = 1.0 / R_p2;
+    const double x71 = 1.0 / (435456.0 * x13 + 15411789.0 * x15 + 16384.0);
     const double a_p8 = a_p4 * a_p4;
-    const double x45_p2 = x45 * x45;
-    const double slope_p11 = x40 * (h < x20 ? x16 * x19 * x20 * (x17 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x18 / (h_p2 * sqrt(sqrt(h)))) : 0.0) - dh_dt * x2 - dh_dt * (6.4 * x10 * x6 * R * (x2 * x39 * x47 * x24_p3 * a_p8 * (x49 * h + 20.0 * h + x48) / x45_p2 - x50 * (54675.0 * x41 * x50 * x51 * x6 * R_p2 + 2.0 * x1 * x3 * x51 * a_p4 + 10.0 * x15 * (1.0 + 18.0 / (20.0 * x11 + 9.0)))) / (x13 * a_p4 * h_p2) - x36 * x41 * x46 * x47 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (2.0 * x45));
-    const double slope_p21 = -x46 * h;
+    const double x2_p4 = x2_p2 * x2_p2;
+    const double x72 = 243.0 * x71 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0);
+    const double x73 = x70 * x2_p2 * a_p3 + x57 * x72;
+    const double x74 = x16 * x71;
+    const double x82 = 9.0 * x77;
+    const double x83 = x82 - 4.0;
+    const double x84 = -x83;
+    const double x78_p2 = x78 * x78;
+    const double x85 = x80 / x78_p2;
+    const double x86 = x33 * x67 / (x36 * x41);
+    const double x87 = dF_dh / dF_ddelta;
+    const double x88 = 1.0 / (20.0 * x17 + 9.0);
+    const double x89 = x1 * x34 + x35 + 20.0;
+    const double x90 = x89 * R;
+    const double x91 = 880.0 * x79;
+    const double x92 = 7920.0 * x85;
+    const double x93 = 1.0 / (440.0 * x81 + x82);
+    const double x94 = x75 * x93;
+    const double a_p5 = a_p3 * a_p2;
+    const double x96_p2 = x96 * x96;
+    const double slope_p11 = x69 * (h < x47 ? x43 * x46 * x47 * (x45 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x44 / (h_p2 * sqrt(sqrt(h)))) : 0.0) - dh_dt * x1 - dh_dt * (R * (delta >= 0.0 ? 409.6 * x12 * x74 * (x66 * x73 * x89 * R_p4 - (5.0 * x20 * (18.0 * x88 + 1.0) + x90 * (x2 * x70 * a_p4 + x3 * x72)) / h_p2) / x19 : x86 * x94 * (9.0 * x63 * x68 * x76 * x90 * x93 * (1.0 - x83 * x92 - x84 * x91) - x1 * (9.0 * x5 * x89 * x94 * (x83 * x91 + x84 * x92 + 1.0) + 180.0 * x88 + 10.0))) - x87 * (delta >= 0.0 ? 4096.0 * x5 * x56 * x60 * x73 * x74 * R_p3 / a_p5 : 22.5 * x11 * x19 * x3 * x37 * x86 * (0.5 - 440.0 * x79 * x84 - 3960.0 * x83 * x85) / (x8 * x96_p2)));
+    const double slope_p21 = -x87 * h;
     out[0 + i] = slope_p11;
     out[8 + i] = slope_p21;
 }
@@ -267,87 +356,136 @@ static inline void _quantities(int64_t i, int64_t n, double h, double delta, dou
     const double R = p[0];
     const double E = p[1];
     const double eta = p[2];
-    const double L = p[3];
-    const double Pi0 = p[4];
-    const double nu = p[5];
-    const double x0 = fabs(delta);
-    const double x1 = 1.0 / R;
-    const double x2 = 1.0 / h;
-    const double x3 = x1 + x2;
-    const double x4 = 1.0 / x3;
-    const double x3_p2 = x3 * x3;
-    const double x6 = 1.0 / x3_p2;
-    const double a = sqrt(R * (x0 + x4 + 5.0 * x6 / (2.0 * x0 + 4.0 * x4)));
-    const double nu_p2 = nu * nu;
-    const double x8 = E / (1.0 - nu_p2);
-    const double x9 = delta * x8;
-    const double F_ela = 4.0 / 3.0 * x9 * a;
-    const double R_p2 = R * R;
-    const double R_p3 = R_p2 * R;
+    const double own_L = p[3];
+    const double own_Pi0 = p[4];
+    const double own_nu = p[5];
+    const double x0 = 1.0 / R;
+    const double x1 = 1.0 / h;
+    const double x2 = x0 + x1;
+    const double x3 = 1.0 / x2;
+    const double x2_p2 = x2 * x2;
+    const double x5 = 1.0 / x2_p2;
+    const double x6 = 2.0 * delta;
+    const double x8 = x3 - delta;
+    const double a = (delta >= 0.0 ? sqrt(delta + x3 + 5.0 * x5 / (4.0 * x3 + x6)) : 1.5 * x3 / sqrt(x8)) * sqrt(R);
+    const double x9 = 4.0 / 3.0 * a;
+    const double x10 = 2.23606797749979;
+    const double x11 = delta * R;
     const double a_p2 = a * a;
+    const double x13 = sqrt(5.0 * a_p2 - 4.0 * x11);
+    const double own_nu_p2 = own_nu * own_nu;
+    const double x15 = E / (1.0 - own_nu_p2);
+    const double x16 = delta * x15;
+    const double F_ela = x16 * (delta >= 0.0 ? x9 : 4.0 / 15.0 * x10 * x13);
+    const double a_p4 = a_p2 * a_p2;
+    const double x19 = 1.0 / a_p4;
+    const double x20 = x19 * x5;
+    const double R_p2 = R * R;
+    const double x21 = x20 * R_p2;
+    const double R_p3 = R_p2 * R;
+    const double R_p6 = R_p3 * R_p3;
     const double a_p3 = a_p2 * a;
     const double a_p6 = a_p3 * a_p3;
-    const double x3_p3 = x3_p2 * x3;
-    const double x12 = R_p3 / (x3_p3 * a_p6);
-    const double x13 = 142.3828125 * x12 + 1.0;
-    const double x14 = x2 * R;
-    const double x15 = log1p(20.0 / 9.0 * x14);
-    const double x16 = x14 / 2.0 + 0.45 * x15 + 1.0;
-    const double a_p4 = a_p2 * a_p2;
-    const double x18 = x3_p2 * a_p4;
-    const double zeta = 25.132741228718345 * x1 * x16 * x18 * eta / x13;
-    const double x19 = 1.189207115002721;
-    const double x20 = 1.0 / (L * sqrt(L * sqrt(L)));
-    const double x21 = L * sqrt(sqrt(L));
-    const double x22 = 3.141592653589793 * Pi0 * R;
-    const double x23 = 2.0 * L;
-    const double F_adh = h < x23 ? 2.0 / 35.0 * x22 * L * (5.0 * x19 * x20 * h * sqrt(h * sqrt(h)) + 56.0 * x19 * x21 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
-    const double x25 = 2.0 * R;
-    const double x26 = x25 * h;
-    const double x27 = R + h;
-    const double x55 = x0 * x27 + x26;
-    const double x55_p2 = x55 * x55;
-    const double x28 = 1.0 / x55_p2;
-    const double x29 = x28 / a;
-    const double delta_p2 = delta * delta;
-    const double x32 = delta_p2 * R_p2;
+    const double a_p12 = a_p6 * a_p6;
+    const double x2_p3 = x2_p2 * x2;
+    const double x2_p6 = x2_p3 * x2_p3;
+    const double x23 = R_p6 / (x2_p6 * a_p12);
+    const double x24 = 106.3125 * x21 + 3762.643798828125 * x23 + 4.0;
+    const double x25 = x1 * R;
+    const double x26 = log1p(20.0 / 9.0 * x25);
+    const double x27 = x25 / 2.0 + 0.45 * x26 + 1.0;
+    const double x28 = x2_p2 * a_p4;
+    const double x29 = R + h;
+    const double x32 = 7040.0 * a_p6;
+    const double x35 = 21120.0 * a_p6;
+    const double x36 = h * R_p2;
+    const double x38 = 27504.0 * a_p4;
+    const double x39 = 29808.0 * a_p2;
+    const double R_p4 = R_p2 * R_p2;
+    const double R_p5 = R_p3 * R_p2;
     const double h_p2 = h * h;
-    const double x34 = R_p2 * h_p2;
-    const double x35 = delta_p2 * h_p2;
-    const double x36 = 8.0 * x0;
-    const double x37 = R * h_p2;
-    const double x38 = h * R_p2;
-    const double x39 = R * (4.0 * R * h * delta_p2 + 2.0 * x32 + 3.0 * x34 + 2.0 * x35 + x36 * x37 + x36 * x38);
-    const double dF_ddelta = x8 * (4.0 * a + x0 * x29 * x39) / 3.0;
-    const double x40 = 9.0 * x0;
-    const double x41 = x26 * delta_p2 + x32 + 9.0 * x34 + x35 + x37 * x40 + x38 * x40;
-    const double x27_p2 = x27 * x27;
-    const double x42 = x29 * x41 * R_p3 / x27_p2;
-    const double dF_dh = 2.0 / 3.0 * x42 * x9;
+    const double h_p3 = h_p2 * h;
+    const double x40 = 6561.0 * R_p6 * h_p3 + x39 * R_p5 * h_p2 + x39 * R_p4 * h_p3 + x32 * R_p3 + x35 * R * h_p2 + x32 * h_p3 + x35 * x36 - x38 * h * R_p4 - 55008.0 * R_p3 * a_p4 * h_p2 - x38 * R_p2 * h_p3;
+    const double x41 = 10.0 * R;
+    const double x42 = 9.0 * x26;
+    const double x43 = x42 * h + 20.0 * h + x41;
+    const double x44 = R * h;
+    const double x45 = 464.0 * a_p4;
+    const double x46 = 648.0 * a_p2;
+    const double x47 = R_p2 * h_p2;
+    const double x48 = 729.0 * R_p4 * h_p2 + x45 * R_p2 + 928.0 * x44 * a_p4 + x45 * h_p2 - x46 * h * R_p3 - x46 * x47;
+    const double x49 = x25 * a_p2;
+    const double zeta = 3.141592653589793 * eta * (delta >= 0.0 ? 32.0 * x0 * x27 * x28 / x24 : 0.6 * x29 * x43 * x48 * x49 / x40);
+    const double x50 = 1.189207115002721;
+    const double x51 = own_L * sqrt(sqrt(own_L));
+    const double x52 = 1.0 / (own_L * sqrt(own_L * sqrt(own_L)));
+    const double x53 = 3.141592653589793 * R * own_Pi0;
+    const double x54 = 2.0 * own_L;
+    const double F_adh = h < x54 ? 2.0 / 35.0 * x53 * own_L * (5.0 * x50 * x52 * h * sqrt(h * sqrt(h)) + 56.0 * x50 * x51 / (h * sqrt(sqrt(h))) - 48.0) : 0.0;
+    const double delta_p2 = delta * delta;
+    const double x58 = x44 * delta_p2;
+    const double x59 = delta * x36;
+    const double x60 = delta_p2 * R_p2;
+    const double x56 = x11 * h_p2;
+    const double x61 = delta_p2 * h_p2;
+    const double x62 = 3.0 * x47 + 8.0 * x56 + 4.0 * x58 + 8.0 * x59 + 2.0 * x60 + 2.0 * x61;
+    const double x63 = 1.0 / a;
+    const double x64 = 2.0 * x44;
+    const double x65 = delta * x29;
+    const double x101 = x64 + x65;
+    const double x101_p2 = x101 * x101;
+    const double x66 = 1.0 / x101_p2;
+    const double x67 = x63 * x66;
+    const double x68 = 5.0 * a_p2;
+    const double x69 = 1.0 / (x44 - x65);
+    const double x70 = x10 * x69 / x13;
+    const double dF_ddelta = x15 * (delta >= 0.0 ? x11 * x62 * x67 / 3.0 + x9 : 2.0 / 15.0 * x70 * (x41 * h * a_p2 + 12.0 * x58 + 12.0 * x60 - delta * x68 * h - x11 * x68 - 12.0 * x59));
+    const double x29_p2 = x29 * x29;
+    const double x71 = x67 * (x64 * delta_p2 + 9.0 * x47 + 9.0 * x56 + 9.0 * x59 + x60 + x61) / x29_p2;
+    const double x72 = 1.0 / x29;
+    const double x73 = x72 * (x44 - x29 * x6);
+    const double x74 = delta >= 0.0 ? x71 * R_p3 : x49 * x70 * x73;
+    const double dF_dh = 2.0 / 3.0 * x16 * x74;
     const double C = dF_ddelta / 2.0;
     const double D = C * zeta / (C + dF_dh);
-    const double x43 = F - F_adh;
-    const double dh_dt = -x43 / zeta;
-    const double x44 = 1.0 / dF_ddelta;
-    const double ddelta_dt = x44 * (dF_dt - dF_dh * dh_dt);
-    const double dX_dt = -x43 / D - dF_dt / C;
-    const double X = h + x25 - 2.0 * delta;
-    const double lambda1 = 2.0 * x42 * x44 * E * h / (3.0 * nu_p2 - 3.0);
-    const double x45 = 1.0 / a_p2;
-    const double R_p6 = R_p3 * R_p3;
-    const double h_p3 = h_p2 * h;
-    const double x46 = R_p6 * h_p3;
-    const double x27_p3 = x27_p2 * x27;
-    const double x48 = x27_p3 * a_p6;
-    const double x49 = 18225.0 * x46 + 128.0 * x48;
-    const double x50 = x28 * (91125.0 * x46 + 256.0 * x48);
-    const double x51 = 10.0 * R;
-    const double x52 = 9.0 * x15;
-    const double x53 = 1.0 / (18225.0 * x12 + 128.0);
-    const double x54 = x2 * x51 + x52 + 20.0;
+    const double x75 = F - F_adh;
+    const double dh_dt = -x75 / zeta;
+    const double x76 = 1.0 / dF_ddelta;
+    const double ddelta_dt = x76 * (dF_dt - dF_dh * dh_dt);
+    const double dX_dt = -x75 / D - dF_dt / C;
+    const double X = 2.0 * R + h - x6;
+    const double lambda1 = 2.0 * x74 * x76 * E * h / (3.0 * own_nu_p2 - 3.0);
+    const double x82 = 1.0 / a_p2;
+    const double x83 = x3 * x82;
+    const double x84 = x83 * R;
+    const double x85 = 729.0 * x21 + 464.0 - 648.0 * x84;
+    const double x86 = 1.0 / x85;
+    const double x87 = 81.0 * x21 + 16.0 - 72.0 * x84;
+    const double x88 = x86 * x87;
+    const double x102 = 2.25 * x84 + 110.0 * x88;
+    const double x77 = 1.0 / R_p2;
+    const double x78 = 1.0 / (435456.0 * x21 + 15411789.0 * x23 + 16384.0);
     const double a_p8 = a_p4 * a_p4;
-    const double x49_p2 = x49 * x49;
-    const double lambda2 = -h * (6.4 * x13 * x6 * R * (x2 * x41 * x50 * x27_p3 * a_p8 * (x52 * h + 20.0 * h + x51) / x49_p2 - x53 * (54675.0 * x45 * x53 * x54 * x6 * R_p2 + 2.0 * x1 * x3 * x54 * a_p4 + 10.0 * x18 * (1.0 + 18.0 / (20.0 * x14 + 9.0)))) / (x16 * a_p4 * h_p2) - dF_dh * x39 * x44 * x45 * x50 * (delta > 0.0 ? 1.0 : (delta < 0.0 ? -1.0 : 0.0)) / (2.0 * x49)) - h * (h < x23 ? x19 * x22 * x23 * (x20 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x21 / (h_p2 * sqrt(sqrt(h)))) : 0.0) / x43;
+    const double x2_p4 = x2_p2 * x2_p2;
+    const double x79 = 243.0 * x78 * (190269.0 * R_p4 / (x2_p4 * a_p8) + 1792.0);
+    const double x80 = x77 * x2_p2 * a_p3 + x63 * x79;
+    const double x81 = x24 * x78;
+    const double x89 = 9.0 * x84;
+    const double x90 = x89 - 4.0;
+    const double x91 = -x90;
+    const double x85_p2 = x85 * x85;
+    const double x92 = x87 / x85_p2;
+    const double x93 = x40 * x72 / (x43 * x48);
+    const double x94 = 1.0 / (20.0 * x25 + 9.0);
+    const double x95 = x1 * x41 + x42 + 20.0;
+    const double x96 = x95 * R;
+    const double x97 = 880.0 * x86;
+    const double x98 = 7920.0 * x92;
+    const double x99 = 1.0 / (440.0 * x88 + x89);
+    const double x100 = x82 * x99;
+    const double a_p5 = a_p3 * a_p2;
+    const double x102_p2 = x102 * x102;
+    const double lambda2 = -h * (R * (delta >= 0.0 ? 409.6 * x20 * x81 * (x71 * x80 * x95 * R_p4 - (5.0 * x28 * (18.0 * x94 + 1.0) + x96 * (x2 * x77 * a_p4 + x3 * x79)) / h_p2) / x27 : x100 * x93 * (9.0 * x69 * x73 * x83 * x96 * x99 * (1.0 - x90 * x98 - x91 * x97) - x1 * (9.0 * x100 * x5 * x95 * (x90 * x97 + x91 * x98 + 1.0) + 180.0 * x94 + 10.0))) - dF_dh * x76 * (delta >= 0.0 ? 4096.0 * x5 * x62 * x66 * x80 * x81 * R_p3 / a_p5 : 22.5 * x19 * x27 * x3 * x44 * x93 * (0.5 - 440.0 * x86 * x91 - 3960.0 * x90 * x92) / (x102_p2 * x8))) - h * (h < x54 ? x50 * x53 * x54 * (x52 * sqrt(h * sqrt(h)) / 4.0 - 2.0 * x51 / (h_p2 * sqrt(sqrt(h)))) : 0.0) / x75;
     out[0 * n + i] = a;
     out[1 * n + i] = F_ela;
     out[2 * n + i] = zeta;
@@ -445,7 +583,7 @@ void steric_evaluate(int64_t n, const double *restrict h, const double *restrict
 void steric_solve_delta(int64_t n, const double *restrict h, const double *restrict F, const double *restrict p, double *restrict delta)
 {
     double w[2];
-    double terms[10];
+    double terms[17];
     double guess = NAN;
     for (int64_t i = 0; i < n; i++) {
         guess = delta[i] != delta[i] ? guess : delta[i];
@@ -600,11 +738,12 @@ static inline void _deflections(double small, const double *restrict h, const do
    A step is accepted if the defect of its polynomial, measured at two points, promises an error below rtol, relative,
    of h throughout the step. Steps end at the rows of a table, and where the force crosses zero.
 
-   state, of 17 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
+   state, of 20 numbers: t, u, delta, step (0 at the start), steps accepted, rejected, passes of Newton's iteration, single
    rates, segment of the table, steps recorded by this call, largest step times rate of decay, whether the gap is settled,
    longest step allowed, whether ln h may serve as the independent variable, how many steps it did, and estimates of the
-   errors of u and delta, the errors of all steps grown as the linearised equation has it. It is updated, and a further
-   call goes on from it.
+   errors of u and delta, the errors of all steps grown as the linearised equation has it; steps within which the force is
+   not known, the time of the first of them, and steps that were shortened to know it. It is updated, and a further call
+   goes on from it.
    steps, of 14*capacity numbers: for each step its start, its length, what ends it (0 nothing, 1 a row of the
    table, 2 the force crosses zero, 3 a film is reached), and for each component its value at the start and its 8 stages. Last, the estimated errors within the step, of u at a given time, and of the time at a given u.
 
@@ -616,7 +755,7 @@ int64_t steric_integrate(double t_end, double u_stop, double rtol, const double 
     double contraction;
     double w[4];
     double work[40];
-    double terms[80];
+    double terms[136];
     double given[8];
     double h[8];
     double deflection[8];
@@ -1137,7 +1276,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
     double delta[8];
     double z[8];
     double work[40];
-    double terms[80];
+    double terms[136];
     /* outputs gathered and not written yet */
     int64_t gathered = 0;
     delta[7] = j > 0 ? out[2 * total + first + j - 1] : NAN;
@@ -1208,7 +1347,7 @@ static inline int64_t _collect(double small, double start, double *restrict wors
    What a run does not reach is left as it is. */
 void steric_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restrict settings, const double *restrict runs, const double *restrict targets, const double *restrict table_t, const double *restrict table_F, int64_t rows, double *restrict out)
 {
-    double state[17];
+    double state[20];
     double worst[1];
     double steps[448];
     double p[6];
@@ -1217,7 +1356,7 @@ void steric_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restri
         for (int64_t k = 0; k < 6; k++) {
             p[k] = runs[at + 4 + k];
         }
-        for (int64_t k = 0; k < 17; k++) {
+        for (int64_t k = 0; k < 20; k++) {
             state[k] = 0.0;
         }
         state[0] = settings[1];
@@ -1236,6 +1375,9 @@ void steric_runs(int64_t n, int64_t count, int64_t at_gaps, const double *restri
             } else if (ended == 2 && !(fabs(state[1]) < 690.0)) {
                 ended = 11;
             }
+        }
+        if (state[17] > 0.0) {
+            ended = 12;
         }
         out[17 * n * count + run] = (double)ended;
         out[17 * n * count + n + run] = worst[0];
