@@ -35,8 +35,10 @@ if TYPE_CHECKING:
 
 #: Paths tried for each limit, of these with the same dominant terms at first, and how many are drawn to find them.
 PATHS, ALIKE, DRAWN = 48, 16, 1500
-#: Operations of a law, times paths, that are computed at most; but of any law so many paths.
-OPERATIONS, FEWEST_PATHS = 17_600, 6
+#: Operations of a law times paths, and times paths drawn, that are computed at most; but of any law so many paths.
+OPERATIONS, OPERATIONS_DRAWN, FEWEST_PATHS = 17_600, 550_000, 6
+#: Operations of a law beyond which no point is computed: its verdicts then say that they rest on none.
+LARGEST = 10_000
 #: Paths of the ordering that may follow each other without one that is new.
 IN_VAIN = 60
 #: Decades by which ratios have fallen along a path; the last ones are asked only to confirm that a claim fails.
@@ -191,8 +193,11 @@ def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
     balanced: Counter[tuple[int, ...]] = Counter()
     alike: Counter[tuple[object, ...]] = Counter()
     in_vain = 0
-    most = max(FEWEST_PATHS, min(PATHS, OPERATIONS // (1 + sum(int(count_ops(x)) for x in definitions(law).values()))))
-    for number in range(DRAWN if cones else 0):
+    operations = 1 + sum(int(count_ops(expr)) for expr in definitions(law).values())
+    if operations > LARGEST:
+        return []
+    most = max(FEWEST_PATHS, min(PATHS, OPERATIONS // operations))
+    for number in range(max(FEWEST_PATHS, min(DRAWN, OPERATIONS_DRAWN // operations)) if cones else 0):
         # every other path keeps an exponential comparable with powers of the other ratios
         slowly = draw.choice(exponents) if exponents and number % 2 else None
         path = _drawn(law, directions, draw.choice(cones), draw, number, slowly)

@@ -410,4 +410,4 @@ def test_generate_writes_the_contact_kernel_of_a_scene_of_many(capsys: pytest.Ca
     assert "equal_spheres_contacts(n, s, reach, overlaps" in text
     assert "drag translation = 6*pi*R*eta" in text
     assert "drag rotation" not in text
-    assert "q: R, n of each" in text
+    assert "q: R, size_ratio, n of each" in text
