@@ -9,7 +9,6 @@ from typing import Any
 import brenner
 import numpy as np
 import pytest
-import two_spheres
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy import Rational, Symbol, expand_log, log, pi, simplify, sqrt
@@ -26,6 +25,7 @@ from softdyn.laws import stock_laws
 from softdyn.particles.geometry import Wall
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
+from softdyn.stress import two_spheres
 
 STOKES = 6 * np.pi
 #: Nearly rigid: the gap follows the push long before it has changed.

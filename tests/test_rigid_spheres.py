@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import brenner
 import pytest
-import two_spheres
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy import Rational, Symbol, lambdify, limit, log, oo
@@ -18,6 +17,7 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.rigid_spheres import brenner as of_equal
 from softdyn.derive.rigid_spheres import brenner_unequal, unequal
 from softdyn.errors import LawError
+from softdyn.stress import two_spheres
 
 friction = lambdify((h, R, size_ratio), brenner_unequal, "math")
 ratios = st.floats(0.0, 3.0).map(lambda x: 10**x) | st.just(math.inf)

@@ -15,8 +15,12 @@ from softdyn.bench.precise import how_made
 from softdyn.errors import IntegrationError
 from softdyn.stress import reference
 from softdyn.stress import run as stress
+from softdyn.stress.far_field import far_field_cells
+from softdyn.stress.judge import judge_number
+from softdyn.stress.pulled import functions_of, pulled_cells, table_cells
 from softdyn.stress.reference import cases, references
 from softdyn.stress.scenes import random_scenes
+from softdyn.stress.units import random_unit_cells
 from softdyn.stress.varying import varying_cells
 
 STORED = Path(softdyn.__file__).parent / "generated" / "stress" / "stress.json"
@@ -81,8 +85,35 @@ def test_hostile_numbers_are_refused_or_harmless() -> None:
 
 
 def test_particles_in_metres_are_their_dimensionless_twins() -> None:
-    for cell in stress.unit_cells():
+    for cell in stress.unit_cells(stress.RTOLS):
         assert cell.outcome == stress.RIGHT or float(cell.column) < 1e-12, cell
+
+
+@pytest.mark.slow
+def test_no_result_depends_on_units_drawn_at_random() -> None:
+    for cell in random_unit_cells(stress.RTOLS):
+        assert cell.outcome == stress.RIGHT or float(cell.column) < 1e-12, cell
+
+
+@pytest.mark.slow
+def test_pulled_films_are_what_their_equations_say_and_near_elastohydrodynamics() -> None:
+    cells = list(pulled_cells(stress.RTOLS))
+    assert {cell.column for cell in cells} >= {"pulled", "pressed", "1e-14"}
+    for cell in cells:
+        assert cell.outcome == stress.RIGHT, cell
+
+
+def test_a_law_that_holds_pulled_films_shut_is_found_wrong() -> None:
+    """With abs(delta) a pulled film resists as a pressed one: far from elastohydrodynamics, and called so."""
+    cells = {cell.column: cell for cell in table_cells(functions_of("rognon_gay")) if "friction" in cell.name}
+    assert cells["pulled"].outcome == stress.WRONG
+    assert cells["pulled"].error > 100
+
+
+@pytest.mark.slow
+def test_friction_is_right_from_contact_to_far_apart_with_and_without_drag() -> None:
+    for cell in far_field_cells():
+        assert cell.outcome == stress.RIGHT, cell
 
 
 def test_random_ordinary_scenes_keep_ten_times_the_default_tolerance() -> None:
@@ -112,6 +143,9 @@ def test_judgements() -> None:
     assert outcome(warned, 2e-2) == stress.WRONG
     for broken in (np.array([1.0, np.nan]), np.array([1.0, -1e-3])):
         assert outcome(replace(good, arrays={**good.arrays, "h": broken}), 0.0) == stress.WRONG
+    where = ("g", "n", "c")
+    for found, result in ((1.5, stress.RIGHT), (1.52, stress.WRONG), (float("nan"), stress.WRONG)):
+        assert judge_number(where, lambda found=found: found, 1.5, 1e-2).outcome == result  # type: ignore[misc]
     for error, expected in ((IntegrationError("no"), stress.REFUSED), (ZeroDivisionError(), stress.WRONG)):
         assert stress.judge(("g", "n", "c"), partial(fail, error), lambda _: 0.0, 1.0).outcome == expected
 

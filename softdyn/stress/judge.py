@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,3 +68,23 @@ def judge(
     if told and (error <= estimated or "not known" in told[0]):
         return Cell(*where, TOLD, error, estimated, allowed, told[0])
     return Cell(*where, WRONG, error, estimated, allowed, f"the result estimates {estimated:.1e}")
+
+
+def judge_number(where: tuple[str, str, str], find: Callable[[], float], expected: float, allowed: float) -> Cell:
+    """Run what ends in one number, and compare it, relative to what is expected unless that is 0."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = find()
+    except SoftdynError as refusal:
+        return Cell(*where, REFUSED, allowed=allowed, said=str(refusal))
+    except Exception as failure:  # anything else is a fault, and is reported as one
+        return Cell(*where, WRONG, allowed=allowed, said=f"{type(failure).__name__}: {failure}")
+    error = abs(found - expected) / (abs(expected) or 1.0)
+    # a nan is not within what is allowed
+    return Cell(*where, RIGHT if error <= allowed else WRONG, error, allowed=allowed)
+
+
+def worst(cells: Sequence[Cell]) -> Cell:
+    """The cell that is furthest from right."""
+    return max(cells, key=lambda cell: (OUTCOMES.index(cell.outcome), cell.error if cell.error == cell.error else 0.0))

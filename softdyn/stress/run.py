@@ -6,12 +6,11 @@ times the tolerance (what the README promises), told, refused, or wrong (:mod:`s
 
 from __future__ import annotations
 
-import itertools
 import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -25,9 +24,12 @@ from softdyn.bench.precise import UNIT
 from softdyn.bench.record import heading, write_record
 from softdyn.pair.run import ALLOWED_ERROR
 from softdyn.results import PairResult, require_folder
-from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge
+from softdyn.stress.far_field import far_field_cells
+from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge, worst
+from softdyn.stress.pulled import pulled_cells
 from softdyn.stress.reference import Case, Reference, cases, references
 from softdyn.stress.scenes import random_scenes
+from softdyn.stress.units import random_unit_cells, unit_cells
 from softdyn.stress.varying import varying_cells
 
 Array = NDArray[np.float64]
@@ -36,11 +38,6 @@ RTOLS = (1e-3, 1e-6, 1e-9, 1e-12, 1e-14)
 #: Random scenes at default settings; a quarter of them again at a loose tolerance, where errors once grew unseen.
 RANDOM_SCENES = 1000
 LOOSE = 1e-3
-
-
-def worst(cells: Sequence[Cell]) -> Cell:
-    """The cell that is furthest from right."""
-    return max(cells, key=lambda cell: (OUTCOMES.index(cell.outcome), cell.error if cell.error == cell.error else 0.0))
 
 
 def reference_cells(case: Case, reference: Reference) -> Iterable[Cell]:
@@ -82,51 +79,6 @@ def _at_gaps(case: Case, reference: Reference, rtol: float) -> Cell:
 
     scene = {**case.scene, "gaps": case.at.tolist(), "until_h": case.end, "rtol": rtol}
     return judge((case.group, case.name, f"{rtol:g}"), lambda: simulate(**scene), error, ALLOWED_ERROR * rtol)
-
-
-#: Parameters in SI units: R, E, eta.
-PARTICLES = {
-    "droplet of 1 um": {"R": 0.5e-6, "E": 2.0e4, "eta": 1e-3},
-    "steel ball of 1 cm": {"R": 5e-3, "E": 2e11, "eta": 0.1},
-}
-
-
-def _pressed(p: dict[str, float], method: str, rtol: float) -> PairResult:
-    """An approach from 10 R to 1e-6 R under 1e-3 E R^2, at 15 gaps."""
-    R = p["R"]
-    gaps = [x * R for x in np.geomspace(10.0, 1e-6, 15).tolist()]
-    force = 1e-3 * p["E"] * R**2
-    return simulate(
-        law="rognon_gay", parameters=p, h=gaps[0], force=force, until_h=gaps[-1], gaps=gaps, method=method, rtol=rtol
-    )
-
-
-def _swung(p: dict[str, float], rtol: float) -> PairResult:
-    """To and fro under 1e-2 E R^2 sin(2e-5 t), t in units of eta/E."""
-    second = p["eta"] / p["E"]
-    constants = {"k": 1e-2 * p["E"] * p["R"] ** 2, "w": 2e-5 / second}
-    return simulate(
-        law="rognon_gay", parameters=p, h=p["R"], force="k*sin(w*t)", constants=constants, until_t=1e6 * second,
-        times=20, rtol=rtol,
-    )  # fmt: skip
-
-
-def unit_cells() -> Iterable[Cell]:
-    """A particle in SI units against its dimensionless twin: to rounding by quadrature, to the tolerance by steps."""
-    for (name, p), rtol in itertools.product(PARTICLES.items(), RTOLS):
-        R, second, column = p["R"], p["eta"] / p["E"], f"{rtol:g}"
-
-        def apart(twin: PairResult, result: PairResult, R: float = R, second: float = second) -> float:
-            of_t = np.max(np.abs(result.t[1:] / second / twin.t[1:] - 1))
-            of_h = np.max(np.abs(result.h / R / twin.h - 1))
-            return float(max(of_t, of_h, np.max(np.abs(result.delta - R * twin.delta)) / R))
-
-        for method, allowed in (("quadrature", 1e-13), ("auto", ALLOWED_ERROR * rtol)):
-            where = ("units", f"{name}, {'by quadrature' if method == 'quadrature' else 'pushed'}", column)
-            twin = _pressed(UNIT, method, rtol)
-            yield judge(where, partial(_pressed, p, method, rtol), partial(apart, twin), allowed)
-        where = ("units", f"{name}, to and fro", column)
-        yield judge(where, partial(_swung, p, rtol), partial(apart, _swung(UNIT, rtol)), ALLOWED_ERROR * rtol)
 
 
 def law_cells() -> Iterable[Cell]:
@@ -253,13 +205,14 @@ def all_cells(say: Callable[[str], None] = lambda _: None) -> list[Cell]:
     def add(cells: Iterable[Cell]) -> None:
         for cell in cells:
             found.append(cell)
-            say(f"{cell.group:8} {cell.name:48} {cell.column:8} {cell.outcome:8} {cell.error:.1e} {cell.said[:90]}")
+            say(f"{cell.group:8} {cell.name:48} {cell.column:9} {cell.outcome:8} {cell.error:.1e} {cell.said[:90]}")
 
     for case in cases():
         add(reference_cells(case, stored[case.key]))
-    for make in (unit_cells, law_cells, hostile_cells):
-        add(make())
-    add(varying_cells(RTOLS))
+    for make in (unit_cells, random_unit_cells, varying_cells, pulled_cells):
+        add(make(RTOLS))
+    for plain in (law_cells, hostile_cells, far_field_cells):
+        add(plain())
     return found
 
 
@@ -349,7 +302,7 @@ def draw(report: dict[str, Any]) -> Any:
         group: [cell for cell in report["cells"] if cell["group"] == group]
         for group in dict.fromkeys(cell["group"] for cell in report["cells"])
     }
-    left = ["push", "hostile", "rtol"]
+    left = ["push", "units", "hostile", "rtol", "far field", "far apart"]
     sides = (left, [group for group in groups if group not in left])
     rows = {group: list(dict.fromkeys(cell["name"] for cell in cells)) for group, cells in groups.items()}
     heights = [[len(rows[group]) + 2.5 for group in side if group in rows] for side in sides]

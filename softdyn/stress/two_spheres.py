@@ -9,9 +9,11 @@ U_n. On a sphere that moves at V along the axis, U_n = V f_n and U_n' = V f_n', 
 
 from __future__ import annotations
 
+from typing import Any
+
 import mpmath
 
-Number = mpmath.mpf
+Number = Any
 
 
 def _given(n: int, xi: Number) -> tuple[Number, Number]:
