@@ -33,6 +33,8 @@ PRESSED = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.4, 2, 2.5, 3, 4, 6, 8, 12, 20)
 #: Gaps at the start, in units of (F/(E* sqrt(R')))^(2/3): far away, and as near as the reference of pulled films is.
 FAR, NEAR = 8.0, 0.1
 RINGS, OUTER, FIRST = 200, 100.0, 0.006
+#: States looked at in each of the integrator's steps.
+WITHIN = 8
 
 
 def disc(r: Array, edge: Array) -> Array:
@@ -111,14 +113,19 @@ class Film:
             events.terminal = True  # type: ignore[attr-defined]
         return solve_ivp(
             lambda t, h: self.rates(h, F(t)), (0.0, until), first, method="Radau", events=events,
-            jac=lambda t, h: self.jacobian(h, F(t)), rtol=1e-8, atol=1e-12,
+            jac=lambda t, h: self.jacobian(h, F(t)), rtol=1e-8, atol=1e-12, dense_output=True,
         )  # fmt: skip
 
 
-def curve(film: Film, states: Array, F: float) -> Array:
-    """Rows of w/h, friction over that of rigid bodies, F/(E* w sqrt(R' h)), dX/dh; states of shape (rings, times)."""
+def curve(film: Film, run: Any, after: float, F: float) -> Array:
+    """Rows of w/h, friction over that of rigid bodies, F/(E* w sqrt(R' h)), dX/dh, after a time.
+
+    Within a step as well as at its ends: steps are wide where little happens, and where they end is a matter of rounding.
+    """
+    times = run.t[run.t >= after]
+    times = np.interp(np.arange(0, len(times) - 1 + 1 / WITHIN, 1 / WITHIN), np.arange(len(times)), times)
     rows = []
-    for h in states.T:
+    for h in run.sol(times).T:
         gap, w, rate, centres = film.centre(h, F)
         rows.append((w / gap, -F / rate / film.rigid(gap), F / (w * np.sqrt(gap)), centres / rate))
     return np.array(rows)
@@ -127,7 +134,7 @@ def curve(film: Film, states: Array, F: float) -> Array:
 def approach(film: Film, gap: float = FAR) -> Array:
     """The curve of bodies that are pressed together from far away."""
     run = film.run(gap, lambda t: min(1.0, t), 4e3)
-    return curve(film, run.y, 1.0)[run.t > 2.0]
+    return curve(film, run, 2.0, 1.0)
 
 
 def escape(film: Film, gap: float = NEAR) -> Array:
@@ -136,8 +143,7 @@ def escape(film: Film, gap: float = NEAR) -> Array:
     The force is set within 2 % of the time of escape, some 25.
     """
     run = film.run(gap, lambda t: -min(1.0, 2 * t), 400.0, stop=lambda h: h - 10.0)
-    opening = run.t > run.t[np.argmin(run.y[0])]
-    return curve(film, run.y[:, opening], -1.0)
+    return curve(film, run, run.t[np.argmin(run.y[0]) + 1], -1.0)
 
 
 def reversal(film: Film, pressed: float = 60.0, until: float = 110.0) -> dict[str, list[float]]:
