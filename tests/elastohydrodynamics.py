@@ -120,7 +120,8 @@ class Film:
 def curve(film: Film, run: Any, after: float, F: float) -> Array:
     """Rows of w/h, friction over that of rigid bodies, F/(E* w sqrt(R' h)), dX/dh, after a time.
 
-    Within a step as well as at its ends: steps are wide where little happens, and where they end is a matter of rounding.
+    Within a step as well as at its ends: steps are wide where little happens, and where they end is a matter of
+    rounding.
     """
     times = run.t[run.t >= after]
     times = np.interp(np.arange(0, len(times) - 1 + 1 / WITHIN, 1 / WITHIN), np.arange(len(times)), times)

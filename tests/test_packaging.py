@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -37,6 +38,13 @@ def distributions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return next(out.glob("*.whl")), next(out.glob("*.tar.gz"))
+
+
+def test_every_folder_of_modules_is_a_package_that_is_named() -> None:
+    """What pyproject.toml does not name is missing from the wheel alone, where nobody looks."""
+    named = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    folders = {str(Path(file).parent).replace("/", ".") for file in tree() if file.endswith((".py", ".j2"))}
+    assert {f for f in folders if not f.startswith(("softdyn.templates.", "softdyn.generated."))} <= set(named)
 
 
 @pytest.mark.slow
@@ -95,8 +103,6 @@ def test_derive_is_refused_under_another_name(tmp_path: Path) -> None:
 
 
 def test_the_versions_agree() -> None:
-    import tomllib
-
     import softdyn
 
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == softdyn.__version__
