@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from softdyn.errors import SceneError
-from softdyn.laws import law_of, stock_laws
+from softdyn.laws import law_of, package_folder, stock_laws
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
     from softdyn.derive.specialise import Needs
 
-GENERATED = Path(__file__).parent / "generated"
+GENERATED = package_folder("generated")
 
 
 #: Seconds of processor time for each step: the files must not depend on how fast the machine is.

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from softdyn.laws import stock_laws
+
 ROOT = Path(__file__).parent.parent
 FOLDERS = {
     "softdyn": "softdyn",
@@ -90,6 +92,40 @@ def test_the_wheel_works_outside_the_checkout(distributions: tuple[Path, Path], 
     assert done.returncode == 0, done.stderr
     files, t = done.stdout.splitlines()
     assert all(Path(file).is_relative_to(site) for file in files.split())
+    assert float(t) == pytest.approx(4168622.0766990120018, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_checkout_without_symbolic_links_works(tmp_path: Path) -> None:
+    """As Git for Windows makes it: the links in softdyn/ are then files that hold a path."""
+    checkout, environment = tmp_path / "checkout", tmp_path / "environment"
+    subprocess.run(
+        ["git", "-c", "core.symlinks=false", "clone", "-q", str(ROOT), str(checkout)], capture_output=True, check=True
+    )
+    assert not (checkout / "softdyn" / "derive").is_symlink()
+    subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
+    python = environment / "bin" / "python"
+    site = next((environment / "lib").glob("python3*/site-packages"))
+    # dependencies are this environment's
+    (site / "dependencies.pth").write_text("\n".join(path for path in sys.path if "site-packages" in path))
+    subprocess.run([python, "-m", "pip", "install", "--no-deps", "-e", str(checkout)], capture_output=True, check=True)
+    code = (
+        "import softdyn, softdyn.laws, softdyn.stock, softdyn.stress.reference, softdyn.kernels;"
+        "print(softdyn.__file__);"
+        "print(len(softdyn.laws.stock_laws()), softdyn.stock.GENERATED.is_dir(),"
+        " softdyn.stress.reference.FILE.is_file());"
+        "parameters = dict(R=1, E=1, eta=1);"
+        "r = softdyn.simulate(law='rognon_gay', parameters=parameters, h=100, force=1e-2, until_h=1e-3);"
+        "print(r.t[-1])"
+    )
+    variables = {**os.environ, "SOFTDYN_CACHE_DIR": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [python, "-c", code], cwd=tmp_path, env=variables, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    file, found, t = done.stdout.splitlines()
+    assert Path(file).is_relative_to(checkout)
+    assert found == f"{len(stock_laws())} True True"
     assert float(t) == pytest.approx(4168622.0766990120018, rel=1e-8)
 
 

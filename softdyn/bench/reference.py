@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import mpmath as mp
@@ -19,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.bench.precise import DIGITS, UNIT, collocate, deflection, digits, elastic_force, gap_rate, remake, stored
+from softdyn.laws import package_folder
 
 Array = NDArray[np.float64]
-FILE = Path(__file__).parent.parent / "generated" / "bench" / "reference.json"
+FILE = package_folder("generated") / "bench" / "reference.json"
 OUTPUTS = 50
 #: kappa -> time at which h = 1e-3 R is reached from 100 R, rounded; each run ends there.
 CONSTANT = {1e-6: 2.103e9, 1e-2: 4.168e6, 0.3: 1.185e7}

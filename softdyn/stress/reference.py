@@ -15,15 +15,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import mpmath as mp
 import numpy as np
 
 from softdyn.bench.precise import DIGITS, UNIT, collocate, deflection, digits, elastic_force, gap_rate, remake, stored
+from softdyn.laws import package_folder
 
-FILE = Path(__file__).parent.parent / "generated" / "stress" / "reference.json"
+FILE = package_folder("generated") / "stress" / "reference.json"
 KAPPAS = (1e-14, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0)
 STARTS = (1e4, 1e2, 1.0, 1e-6)
 NEAREST = 1e-15
