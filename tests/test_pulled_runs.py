@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,9 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, pressure, simulate
+from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, integrate, pressure, simulate
 from softdyn.particles.files import particle_scene_from, stock_scenes
-from softdyn.particles.pulled import pulled_films
+from softdyn.particles.pulled import Pulled, look, pulled_films
 from softdyn.stress.particles import compare
 from softdyn.stress.particles.sampling import random_case
 
@@ -61,10 +62,44 @@ def test_a_pair_that_is_held_shut_while_it_is_moved_apart_is_told_of() -> None:
     assert kinds(stretched) == [KINDS[0]]
     first = stretched.t[np.argmax(-stretched.contact_delta > 0.1)]
     worst = stretched.t[np.argmin(stretched.contact_delta)]
+    assert not set(stretched.step_t) & {first}, "a frame within a step is looked at too"
     (warning,) = stretched.stats["warnings"]
     assert f"is pulled to a deflection of {-stretched.contact_delta.min():.3g} radii at t={worst:.6g}" in warning
     assert f"first above 0.1 at t={first:.6g}, for particles 0 and 1" in warning
     assert kinds(apart(1e-5, **{**SOFT, "law": "equal_spheres", "parameters": {**SOFT["parameters"], "nu": 0.5}})) == []
+
+
+def test_what_is_pulled_between_two_frames_is_told_of() -> None:
+    """A surface that is pulled and pressed again within a hundredth of the time between the frames."""
+    pulse = "0.3*exp(-((t - 500)/10)**2)"
+    result = simulate(
+        ParticleScene(
+            **SOFT, positions=[[0.0, 0.0], [2.0, 0.0]], radii=1.0, gap=0.01, until=2000.0, times=2,
+            pushes=[Push([0], [f"0.01 - {pulse}", 0.0]), Push([1], [f"{pulse} - 0.01", 0.0])],
+        )
+    )  # fmt: skip
+    assert (result.contact_delta > -0.1).all(), "nothing of it is in the frames"
+    assert kinds(result) == [KINDS[0]]
+    (warning,) = result.stats["warnings"]
+    told = float(warning.split("radii at t=")[1].split()[0])
+    assert abs(told - 500) < 5
+
+
+def test_a_look_costs_less_than_a_hundredth_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In processor time, of a whole run in which many contacts are pulled."""
+    spent = 0.0
+
+    def timed(*given: Any) -> None:
+        nonlocal spent
+        began = time.thread_time()
+        look(*given)
+        spent += time.thread_time() - began
+
+    monkeypatch.setattr(integrate, "look", timed)
+    began = time.process_time()
+    result = stock("suspension", until__strain=0.02, output__times=2)
+    assert (result.contact_F < 0).mean() > 0.03
+    assert 0 < spent < 0.01 * (time.process_time() - began)
 
 
 def test_a_warning_of_a_pulled_film_excuses_no_wrong_number(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,9 +111,11 @@ def test_a_warning_of_a_pulled_film_excuses_no_wrong_number(monkeypatch: pytest.
     def wrong(scene: ParticleScene) -> ParticleResult:
         result = run(scene)
         result.arrays["x"][-1] += result.radii.min()
-        result.arrays["contact_delta"][:] = -0.5 * result.radii.min()  # pulled
-        result.stats["warnings"].extend(pulled_films(result))  # type: ignore[attr-defined]
-        assert result.stats["warnings"]
+        told = Pulled()
+        told.note("stretched", 0.5, 1.0, "particles 0 and 1")
+        for name in ("pulled", "warnings"):
+            result.stats[name].extend(pulled_films(told))
+            assert result.stats[name]
         return result
 
     monkeypatch.setattr(compare, "simulate_particles", wrong)

@@ -16,7 +16,7 @@ from softdyn.particles.geometry import Wall, close_pairs
 from softdyn.particles.packing import drawn_radii, random_packing
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
+from softdyn.particles.scene import Hold, ParticleScene, Push
 
 
 def run(**changes: Any) -> ParticleResult:
@@ -54,6 +54,60 @@ def test_the_friction_of_two_spheres_near_contact_is_the_exact_leading_term_what
         radii=[1.0, small], pushes=[Push([0], [1.0, 0.0]), Push([1], [-1.0, 0.0])], until=1e-3 * h * zeta, rtol=1e-6,
     )  # fmt: skip
     assert 1 / (result.v[-1, 0, 0] - result.v[-1, 1, 0]) == pytest.approx(zeta, rel=4e-3)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 40.0, 1000.0])
+@pytest.mark.parametrize("depth", [1e-4, 1e-2])
+def test_two_pressed_spheres_near_contact_are_hertz_whatever_their_ratio(ratio: float, depth: float) -> None:
+    """Force and drainage at h << delta: F = (4/3) E* sqrt(R') w^(3/2), dh/dt = -h^3 F/(4 pi eta a^4), a^2 = R' w.
+
+    R' = R1 R2/(R1 + R2), w the deflection of both together, 1/E* = 2 (1 - nu^2)/E. Held at a distance; what follows is
+    of order h/delta.
+    """
+    small = 1 / ratio
+    Re, w = small / (1 + small), depth * small
+    h = 1e-5 * w
+    E, nu = 1.0, 0.3
+    F = 4 / 3 * E / (2 * (1 - nu**2)) * Re**0.5 * w**1.5
+    rate = h**3 * F / (4 * np.pi * (Re * w) ** 2)
+    result = run(
+        parameters={"E": E, "eta": 1.0, "nu": nu}, positions=[[0.0, 0.0], [1 + small + h - w, 0.0]], gap=h,
+        radii=[1.0, small], holds=[Hold([0, 1], "xy")], until=1e-2 * h / rate, rtol=1e-6, drag=0.0,
+    )  # fmt: skip
+    first, last = result.contacts(0), result.contacts(-1)
+    assert first["F"][0] == pytest.approx(F, rel=1e-4)
+    assert (first["h"][0] - last["h"][0]) / result.t[-1] == pytest.approx(rate, rel=0.02)
+
+
+@pytest.mark.parametrize(("law", "parameters"), [
+    ("rognon_gay", {"E": 1.0, "eta": 1.0}), ("equal_spheres", {"E": 1.0, "eta": 1.0, "nu": 0.5}),
+    ("droplet", {"sigma": 1.0, "eta": 1.0}),
+])  # fmt: skip
+@pytest.mark.parametrize("other", [1.0, 40.0, None])
+def test_a_contact_that_grows_as_wide_as_the_smaller_sphere_ends_the_run(
+    law: str, parameters: dict[str, float], other: float | None
+) -> None:
+    """Pressed ever deeper, against a sphere of another size or a wall (None): told by name, at a deflection below R/2.
+
+    a^2 = 2 R delta of the first and the last law, R near 2 of a wall and a large sphere: at a quarter of the radius.
+    """
+    wall = other is None
+    far = 1.0 + (other or 0.0)
+    with pytest.raises(IntegrationError, match=r"no law of contacts holds") as caught:
+        run(
+            law=law, parameters=parameters, positions=[[0.0, far], [0.0, 0.0]][: 1 if wall else 2], gap=1e-3,
+            radii=[1.0, other or 1.0][: 1 if wall else 2], walls=[Wall([0.0, 0.0], [0.0, -1.0])] if wall else [],
+            holds=[Hold([0], "xy", velocity=[0.0, -1e-3]), *([] if wall else [Hold([1], "xy")])], until=2e3, drag=0.0,
+            rtol=1e-3,
+        )  # fmt: skip
+    R = 2.0 if wall else 2 * far / (1 + 1 / 1.0) / far if other == 1.0 else 2 * (other or 1.0) / (1 + (other or 1.0))
+    message = str(caught.value)
+    wide = law != "equal_spheres" and R > 1.0
+    assert ("flattened over a radius of 1" in message) == wide, message
+    assert ("surfaces overlap by 1" in message) == (not wide), message
+    partial = caught.value.partial  # type: ignore[attr-defined]
+    reached = float(partial.contacts(-1)["delta"][0]) if len(partial) else 0.0
+    assert reached < 0.5
 
 
 @given(

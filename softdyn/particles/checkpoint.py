@@ -16,6 +16,7 @@ from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.neighbours import Listed
+from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State
@@ -115,11 +116,13 @@ def save(path: Path, state: State, key: str) -> None:
                     "counts": state.counts,
                     "skin": state.listed.skin,
                     "box": [state.box.shear_rate, state.box.tilt, state.box.since],
+                    "pulled": state.pulled.kinds,
                     "frames": len(state.frames),
                 }
             )
         ),
         "history": np.array(state.history, dtype=float).reshape(-1, len(HISTORY)),
+        "pressures": np.array(state.pulled.pressures, dtype=float).reshape(-1, 3),
         "box_lengths": state.box.lengths,
         "box_stretch": np.zeros_like(state.box.lengths) if state.box.stretch is None else state.box.stretch,
         "wall_point": np.array([wall.point for wall in state.walls]),
@@ -191,6 +194,10 @@ def load(path: Path, key: str, checked: Checked) -> State:
             power=about["power"] and {name: float(value) for name, value in about["power"].items()},
             stored0=float(about["stored0"]),
             counts={name: int(value) for name, value in about["counts"].items()},
+            pulled=Pulled(
+                {kind: dict(found) for kind, found in about["pulled"].items()},
+                [(float(a), float(b), float(c)) for a, b, c in arrays["pressures"]],
+            ),
             history=history,
             frames=frames,
         )

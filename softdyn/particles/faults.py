@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Balance, pair_named
-from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.geometry import directions, lattice, some_of
 from softdyn.particles.state import State, free_positions
-from softdyn.particles.system import System, gauge_axes, turns_freely
+from softdyn.particles.system import System, contact_state, gauge_axes, turns_freely
 from softdyn.particles.words import AXES, particles_named
 
 Array = NDArray[np.float64]
@@ -25,6 +25,8 @@ UNBALANCED = 1e-9
 UNTURNED = 1e-4
 #: Part of it that may be taken away where particles have moved from the positions at which it balances.
 TURNED = 0.1
+#: Overlap over the smaller radius below which no contact is as wide as the smaller sphere.
+SHALLOW = 0.25
 
 
 def require_held(system: System, state: State) -> None:
@@ -155,14 +157,33 @@ def why(system: System, state: State, error: Exception) -> str:
 
 
 def require_shallow(system: System, state: State, at: Balance, when: float) -> None:
-    """No surfaces are pressed together by more than the smaller radius: before centres could pass one another."""
+    """No surfaces are pressed until centres could pass one another, or are flattened as widely as a sphere is.
+
+    The first is an overlap of the smaller radius. The second is the radius of the law's contact, without what it is of
+    surfaces that are not deflected, above the smaller radius: what matters of unequal spheres, and of walls, is not how
+    unequal they are. A cap of the height delta has a^2 = 2 R delta, with R below twice the smaller radius: contacts
+    that are pressed by less than SHALLOW need not be asked.
+    """
     contacts, count = state.contacts, len(state.x)
     smaller = np.minimum(system.radii[contacts.i], np.append(system.radii, np.inf)[np.minimum(contacts.j, count)])
     pressed = (contacts.S - at.r + at.h) / smaller
-    if len(pressed) and pressed.max() > 1:
-        c = int(np.argmax(pressed))
+    if not len(pressed) or pressed.max() < SHALLOW:
+        return
+    remedy = "use weaker forces, slower motion, or a stiffer law"
+    c = int(np.argmax(pressed))
+    if pressed[c] > 1:
         raise IntegrationError(
             f"at t={when:.6g} {pair_named(contacts, c, count)} is pressed until its surfaces overlap by "
-            f"{pressed[c]:.3g} radii, where no law of contacts holds: use weaker forces, slower motion, or a stiffer "
-            "law"
+            f"{pressed[c]:.3g} radii, where no law of contacts holds: {remedy}"
+        )
+    deep = np.flatnonzero(pressed >= SHALLOW)
+    some, h = some_of(contacts, deep), at.h[deep]
+    whole, round_ = (contact_state(system, some, overlap, h)["a"] for overlap in (contacts.S[deep] - at.r[deep], -h))
+    flat = np.sqrt(np.maximum(whole**2 - round_**2, 0.0)) / smaller[deep]
+    k = int(np.argmax(flat))
+    if flat[k] > 1:
+        raise IntegrationError(
+            f"at t={when:.6g} {pair_named(contacts, int(deep[k]), count)} is pressed until its surfaces are flattened "
+            f"over a radius of {flat[k]:.3g} times that of the smaller particle, {smaller[deep[k]]:.6g}, where no law "
+            f"of contacts holds: {remedy}"
         )

@@ -200,7 +200,9 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     if not walls:
         along = _along(x, contacts.i, contacts.j, contacts.shift, cell)
         r = np.sqrt(np.einsum("ij,ij->i", along, along))
-        along /= r[:, None]
+        # a trial of a step may put two centres in one place: what has no direction is nan, and no step ends there
+        with np.errstate(invalid="ignore"):
+            along /= r[:, None]
         return along, r
     pair = contacts.j < count
     along = np.ones((len(contacts), x.shape[1]))
@@ -209,7 +211,8 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
     for w, wall in enumerate(walls):
         mine = contacts.j == count + w
         r[mine] = (wall.point - x[contacts.i[mine]]) @ wall.normal
-    along /= np.where(pair, r, 1.0)[:, None]
+    with np.errstate(invalid="ignore"):
+        along /= np.where(pair, r, 1.0)[:, None]
     for w, wall in enumerate(walls):
         along[contacts.j == count + w] = wall.normal
     return along, r
@@ -217,7 +220,8 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
 
 def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
     """By how much directions turn with a motion across them: 1/r for pairs of ``count`` particles, 0 for walls."""
-    return np.where(contacts.j < count, 1 / r, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.where(contacts.j < count, 1 / r, 0.0)
 
 
 def crossing(shift: Integers) -> NDArray[np.int64]:

@@ -17,13 +17,14 @@ from softdyn.particles.faults import require_balanced, require_films, require_sh
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
+from softdyn.particles.pulled import At, look
 from softdyn.particles.resolve import SHORTEST, breaks, resolved
 from softdyn.particles.results import Frame
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.start import pass_break
-from softdyn.particles.state import State, frame_now, frame_within, present
+from softdyn.particles.state import State, frame_now, frame_within, overlaps, present
 from softdyn.particles.step import Step, take_step
-from softdyn.particles.system import System
+from softdyn.particles.system import System, contact_state
 from softdyn.signals import undisturbed
 
 Array = NDArray[np.float64]
@@ -65,6 +66,7 @@ def integrate(
     goals = np.append(breaks(system), until)
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
+        _look_at_start(system, state)
     step: Step | None = None
     while state.t < until and not _has_strained(scene, checked, state):
         step = None  # many numbers that the next one has no use for
@@ -108,6 +110,13 @@ def integrate(
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:
             after_step(state)
+
+
+def _look_at_start(system: System, state: State) -> None:
+    overlap = overlaps(system, state)
+    F = contact_state(system, state.contacts, overlap, state.contacts.h)["F"]
+    now = At(state.contacts.S - overlap, state.contacts.h, F)
+    look(state.pulled, system, state.contacts, 0.0, 0.0, now)
 
 
 def _length(system: System, state: State, goal: float, until: float) -> tuple[float, float]:
@@ -180,6 +189,8 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
         state.frames[0] = _first_frame(system, state, step, dt)
     for output in step.outputs:
         state.frames.append(frame_within(output, state))
+        look(state.pulled, output.system, state.contacts, output.t, 0.0, output.at)
+    look(state.pulled, step.system, state.contacts, when, dt, step.end)
     state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
     state.box, state.walls = step.system.box, step.system.walls
     # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next

@@ -2,20 +2,31 @@
 
 Laws are checked where surfaces are pressed, and, but for those with a branch of their own for delta < 0, meant for
 these alone: a film that is held shut where a real one opens makes a stretched solid of a sheared emulsion.
+
+The end of every step is looked at, and every frame. Three kinds are told, once each: where it begins, and where it is
+worst:
+
+- a surface is pulled by more than a tenth of the smaller radius, in any run;
+- of MANY contacts and more, pulled films bear more than a fifth of the sum of abs(F). Only films narrowed by the pull
+  count (see NARROWED): nearly rigid spheres in a flow, whose surfaces stay as they are, pull on one another as much as
+  they press, and no film is held shut;
+- the pressure is negative, on average over the second half of the time of a flow in a periodic box: not at its start,
+  where contacts that part bear as much as those that meet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.observables import is_periodic, pressure
-
 if TYPE_CHECKING:
-    from softdyn.particles.results import ParticleResult
+    from softdyn.particles.balance import Balance
+    from softdyn.particles.geometry import Contacts
+    from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
 
@@ -29,99 +40,118 @@ NARROWED = 0.25
 #: A share, or a pressure, is one of so many contacts at least: few pull as often as they press in any flow, and what
 #: pulls on a pair may be wanted.
 MANY = 10
+#: Of the mean size of a pressure: less than that below zero is rounding.
+ROUNDING = 1e-9
 
 MEANT = "a law that is meant for pressed surfaces, as rognon_gay,"
 REMEDY = "a law with a branch of its own for them (equal_spheres, droplet, steric), a stiffer one, a slower flow"
 
 
-def pulled_films(result: ParticleResult) -> Iterator[str]:
-    """Words of warning, once for each kind: where it begins among the frames of a result, and where it is worst.
+@dataclass
+class Pulled:
+    """What the steps of a run have had of pulled films; plain numbers and words, for checkpoints.
 
-    Three kinds are told:
-
-    - a surface is pulled by more than a tenth of the smaller radius, in any run;
-    - of MANY contacts and more, pulled films bear more than a fifth of the sum of abs(F). Only films narrowed by the
-      pull count (see NARROWED): nearly rigid spheres in a flow, whose surfaces stay as they are, pull on one another
-      as much as they press, and no film is held shut;
-    - the pressure is negative, on average over the second half of the frames of a flow in a periodic box: not at its
-      start, where contacts that part bear as much as those that meet.
+    Attributes
+    ----------
+    kinds : dict
+        By kind, "stretched", "share" and "tension": the time and the particles of the first, and the size, the time and
+        the particles of the worst.
+    pressures : list of tuple
+        Time, length and pressure of each step of a flow of many contacts in a periodic box.
     """
-    if not len(result):
+
+    kinds: dict[str, dict[str, Any]] = field(default_factory=dict)
+    pressures: list[tuple[float, float, float]] = field(default_factory=list)
+
+    def note(self, kind: str, size: float, t: float, who: str) -> None:
+        """Keep what is the first or the worst of its kind."""
+        found = self.kinds.setdefault(kind, {"first": t, "for": who, "size": size, "t": t, "who": who})
+        if size > found["size"]:
+            found.update(size=size, t=t, who=who)
+
+
+class At(NamedTuple):
+    """Distances of the centres, gaps and forces of all contacts, as a ``Balance`` has them."""
+
+    r: Array
+    h: Array
+    F: Array
+
+
+def look(pulled: Pulled, system: System, contacts: Contacts, t: float, dt: float, at: At | Balance) -> None:
+    """Look at the contacts at the end of a step of the length dt, or at an output within one, for which dt is 0.
+
+    Pulled surfaces have a negative force: only these are looked at closely.
+    """
+    drawn = (at.F < 0).nonzero()[0]
+    flows = bool(system.box.periodic.all()) and bool(system.box.shear_rate or system.box.stretch is not None)
+    if not len(drawn) and not flows:
         return
-    yield from _stretched(result)
-    yield from _tension(result)
+    count, h, F = len(system.radii), at.h[drawn], at.F[drawn]
+    delta = (contacts.S[drawn] - at.r[drawn] + h) / 2
+    if len(drawn) and delta.min() < -PULLED * system.radii.min():
+        smaller = np.append(system.radii, np.inf)[np.minimum(contacts.j[drawn], count)]
+        relative = -delta / np.minimum(system.radii[contacts.i[drawn]], smaller)
+        k = int(np.argmax(relative))
+        if relative[k] > PULLED:
+            pulled.note("stretched", float(relative[k]), t, _named(contacts, int(drawn[k]), count))
+    if np.count_nonzero(at.h < system.reach) < MANY:
+        return
+    narrowed = np.where(-delta > NARROWED * h, -F, 0.0)
+    total = float(at.F.sum() - 2 * F.sum())
+    share = float(narrowed.sum()) / total if total > 0 else 0.0
+    if share > SHARE:
+        pulled.note("share", share, t, _named(contacts, int(drawn[np.argmax(narrowed)]), count))
+    if flows:
+        # tangential forces are normal to the line of the centres: they add nothing to the trace
+        pressure = float(at.F @ at.r) / (len(system.box.lengths) * system.box.volume)
+        pulled.pressures.append((t, dt, pressure))
+        if pressure < 0:
+            pulled.note("tension", -pressure, t, _named(contacts, int(np.argmin(at.F)), count))
 
 
-def _contact(result: ParticleResult, c: int) -> str:
-    i, j, count = int(result.contact_i[c]), int(result.contact_j[c]), len(result.radii)
+def _named(contacts: Contacts, c: int, count: int) -> str:
+    i, j = int(contacts.i[c]), int(contacts.j[c])
     return f"particles {i} and {j}" if j < count else f"particle {i} and wall {j - count}"
 
 
-def _stretched(result: ParticleResult) -> Iterator[str]:
-    """Of single surfaces."""
-    radii, j = result.radii, result.contact_j
-    smaller = np.minimum(radii[result.contact_i], np.append(radii, np.inf)[np.minimum(j, len(radii))])
-    relative = -result.contact_delta / smaller
-    found = np.flatnonzero(relative > PULLED)
-    if not len(found):
-        return
-    frames = np.searchsorted(result.contact_start, found, side="right") - 1
-    k = int(np.argmax(relative[found]))
-    worst, when, first = int(found[k]), result.t[frames[k]], result.t[frames[0]]
-    begin = f"first above {PULLED:g} at t={first:.6g}, for {_contact(result, int(found[0]))}"
-    who = f"the contact of {_contact(result, worst)} is pulled to a deflection of {relative[worst]:.3g} radii"
-    if relative[worst] > TORN:
+def pulled_films(pulled: Pulled) -> Iterator[str]:
+    """Words of warning, once for each kind."""
+    kinds = pulled.kinds
+    if "stretched" in kinds:
+        yield _stretched(kinds["stretched"])
+    if "share" in kinds:
+        worst = kinds["share"]
         yield (
-            f"{who} at t={when:.6g}, where no law of contacts holds ({begin}): use weaker forces, slower flow, a "
-            "stiffer law, or a shorter range of contacts"
+            f"pulled films bear {worst['size']:.2g} of the sum of all abs(F) at t={worst['t']:.6g}, most of it that of "
+            f"{worst['who']} (first above {SHARE:g} at t={worst['first']:.6g}): laws are least certain there, and "
+            f"{MEANT} makes a stretched solid of what flows; use {REMEDY}"
         )
-    else:
+    if "tension" in kinds and _holds_together(pulled.pressures):
+        worst = kinds["tension"]
         yield (
-            f"{who} at t={when:.6g} ({begin}): laws of contacts are for small deflections, and {MEANT} holds pulled "
-            f"films shut; use {REMEDY}, or a shorter range of contacts"
+            f"the pressure is negative under shear, {-worst['size']:.3g} at t={worst['t']:.6g}, where the contact of "
+            f"{worst['who']} pulls most (first at t={worst['first']:.6g}): pulled films hold together what flows, as "
+            f"{MEANT} makes them; use {REMEDY}, or a longer run if it has just started"
         )
 
 
-def _tension(result: ParticleResult) -> Iterator[str]:
-    """Of many contacts together."""
-    start, F = result.contact_start, result.contact_F
-    numbers = np.diff(start)
-    many = numbers >= MANY
-    if not many.any():
-        return
-    drawn = (F < 0) & (-result.contact_delta > NARROWED * result.contact_h)
-    sizes = _sums(np.abs(F), start)
-    pulled = _sums(np.where(drawn, -F, 0.0), start)
-    share = np.divide(pulled, sizes, out=np.zeros(len(sizes)), where=many & (sizes > 0))
-    over = np.flatnonzero(share > SHARE)
-    if len(over):
-        worst = int(np.argmax(share))
-        part = slice(start[worst], start[worst + 1])
-        c = int(start[worst]) + int(np.argmin(np.where(drawn[part], F[part], np.inf)))
-        yield (
-            f"pulled films bear {share[worst]:.2g} of the sum of all abs(F) at t={result.t[worst]:.6g}, most of it "
-            f"that of {_contact(result, c)} (first above {SHARE:g} at t={result.t[over[0]]:.6g}): laws are least "
-            f"certain there, and {MEANT} makes a stretched solid of what flows; use {REMEDY}"
+def _stretched(worst: Mapping[str, Any]) -> str:
+    size, begin = worst["size"], f"first above {PULLED:g} at t={worst['first']:.6g}, for {worst['for']}"
+    who = f"the contact of {worst['who']} is pulled to a deflection of {size:.3g} radii at t={worst['t']:.6g}"
+    if size > TORN:
+        return (
+            f"{who}, where no law of contacts holds ({begin}): use weaker forces, slower flow, a stiffer law, or a "
+            "shorter range of contacts"
         )
-    flowing = result.gradient.any(axis=(1, 2))
-    late = np.flatnonzero(flowing & many & (np.arange(len(result)) >= len(result) / 2))
-    if not is_periodic(result) or not len(late):
-        return
-    p = pressure(result)
-    if p[late].mean() < -1e-9 * np.abs(p[late]).mean():
-        shown = np.flatnonzero(flowing & many & (p < 0))
-        worst = int(shown[np.argmin(p[shown])])
-        part = slice(start[worst], start[worst + 1])
-        c = int(start[worst]) + int(np.argmin(F[part]))
-        yield (
-            f"the pressure is negative under shear, {p[worst]:.3g} at t={result.t[worst]:.6g}, where the contact of "
-            f"{_contact(result, c)} pulls most (first at t={result.t[shown[0]]:.6g}): pulled films hold together what "
-            f"flows, as {MEANT} makes them; use {REMEDY}, or a longer run if it has just started"
-        )
+    return (
+        f"{who} ({begin}): laws of contacts are for small deflections, and {MEANT} holds pulled films shut; use "
+        f"{REMEDY}, or a shorter range of contacts"
+    )
 
 
-def _sums(values: Array, start: NDArray[np.int64]) -> Array:
-    """Sum over the contacts of each frame."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    sums: Array = total[start[1:]] - total[start[:-1]]
-    return sums
+def _holds_together(pressures: list[tuple[float, float, float]]) -> bool:
+    """Whether the mean pressure of the second half of the time is negative."""
+    t, dt, p = np.array(pressures).T
+    late = np.where(t > t[-1] / 2, dt, 0.0)
+    return bool(late @ p < -ROUNDING * (late @ np.abs(p)))

@@ -218,6 +218,6 @@ def _result(
         "missed"
         for name, when in state.unseen.items()
     ]
-    result = gather(scene, checked, system, state.frames, state.history, energy, stats)
-    stats["warnings"] += pulled_films(result)
-    return result
+    stats["pulled"] = list(pulled_films(state.pulled))
+    stats["warnings"] += stats["pulled"]
+    return gather(scene, checked, system, state.frames, state.history, energy, stats)

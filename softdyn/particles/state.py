@@ -14,6 +14,7 @@ from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.portions import in_portions, portion
+from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import Frame, frame_of
 from softdyn.particles.step import Output
 from softdyn.particles.system import System, contact_state, works
@@ -53,6 +54,8 @@ class State:
     stored0 : float
         Elastic energy at the start.
     counts : dict
+    pulled : Pulled
+        What the steps have had of pulled films.
     history : list of tuple
         For each step: time, length, residual, error, contacts within their range.
     frames : list of Frame
@@ -75,6 +78,7 @@ class State:
     turned: float = 0.0
     stored0: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)
+    pulled: Pulled = field(default_factory=Pulled)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
     frames: list[Frame] = field(default_factory=list)
 

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SoftdynError
-from softdyn.particles.pulled import pulled_films
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG
@@ -201,7 +200,7 @@ def judge_case(seed: int, case: Case) -> Verdict:
     found = []
     for (errors, allowed), result, rtol in zip(compared, results, rtols, strict=True):
         what = max(errors, key=lambda name: errors[name] / allowed[name])
-        physics = set(pulled_films(result))  # of the law's use, and no word on the numbers
+        physics = set(result.stats["pulled"])  # of the law's use, and no word on the numbers
         told = [warning for warning in result.stats["warnings"] if warning not in physics]
         outcome = RIGHT if errors[what] <= allowed[what] else TOLD if told else WRONG
         steps = int(result.stats["steps"])
