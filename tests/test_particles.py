@@ -729,7 +729,7 @@ def test_a_contact_that_is_pulled_beyond_its_range_ends_without_a_jump(rtol: flo
     assert result.stats["dropped"] == 1 or result.stats["made"] == 1
     assert len(result.contacts(2)["h"]) == 0 < len(result.contacts(0)["h"])
     assert abs(result.energy["imbalance"]) < 3 * rtol  # errors of steps may add up to a few
-    assert result.stats["warnings"] == []
+    assert result.stats["warnings"] == result.stats["pulled"]  # the surfaces are pulled by more than a tenth on the way
 
 
 def test_a_run_in_balance_has_no_warning() -> None:
@@ -763,13 +763,13 @@ def test_no_particle_passes_through_another(push: float, aside: float) -> None:
 @pytest.mark.parametrize("rigid", [False, True])
 def test_no_wall_passes_through_a_particle(rigid: bool) -> None:
     walls = [Wall([0.0, -1.01], [0.0, -1.0], velocity=[0.0, 1.0]), Wall([0.0, 1.01], [0.0, 1.0], rigid=rigid)]
-    with pytest.raises(IntegrationError, match=r"wall [01] is pressed until its surfaces overlap by 1"):
+    with pytest.raises(IntegrationError, match=r"wall [01] is pressed until its surfaces .* no law of contacts"):
         simulate_particles(scene(positions=[[0.0, 0.0], [2.5, 0.0]], gap=None, walls=walls, drag=1.0, until=10.0))
     walls = [Wall([1.01, 0.0], [1.0, 0.0], rigid=rigid)]
     pushed = scene(
         positions=[[0.0, 0.0], [-50.0, 0.0]], gap=None, walls=walls, pushes=[Push([0], [1e5, 0.0])], drag=1.0, until=1.0
     )
-    with pytest.raises(IntegrationError, match=r"wall 0 is pressed until its surfaces overlap by 1") as error:
+    with pytest.raises(IntegrationError, match=r"wall 0 is pressed until its surfaces .* no law of contacts") as error:
         simulate_particles(pushed)
     assert np.all(error.value.partial.x[:, 0, 0] < 1.01)
 
