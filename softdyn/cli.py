@@ -15,6 +15,7 @@ from threading import Timer
 from typing import Any
 
 import softdyn
+from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.laws import law_of
@@ -119,6 +120,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=raw,
     )
     parser.add_argument("--version", action="version", version=f"softdyn {softdyn.__version__}")
+    parser.add_argument("--cite", action="version", version=citation(), help="print BibTeX entries to cite, and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     def add(name: str, command: Command, text: str, more: str = "") -> argparse.ArgumentParser:

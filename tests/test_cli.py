@@ -399,6 +399,11 @@ def test_help_shows_every_command_with_examples() -> None:
     assert of_run.returncode == 0
     assert all(name in of_run.stdout for name in stock_scenes())
     assert shell("--version").stdout == f"softdyn {softdyn.__version__}\n"
+    cited = shell("--cite").stdout
+    assert f"version = {{{softdyn.__version__}}}" in cited
+    assert "0803.1573" in cited
+    assert "0901.0171" in cited
+    assert cited.count("{") == cited.count("}")
 
 
 def test_generate_writes_the_contact_kernel_of_a_scene_of_many(capsys: pytest.CaptureFixture[str]) -> None:
