@@ -391,6 +391,7 @@ def test_a_numba_kernel_half_compiled_is_completed_and_kept(empty_cache: Path, t
     assert race(law, "numba", 1) == first
 
 
+@pytest.mark.slow
 def test_racing_with_a_damaged_entry_in_the_way(empty_cache: Path, tmp_path: Path) -> None:
     law = str(write_law(tmp_path, factor="3"))
     kernel = build(law)

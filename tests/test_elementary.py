@@ -253,6 +253,7 @@ def test_no_contact_kernel_calls_libm_for_more_than_roots(law: ContactLaw, targe
     assert {name for name in called if not name.startswith(law.name)} <= ours | languages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_kernel_holds_the_functions_that_it_calls_and_no_others(target: str) -> None:
     held = {law.name: set(re.findall(r"(?:double|def) _lane_(\w+)\(", text_of(law, target))) for law in STOCK}
@@ -305,7 +306,11 @@ def numbers_of(law: ContactLaw, text: str, folder: Path) -> tuple[Array, Array]:
     return state.reshape(-1, n), np.array([gap, force])
 
 
-@pytest.mark.parametrize("law", [equal_spheres, dlvo, steric], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law",
+    [equal_spheres, *(pytest.param(law, marks=pytest.mark.slow) for law in (dlvo, steric))],
+    ids=lambda law: law.name,
+)
 def test_kernels_give_the_numbers_of_libm(law: ContactLaw, tmp_path: Path) -> None:
     """Outputs to a few roundings, or what a difference of the law makes of them; solutions as far as they converge."""
     text = text_of(law, "c")
@@ -357,6 +362,7 @@ def test_gcc_vectorises_the_loops_over_lanes(law: ContactLaw, machine: str, tmp_
     assert set(laws_own) <= vectorised
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads the assembler of x86")
 def test_numba_vectorises_the_loops_over_lanes(tmp_path: Path) -> None:
     """Most of the divisions are packed: not those of one of the two loops alone."""

@@ -114,6 +114,7 @@ def number(form: Expr, at: dict[Symbol, Any]) -> float:
     return float(lambdify(arguments, form, "mpmath")(*(values[symbol] for symbol in arguments)))
 
 
+@pytest.mark.slow
 def test_a_saddle_parts_stable_films_from_unstable_ones() -> None:
     """A exp(-h/ell) - B (R/h)^2 is attractive up to 1e-4 R and beyond about 9 ell, and largest in between.
 

@@ -740,6 +740,7 @@ def test_the_table_tends_to_the_exact_ratios() -> None:
     assert found.delta[0][0] == pytest.approx(1.5 / (4 * np.sqrt(2) / 9 / (16 / 9)), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_times_compared_are_those_of_the_pair_engine() -> None:
     found = the_paper_and_equal_spheres()
     times = []

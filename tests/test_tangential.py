@@ -102,6 +102,7 @@ def test_the_derivation_checks_itself() -> None:
     assert [symbol.name for symbol in stage.stage()][:5] == ["friction_t", "keep", "stiff", "roll", "lever"]
 
 
+@pytest.mark.slow
 def test_nothing_of_it_is_in_kernels_that_do_not_ask() -> None:
     """The text is that of the same law without a tangential part, to the byte."""
     without = replace(equal_spheres, tangential=None)
@@ -111,6 +112,7 @@ def test_nothing_of_it_is_in_kernels_that_do_not_ask() -> None:
         assert emit_contacts(one, target) == emit_contacts(other, target)
 
 
+@pytest.mark.slow
 def test_equal_spheres_have_no_lever() -> None:
     """It is left out, and so is size_ratio; both are there for unequal ones."""
     equal = contact_ir(equal_spheres, ContactNeeds(tangential=True))
