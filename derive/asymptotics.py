@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from time import process_time
 
 from sympy import (
     Abs,
@@ -60,6 +59,7 @@ from sympy.core.relational import Ge, Gt, Le, Lt
 from sympy.logic.boolalg import And, Boolean, Not, Or
 
 from softdyn.derive.cones import Cone, Normal, dot
+from softdyn.derive.patience import nodes, spend
 
 #: Powers of the ratios: whole ones as int, which is many times faster.
 Order = tuple[int | Fraction, ...]
@@ -69,6 +69,9 @@ KEPT = 8
 
 #: Analytic functions, expanded about a finite argument.
 ANALYTIC = (exp, sin, cos, tan, asin, atan, sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc)
+
+#: Operations that it takes to try to simplify something, for each of its nodes.
+REWRITTEN = 50
 
 #: Operations beyond which simplification is not tried: it may not come to an end.
 MOST_OPERATIONS = 60
@@ -82,10 +85,10 @@ class CancelError(UndecidedError):
     """The leading terms cancel, to the order kept: more terms may tell."""
 
 
-class OutOfTimeError(UndecidedError):
-    """The time allowed is over."""
+class OutOfEffortError(UndecidedError):
+    """The operations allowed are used up."""
 
-    def __init__(self, reason: str = "the time allowed is over") -> None:
+    def __init__(self, reason: str = "it takes more operations than are allowed") -> None:
         super().__init__(reason)
 
 
@@ -128,8 +131,6 @@ class Scale:
         Of the symbols that the logarithms in coefficients may hold.
     kept : int
         Terms kept in a series.
-    deadline : float
-        Of :func:`time.process_time`.
     imaginary : bool
         Whether the root of something negative is taken, and not refused.
     """
@@ -138,7 +139,6 @@ class Scale:
     known: Mapping[Symbol, Series]
     orders: Mapping[Symbol, Order]
     kept: int = KEPT
-    deadline: float = float("inf")
     imaginary: bool = False
     #: Series found so far: the same sums stand in many places of a law.
     found: dict[Expr, Series] = field(default_factory=dict, compare=False, repr=False)
@@ -149,12 +149,7 @@ class Scale:
         return replace(self, known={**self.known, symbol: series}, found=found)
 
 
-def scale_of(
-    cone: Cone,
-    directions: Mapping[Symbol, Normal],
-    kept: int = KEPT,
-    deadline: float = float("inf"),
-) -> Scale:
+def scale_of(cone: Cone, directions: Mapping[Symbol, Normal], kept: int = KEPT) -> Scale:
     """Return the scale of a cone.
 
     Parameters
@@ -166,7 +161,7 @@ def scale_of(
     """
     orders = {symbol: tuple(dot(direction, ray) for ray in cone) for symbol, direction in directions.items()}
     known = {symbol: Series({order: symbol}) for symbol, order in orders.items()}
-    return Scale(len(cone), known, orders, kept, deadline)
+    return Scale(len(cone), known, orders, kept)
 
 
 def zero(scale: Scale) -> Order:
@@ -216,11 +211,10 @@ def expand(expr: Expr, scale: Scale) -> Series:
     UndecidedError
         Where the method does not apply, saying why.
     """
-    if process_time() > scale.deadline:
-        raise OutOfTimeError("the time allowed is over")
     if expr.is_Symbol:
         return scale.known.get(expr, Series({zero(scale): expr}))
     if expr not in scale.found:
+        spend()
         scale.found[expr] = _expanded(expr, scale)
     return scale.found[expr]
 
@@ -275,6 +269,7 @@ def _collected(terms: Mapping[Order, list[Expr]]) -> dict[Order, Expr]:
         if len(coefficients) == 1:
             sums[order] = coefficients[0]
         else:
+            spend(sum(map(nodes, coefficients)))
             # with what is common to all terms outside, so that products cancel
             total = factor_terms(Add(*coefficients))
             if not is_zero(total):
@@ -292,10 +287,12 @@ def is_zero(coefficient: Expr) -> bool:
     """
     if coefficient.is_zero is not None:
         return bool(coefficient.is_zero)
+    spend(nodes(coefficient))
     own = sorted(coefficient.free_symbols, key=str)
     size = sum(abs(_at_sample(term, own)) for term in Add.make_args(coefficient))
     if abs(_at_sample(coefficient, own)) > size * Rational(1, 10**20):
         return False
+    spend(REWRITTEN * nodes(coefficient))
     if is_small(coefficient) and any(attempt(coefficient) == 0 for attempt in (multiplied_out, _radicals, simplify)):
         return True
     raise UndecidedError(f"whether {coefficient} vanishes is not known")
@@ -349,6 +346,7 @@ def multiplied(left: Series, right: Series, kept: int) -> Series:
     for single, other in ((left, right), (right, left)):
         if len(single.terms) == 1 and not single.remainder:
             return _shifted(other, *next(iter(single.terms.items())))
+    spend(len(left.terms) * len(right.terms))
     terms: dict[Order, list[Expr]] = {}
     for e1, c1 in left.terms.items():
         for e2, c2 in right.terms.items():

@@ -16,7 +16,7 @@ from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
     KEPT,
     CancelError,
-    OutOfTimeError,
+    OutOfEffortError,
     Scale,
     Series,
     SplitError,
@@ -27,7 +27,7 @@ from softdyn.derive.asymptotics import (
 )
 from softdyn.derive.cones import Cone, Normal, split
 from softdyn.derive.law import is_dry, is_rigid
-from softdyn.derive.patience import until
+from softdyn.derive.patience import within
 from softdyn.derive.symbols import E, F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def contact_series(
     directions: Mapping[Symbol, Normal],
     side: int,
     kept: Sequence[int] = (1, KEPT),
-    deadline: float = float("inf"),
+    effort: int | None = None,
     wanted: Iterable[str] = QUANTITIES,
 ) -> dict[str, Series | UndecidedError]:
     """Series of the quantities of a law in a cone; with more terms where the leading ones cancel.
@@ -144,16 +144,15 @@ def contact_series(
         Sign of delta.
     kept : sequence of int
         Terms to keep, at first, and where that is not enough.
+    effort : int, optional
+        Operations beyond which what is not found yet is given up.
     """
     found: dict[str, Series | UndecidedError] = {}
-    for terms in kept:
-        try:
-            with until(deadline, OutOfTimeError):
-                found = series_of(law, scale_of(cone, directions, terms, deadline), side, wanted)
-        except OutOfTimeError as reason:
-            return {symbol.name: reason for symbol in _needed(definitions(law), set(wanted))}
-        if not any(isinstance(series, CancelError) for series in found.values()):
-            break
+    with within(effort, OutOfEffortError):
+        for terms in kept:
+            found = series_of(law, scale_of(cone, directions, terms), side, wanted)
+            if not any(isinstance(series, CancelError) for series in found.values()):
+                break
     return found
 
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from time import process_time
 from typing import TYPE_CHECKING, Literal
 
 import mpmath
@@ -27,7 +26,7 @@ from sympy import Add, Dummy, Expr, Poly, Rational, S, Symbol, lambdify, log, po
 from softdyn.derive.asymptotics import (
     KEPT,
     Order,
-    OutOfTimeError,
+    OutOfEffortError,
     Scale,
     Series,
     SplitError,
@@ -47,7 +46,7 @@ from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, facets, orthants
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.law import is_rigid, parameters_of, sample_values
-from softdyn.derive.patience import until
+from softdyn.derive.patience import within
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta
 from softdyn.derive.witness import (
     Sample,
@@ -72,8 +71,8 @@ CERTIFICATE_WEIGHTS = ("1", "1/3", "2/5")
 #: Quantities that go by another name in what follows from a law.
 NAMES = {"F_ela": "F"}
 
-#: Seconds after which a law's claims that are not yet decided are given up.
-PATIENCE = 15.0
+#: Operations after which what is not yet decided is given up: all claims of a law together, and the share of each.
+EFFORT, SHARE = 400_000, 3
 
 
 @dataclass(frozen=True)
@@ -146,31 +145,32 @@ def ordering(limit: Limit) -> str:
     return ", ".join(" << ".join(str(length) for length in chain) for chain in chains(limit))
 
 
-def check_limits(law: ContactLaw, patience: float = PATIENCE) -> Findings:
+def check_limits(law: ContactLaw, effort: int = EFFORT) -> Findings:
     """Prove or disprove every limit that a law claims.
 
     Parameters
     ----------
     law : ContactLaw
-    patience : float
-        Seconds of processor time after which what is not yet decided is left undecided.
+    effort : int
+        Operations after which claims that are not yet decided are left undecided.
     """
     sampled = [(limit, samples_of(law, limit)) for limit in law.limits]
-    deadline = process_time() + patience
     found = Findings()
-    for limit, samples in sampled:
-        found += [
-            _check_claim(law, limit, quantity, claimed, samples, deadline) for quantity, claimed in limit.claims.items()
-        ]
+    with within(effort, OutOfEffortError):
+        for limit, samples in sampled:
+            found += [
+                _check_claim(law, limit, quantity, claimed, samples, effort // SHARE)
+                for quantity, claimed in limit.claims.items()
+            ]
     return found
 
 
 def _check_claim(
-    law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, samples: Sequence[Sample], deadline: float
+    law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, samples: Sequence[Sample], effort: int
 ) -> Finding:
     try:
-        with until(deadline, OutOfTimeError):
-            pieces = _judged(law, limit, quantity, claimed, deadline)
+        with within(effort, OutOfEffortError):
+            pieces = _judged(law, limit, quantity, claimed)
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
     piece = _together(pieces)
@@ -193,18 +193,18 @@ def _set_of(law: ContactLaw, limit: Limit) -> str:
     return f"as every inequality of {ordering(limit)} sharpens, at whatever rates{given}"
 
 
-def _judged(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, deadline: float) -> list[Piece]:
+def _judged(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr) -> list[Piece]:
     """Judge a claim in each part of its ordering, and where these meet: there, terms that compete are equally large."""
     pieces: list[Piece] = []
     directions, side = axes_of(law, limit), side_of(limit)
-    cones = _region(law, limit, directions, deadline)
+    cones = _region(law, limit, directions)
     if not cones:
         raise UndecidedError("no scaling has this ordering")
     while cones:
-        judged = settle(cones, lambda cone: _judge(law, cone, directions, side, quantity, claimed, deadline))
+        judged = settle(cones, lambda cone: _judge(law, cone, directions, side, quantity, claimed))
         pieces += [piece for _, piece in judged]
         walls = facets(cone for cone, _ in judged)
-        cones = [wall for wall in walls if _is_inside(law, limit, directions, wall, deadline)]
+        cones = [wall for wall in walls if _is_inside(law, limit, directions, wall)]
     return pieces
 
 
@@ -224,13 +224,13 @@ def _together(pieces: Sequence[Piece]) -> Piece:
 # --------------------------------------------------------------------------------------------------- the ordering
 
 
-def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], deadline: float) -> list[Cone]:
+def _region(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal]) -> list[Cone]:
     """Cones of scalings that fill the ordering of a limit."""
-    settled = settle(orthants(len(directions)), lambda cone: _is_inside(law, limit, directions, cone, deadline))
+    settled = settle(orthants(len(directions)), lambda cone: _is_inside(law, limit, directions, cone))
     return [cone for cone, inside in settled if inside]
 
 
-def _is_inside(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], cone: Cone, deadline: float) -> bool:
+def _is_inside(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal], cone: Cone) -> bool:
     """Whether the scalings in a cone have the ordering of a limit.
 
     Raises
@@ -240,7 +240,7 @@ def _is_inside(law: ContactLaw, limit: Limit, directions: Mapping[Symbol, Normal
     """
     side = side_of(limit)
     pairs = inequalities(limit)
-    scale = _knowing_force(law, scale_of(cone, directions, 1, deadline), side, any(e.has(F) for p in pairs for e in p))
+    scale = _knowing_force(law, scale_of(cone, directions, 1), side, any(e.has(F) for p in pairs for e in p))
     for small, large in pairs:
         below, above = (expand(_sized(x, side), scale) for x in (small, large))
         if not below.terms and not below.remainder:
@@ -278,7 +278,6 @@ def _judge(
     side: int,
     quantity: str,
     claimed: Expr,
-    deadline: float,
 ) -> Piece:
     """Verdict on a claim in one cone.
 
@@ -293,7 +292,7 @@ def _judge(
         equal = claimed == 0 and declared == 0
         return Piece("proved" if equal else "disproved", None, "both vanish" if equal else "one of the two vanishes")
     try:
-        found, claim, series = _compared(law, cone, directions, side, name, claimed, deadline)
+        found, claim, series = _compared(law, cone, directions, side, name, claimed)
         (order, numerator), (other, denominator) = leading(found, quantity), leading(claim, f"the claim for {quantity}")
         require_definite(numerator / denominator, quantity, scale_of(cone, directions))
         require_definite(denominator, f"the claim for {quantity}", scale_of(cone, directions))
@@ -334,12 +333,11 @@ def _compared(
     side: int,
     name: str,
     claimed: Expr,
-    deadline: float,
 ) -> tuple[Series, Series, dict[str, Series | UndecidedError]]:
     """Series of a quantity and of its claimed form, and those of all that the quantity follows from."""
     wanted = {name, "F"} if claimed.has(F) or name == "delta" else {name}
-    series = contact_series(law, cone, directions, side, (CLAIM_TERMS, KEPT), deadline, wanted - {"delta"})
-    scale = scale_of(cone, directions, KEPT, deadline)
+    series = contact_series(law, cone, directions, side, (CLAIM_TERMS, KEPT), wanted=wanted - {"delta"})
+    scale = scale_of(cone, directions, KEPT)
     if isinstance(series.get("F"), UndecidedError) and "F" in wanted:
         raise series["F"]  # type: ignore[misc]
     deflection = Series(dict.fromkeys(scale.known[size].terms, side * size))

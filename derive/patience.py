@@ -1,59 +1,78 @@
-"""An end to what may have none: sympy cannot be told how long it may take.
+"""An end to what may have none: symbolic work is counted, and given up beyond a number of operations.
 
-Input: a deadline. Output: an exception in the thread that has passed it, wherever it is in Python code.
+Input: how many operations some work may take. Output: an exception in it once it has taken more.
+
+Operations are counted, not timed: what is given up is the same on a slow machine, a busy one and a fast one. One is
+about what it takes to make one node of an expression; whoever makes some says so beforehand.
 """
 
 from __future__ import annotations
 
-import ctypes
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Event, Thread, get_ident
-from time import process_time
-from typing import Any
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-#: Seconds after which the exception is raised again, if something has caught it.
-AGAIN = 0.25
+if TYPE_CHECKING:
+    from sympy import Basic
+
+
+@dataclass
+class _Allowance:
+    left: int
+    over: type[Exception]
+
+
+_allowance: ContextVar[_Allowance | None] = ContextVar("allowance", default=None)
 
 
 @contextmanager
-def until(deadline: float, over: type[Exception]) -> Iterator[None]:
-    """Raise an exception in this thread once the process has used its time.
+def within(operations: int | None, over: type[Exception], apart: bool = False) -> Iterator[None]:
+    """Raise an exception in some work once it has taken more than so many operations.
+
+    Within the work of another allowance it takes its operations from that, and at most what is left of it.
 
     Parameters
     ----------
-    deadline : float
-        Of :func:`time.process_time`.
+    operations : int, or None
+        None for no end of its own.
     over : type of Exception
+    apart : bool
+        Take nothing from the work around it.
     """
-    if process_time() > deadline:
-        raise over
-    if deadline == float("inf"):
+    outer = None if apart else _allowance.get()
+    if operations is None:
         yield
         return
-    target, done = ctypes.c_ulong(get_ident()), Event()
-
-    def watch() -> None:
-        while not done.wait(max(AGAIN, deadline - process_time())):
-            if process_time() > deadline:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(target, ctypes.py_object(over))
-
-    told = sys.unraisablehook
-
-    def hold(info: Any) -> None:
-        """Say nothing of our exception where Python cannot raise it, as in a finalizer: it comes again."""
-        if not isinstance(info.exc_value, over):
-            told(info)
-
-    watching = Thread(target=watch, daemon=True)
-    sys.unraisablehook = hold
-    watching.start()
+    given = operations if outer is None else max(0, min(operations, outer.left))
+    own = _Allowance(given, over)
+    token = _allowance.set(own)
     try:
         yield
     finally:
-        sys.unraisablehook = told
-        done.set()
-        watching.join()
-        # one that was raised but has not arrived
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(target, None)
+        _allowance.reset(token)
+        if outer is not None:
+            outer.left -= given - own.left
+
+
+def spend(operations: int = 1) -> None:
+    """Count operations, before they are done.
+
+    Raises
+    ------
+    Exception
+        The one that :func:`within` was given, if more are spent than it allows.
+    """
+    allowance = _allowance.get()
+    if allowance is not None:
+        allowance.left -= operations
+        if allowance.left < 0:
+            raise allowance.over
+
+
+@lru_cache(maxsize=100_000)
+def nodes(expr: Basic) -> int:
+    """How many nodes an expression has, as a tree."""
+    return 1 + sum(map(nodes, expr.args))

@@ -15,7 +15,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
-from time import process_time
 from typing import TYPE_CHECKING, Literal
 
 from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, exp, log, powsimp, simplify
@@ -23,7 +22,7 @@ from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, exp, log, powsimp, s
 from softdyn.derive.asymptotics import (
     KEPT,
     MOST_OPERATIONS,
-    OutOfTimeError,
+    OutOfEffortError,
     Scale,
     Series,
     UndecidedError,
@@ -54,7 +53,7 @@ from softdyn.derive.cones import (
 from softdyn.derive.dynamics import a_h
 from softdyn.derive.forms import force, joined_logarithms
 from softdyn.derive.law import is_dry, is_rigid, typical_values
-from softdyn.derive.patience import until
+from softdyn.derive.patience import within
 from softdyn.derive.symbols import F, R, a, delta, h
 from softdyn.derive.witness import inequalities, side_of
 
@@ -73,8 +72,9 @@ MEETING = ("delta", "dh_dt", "zeta", "a", "C", "D", "dX_dt", "F_adh", "U_h")
 #: Terms of a series kept to see the next corrections.
 CORRECTION_TERMS = 4
 
-#: Seconds of processor time after which what is not yet decided is given up.
-PATIENCE = 15.0
+#: Operations after which what is not yet decided is given up, on each side of the plane: of all leading terms, of all
+#: corrections, and of what follows from them; and the part of that which each cone may take.
+EFFORT, SHARE = 200_000, 10
 
 #: Decades by which a parameter must differ from 1, in units of R, E and eta, to count as small or large.
 SEPARATION = 0.5
@@ -237,25 +237,23 @@ class Diagram:
         return diagram_html(self)
 
 
-def discover(law: ContactLaw, patience: float = PATIENCE) -> Diagram:
+def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
     """Find every regime of a law, the crossovers between them and the points where several meet.
 
     Parameters
     ----------
     law : ContactLaw
-    patience : float
-        Seconds of processor time after which what is not yet decided is left undecided.
+    effort : int
+        Operations after which what is not yet decided is left undecided.
 
     Returns
     -------
     Diagram
         What the method cannot decide is listed with the reason, in each regime's ``undecided``.
     """
-    deadline = process_time() + patience
     directions, scales = _directions(law)
     try:
-        with until(deadline, OutOfTimeError):
-            return _discovered(law, directions, scales, deadline - patience / 4)
+        return _discovered(law, directions, scales, effort)
     except UndecidedError as reason:
         return _nothing_found(law, directions, scales, str(reason))
 
@@ -271,18 +269,19 @@ def _nothing_found(
 
 
 def _discovered(
-    law: ContactLaw, directions: Mapping[Symbol, Normal], scales: Mapping[Symbol, int], deadline: float
+    law: ContactLaw, directions: Mapping[Symbol, Normal], scales: Mapping[Symbol, int], effort: int
 ) -> Diagram:
     conservative = is_conservative(law)
     found: list[Regime] = []
     crossovers: list[Crossover] = []
     points: list[Meeting] = []
     for side in SIGN:
-        here = _regimes(law, side, directions, deadline, bool(conservative), found)
-        met = list(_crossovers(here, directions))
-        found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
-        crossovers += met
-        points += _points(here, met)
+        here = _regimes(law, side, directions, effort, bool(conservative), found)
+        with within(effort, OutOfEffortError):
+            met = list(_crossovers(here, directions))
+            found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
+            crossovers += met
+            points += _points(here, met)
     return Diagram(law, tuple(found), tuple(crossovers), tuple(points), conservative, scales)
 
 
@@ -325,7 +324,7 @@ def _regimes(
     law: ContactLaw,
     side: Side,
     directions: Mapping[Symbol, Normal],
-    deadline: float,
+    effort: int,
     conservative: bool,
     other_side: Sequence[Regime],
 ) -> list[Regime]:
@@ -334,36 +333,40 @@ def _regimes(
     start = orthants(axes, positive=(2,) if axes == 3 else ())
 
     def leading_terms(cone: Cone) -> tuple[tuple[str, Expr | str], ...]:
-        found = contact_series(law, cone, directions, SIGN[side], deadline=deadline)
+        found = contact_series(law, cone, directions, SIGN[side], effort=effort // SHARE)
         return tuple(
             (name, str(series) if isinstance(series, UndecidedError) else _coefficient(series))
             for name, series in found.items()
         )
 
-    groups = merged([([cone], label) for cone, label in settle(start, leading_terms)])
+    with within(effort, OutOfEffortError):
+        groups = merged([([cone], label) for cone, label in settle(start, leading_terms)])
     regimes = []
-    for cones, _ in groups:
-        # corrections are those within the model, where the regime has a part there
-        within = simpler(cut(cones, [(0, 1, 0)[:axes]]))
-        settled = settle(within or cones, lambda cone: _with_corrections(law, cone, directions, side, deadline))
-        found = [(scale_of(cone, directions, CORRECTION_TERMS), series) for cone, series in settled]
-        regimes.append((cones, bool(within), found))
-    if not conservative:
-        _integrate_along_delta([series for _, _, found in regimes for _, series in found], SIGN[side])
-    made = [_regime(side, cones, inside, found) for cones, inside, found in regimes]
+    with within(effort, OutOfEffortError):
+        for cones, _ in groups:
+            # corrections are those within the model, where the regime has a part there
+            inner = simpler(cut(cones, [(0, 1, 0)[:axes]]))
+            settled = settle(inner or cones, lambda cone: _with_corrections(law, cone, directions, side, effort))
+            found = [(scale_of(cone, directions, CORRECTION_TERMS), series) for cone, series in settled]
+            regimes.append((cones, bool(inner), found))
+    with within(effort, OutOfEffortError):
+        if not conservative:
+            _integrate_along_delta([series for _, _, found in regimes for _, series in found], SIGN[side])
+        made = [_regime(side, cones, inside, found) for cones, inside, found in regimes]
     if is_rigid(law):
         made = [_without_deflection(regime) for regime in made]
     return _named(law, sorted(made, key=_place), directions, other_side)
 
 
 def _with_corrections(
-    law: ContactLaw, cone: Cone, directions: Mapping[Symbol, Normal], side: Side, deadline: float
+    law: ContactLaw, cone: Cone, directions: Mapping[Symbol, Normal], side: Side, effort: int
 ) -> dict[str, Series | UndecidedError]:
-    """Series of all quantities, with the next terms if there is time for them."""
-    half = process_time() + (deadline - process_time()) / 2
-    found = contact_series(law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), half)
-    if any(isinstance(series, OutOfTimeError) for series in found.values()):
-        return contact_series(law, cone, directions, SIGN[side], deadline=deadline)
+    """Series of all quantities, with the next terms if they do not take too many operations."""
+    found = contact_series(law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), effort // SHARE)
+    if any(isinstance(series, OutOfEffortError) for series in found.values()):
+        # what was decided stays so, however much was spent on corrections
+        with within(effort // SHARE, OutOfEffortError, apart=True):
+            return contact_series(law, cone, directions, SIGN[side])
     return found
 
 

@@ -17,10 +17,6 @@ if TYPE_CHECKING:
 GENERATED = package_folder("generated")
 
 
-#: Seconds of processor time for each step: the files must not depend on how fast the machine is.
-PATIENCE = 600.0
-
-
 def kinds() -> dict[str, Needs]:
     """Kinds of scene that kernels are shown for: one approach, and whatever may come."""
     from softdyn.derive.specialise import Needs
@@ -61,8 +57,8 @@ def generated_files() -> dict[str, str]:
     for name in stock_laws():
         law = law_of(name)
         files[f"{name}/derivation.txt"] = as_text(law)
-        files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law, PATIENCE))
-        diagram = discover(law, PATIENCE)
+        files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
+        diagram = discover(law)
         files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram))
         for kind, needs in kinds().items():
             ir = kernel_ir(law, needs)

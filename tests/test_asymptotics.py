@@ -29,7 +29,7 @@ from sympy import (
 )
 
 from softdyn.derive.asymptotics import (
-    OutOfTimeError,
+    OutOfEffortError,
     Scale,
     Series,
     SplitError,
@@ -41,6 +41,7 @@ from softdyn.derive.asymptotics import (
     scale_of,
 )
 from softdyn.derive.cones import Cone, split
+from softdyn.derive.patience import within
 
 r1, r2 = (Symbol(name, positive=True) for name in ("r1", "r2"))
 own = Symbol("own", positive=True)
@@ -267,6 +268,6 @@ def test_a_series_that_is_cut_keeps_its_largest_terms() -> None:
     assert all(negligible(order, (1, 0)) for order in series.remainder)
 
 
-def test_time_is_over_when_it_is() -> None:
-    with pytest.raises(OutOfTimeError):
-        expand(r1 + r2, scale_of(QUARTER, AXES, deadline=0.0))
+def test_the_effort_is_over_when_it_is() -> None:
+    with pytest.raises(OutOfEffortError), within(0, OutOfEffortError):
+        expand(r1 + r2, scale_of(QUARTER, AXES))

@@ -63,7 +63,7 @@ def of_state(law: ContactLaw, expr: Expr) -> Callable[..., mpmath.mpf]:
 
 @pytest.mark.parametrize("name", by_name(LAWS))
 def test_every_claim_of_a_stock_law_is_proved(name: str) -> None:
-    found = check_limits(LAWS[name], patience=120)
+    found = check_limits(LAWS[name])
     assert len(found) >= 10
     assert {(f.limit, f.quantity): f.reason for f in found if f.verdict != "proved"} == {}
 
@@ -586,7 +586,7 @@ class Contact:
 
 @cache
 def films_of(name: str) -> Films:
-    found = find_films(discover(LAWS[name], patience=120))
+    found = find_films(discover(LAWS[name]))
     assert found is not None
     return found
 

@@ -1,50 +1,65 @@
-"""What may have no end is given one, wherever it is."""
+"""What may have no end is given one, in operations: the same on any machine."""
 
 from __future__ import annotations
 
-from time import process_time
-
 import pytest
+from sympy import Integer, symbols
 
-from softdyn.derive.patience import until
+from softdyn.derive.patience import nodes, spend, within
 
 
 class OverError(Exception):
-    """The time is over."""
+    """More operations were taken than are allowed."""
 
 
-def busy(seconds: float) -> None:
-    end = process_time() + seconds
-    while process_time() < end:
-        pass
+class InnerError(Exception):
+    """The same, of work within other work."""
 
 
-def test_what_does_not_end_is_ended() -> None:
-    start = process_time()
-    with pytest.raises(OverError), until(start + 0.1, OverError):
-        busy(60)
-    assert process_time() - start < 5
+def work(rounds: int) -> int:
+    for done in range(rounds):
+        try:
+            spend(3)
+        except (OverError, InnerError):
+            return done
+    return rounds
 
 
-def test_where_python_cannot_raise_nothing_is_said_and_it_ends_afterwards(capsys: pytest.CaptureFixture[str]) -> None:
-    """An exception within a finalizer, or a callback of the garbage collector, is dropped and printed by Python."""
-    ended = []
+def test_what_does_not_end_is_ended_at_the_same_operation() -> None:
+    for _ in range(3):
+        with within(100, OverError):
+            assert work(10**6) == 33
 
-    class Slow:
-        def __del__(self) -> None:
-            try:
-                busy(1.0)
-            finally:
-                ended.append(process_time())
 
-    def work() -> None:
-        slow = Slow()
-        del slow
-        busy(60)
+def test_what_nobody_limits_is_not_ended() -> None:
+    assert work(1000) == 1000
+    with within(None, OverError):
+        assert work(1000) == 1000
 
-    start = process_time()
-    with pytest.raises(OverError), until(start + 0.3, OverError):
-        work()
-    assert ended[0] - start < 1.0, "the time was not over within the finalizer"
-    assert process_time() - start < 5
-    assert capsys.readouterr().err == ""
+
+def test_work_within_work_has_what_is_left_at_most() -> None:
+    with within(100, OverError):
+        with within(30, InnerError):
+            assert work(10**6) == 10
+        with pytest.raises(InnerError), within(10**6, InnerError):
+            spend(70)
+        with pytest.raises(OverError):
+            spend(1)
+
+
+def test_what_was_over_within_stays_over_for_the_work_around_it() -> None:
+    with within(10, OverError):
+        with pytest.raises(InnerError), within(1000, InnerError):
+            spend(1000)
+        with pytest.raises(OverError):
+            spend()
+
+
+def test_an_expression_is_as_large_as_its_tree() -> None:
+    x, y = symbols("x y")
+    assert nodes(x) == 1
+    assert nodes(x**2 + y) == 5  # the sum, the power, x, 2, y
+    deep = x
+    for _ in range(60):
+        deep = deep * (deep + Integer(1))  # shared parts count each time that they stand there
+    assert nodes(deep) > 2**60

@@ -369,29 +369,27 @@ def test_a_law_outside_the_method_is_undecided_with_the_reason(name: str) -> Non
         assert {"a", "delta", "C"} <= regime.forms.keys()
 
 
-def takes_at_most(seconds: float, patience: float, law: ContactLaw) -> None:
-    """See that a law is answered, or given up, in time; a C function or two may run on."""
+def takes_at_most(seconds: float, effort: int, law: ContactLaw) -> None:
+    """See that a law is answered, or given up, in time."""
     start = process_time()
-    found = discover(law, patience)
-    assert process_time() - start < seconds
+    found = discover(law, effort)
     assert all(regime.forms or regime.undecided for regime in found.regimes)
     find_films(found)
-    start = process_time()
-    verdicts = check_limits(changed(law, limits=rognon_gay.limits), patience)
-    assert process_time() - start < 3 * seconds  # the numbers that verdicts are held against come besides
+    verdicts = check_limits(changed(law, limits=rognon_gay.limits), effort)
+    assert process_time() - start < seconds
     assert len(verdicts) == 12
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(LARGE))
 def test_every_law_is_answered_or_given_up_in_time(name: str) -> None:
-    takes_at_most(4, 2.5, changed(**LARGE[name]))
+    takes_at_most(60, 40_000, changed(**LARGE[name]))
 
 
 @pytest.mark.slow
 def test_a_law_that_takes_too_long_is_given_up() -> None:
-    takes_at_most(2, 0.5, changed(**LARGE["200 roots of sums"]))
-    takes_at_most(2, 0.5, changed(**LARGE["nested logarithms"]))
+    takes_at_most(20, 2000, changed(**LARGE["200 roots of sums"]))
+    takes_at_most(20, 2000, changed(**LARGE["nested logarithms"]))
 
 
 # ---------------------------------------------------------------- random laws

@@ -31,7 +31,7 @@ def pushed(F_adh: Expr) -> ContactLaw:
 
 def finding(law: ContactLaw, order: Order, quantity: str, claim: Expr) -> Finding:
     """Verdict on one claim."""
-    (found,) = check_limits(replace(law, limits=(Limit("trial", order, {quantity: claim}),)), patience=60)
+    (found,) = check_limits(replace(law, limits=(Limit("trial", order, {quantity: claim}),)))
     return found
 
 
@@ -148,7 +148,7 @@ def verdict_on(drawn: tuple[Expr, bool]) -> tuple[str, bool]:
         object.__setattr__(made, name, getattr(base, name))
     object.__setattr__(made, "F_adh", A * factor)
     object.__setattr__(made, "limits", (Limit("trial", (ell, h, delta, R), {"F_adh": A}),))
-    (found,) = check_limits(made, patience=60)
+    (found,) = check_limits(made)
     return found.verdict, vanishes
 
 
