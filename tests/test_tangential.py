@@ -800,3 +800,23 @@ def test_a_sphere_with_one_contact_is_not_floppy_in_space() -> None:
     v, spin = result.v[-1, :, 1], result.spin[-1, :, 2]
     assert v[0] - v[1] + spin.sum() > 0
     assert abs(result.energy["imbalance"]) < 1e-3
+
+
+def test_a_sphere_does_not_spin_about_the_line_of_its_only_contact() -> None:
+    """No film resists that, and nothing starts it: as the line turns, a rotation across it does not become one along.
+
+    Such a rotation would turn the tangential force about the line.
+    """
+    turned = {}
+    for rtol in (1e-4, 1e-6):
+        holds = [Hold([0], "xyz", spin=[0.0, 0.1, 0.02]), Hold([1], "xyz", velocity=[-0.02, 0.1, 0.03])]
+        places = [[0.0, 0.0, 0.0], [1.99, 0.0, 0.0]]
+        result = simulate_particles(scene(positions=places, gap=0.02, holds=holds, rtol=rtol))
+        way = result.x[:, 1] - result.x[:, 0]
+        n = way / np.linalg.norm(way, axis=1)[:, None]
+        assert np.degrees(np.arccos(n[0] @ n[-1])) > 20
+        spin = result.arrays["spin"][1:, 1]
+        along = np.abs(np.sum(spin * n[1:], axis=1)) / np.linalg.norm(spin, axis=1)
+        assert along.max() < 1e-3 * rtol**0.5
+        turned[rtol] = result.contacts(-1)["T"]
+    np.testing.assert_allclose(turned[1e-4], turned[1e-6], atol=3e-4 * np.abs(turned[1e-6]).max())

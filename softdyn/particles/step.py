@@ -21,6 +21,8 @@ from softdyn.particles.surroundings import balance_under_stress, coordinates, mo
 from softdyn.particles.system import System, turns_freely, works
 
 Array = NDArray[np.float64]
+#: Times that a stage is solved for, each with less of the rotations that nothing resists.
+MOST_TWISTS = 5
 
 
 @dataclass(frozen=True)
@@ -282,18 +284,35 @@ def _stage(
         return balance(here, contacts, newton, Given(when, s, x_star, y_star, known), x, guess)
 
     z_star = begun.z + dt * _combined(rates, row, 2)
-    if system.imposed is not None:
-        found, here, at_z, box_rates = balance_under_stress(
-            system, contacts, newton, when, s, z_star, box_rates, solve, first
-        )
-    else:
-        if begun.z.size:
-            here, at_z = placed(system, when, s, z_star, box_rates)
-        found = solve(here, first)
+    for _ in range(MOST_TWISTS):
+        if system.imposed is not None:
+            found, here, at_z, box_rates = balance_under_stress(
+                system, contacts, newton, when, s, z_star, box_rates, solve, first
+            )
+        else:
+            if begun.z.size:
+                here, at_z = placed(system, when, s, z_star, box_rates)
+            found = solve(here, first)
+        if known is None or system.dragged:
+            break
+        # what no film resists keeps the guess that it had, and has none
+        twist = _unresisted(system, contacts, found, x_star)
+        if largest(twist) <= system.force_tolerance * float(system.radii.min()):
+            break
+        first, guess = found.x - twist, found.y
     turned = _still(contacts)
     if known is not None and found.slid is not None:
         turned = (found.slid.turned - known.force) / s, (found.slid.angle - known.angle) / s
     return _Stage(found, here, ((found.x - x_star) / s, (found.y - y_star) / s, at_z, *turned), box_rates)
+
+
+def _unresisted(system: System, contacts: Contacts, found: Balance, x_star: Array) -> Array:
+    """Part of a motion that no film resists: the rotation of a particle about the line of its only contacts."""
+    d, near = system.dimension, found.h < system.reach
+    turned = np.where(system.fixed, 0.0, found.x - x_star)
+    twist = np.zeros_like(turned)
+    twist[:, d:] = sliding.unresisted(contacts.i[near], contacts.j[near], found.n[near], turned[:, d:])
+    return np.where(system.fixed, 0.0, twist)
 
 
 def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
