@@ -561,3 +561,18 @@ def test_what_a_step_misses_is_bounded(f: Given, start: float, length: float) ->
     )
     missed = dt * np.mean(np.abs(np.array([found(t + part * dt) for part in theta]) - parabola))
     assert missed <= found.missed(t, dt) * (1 + 1e-9) + (1e-13 + 1e-15 * T / f.constants.get("w", T)) * dt
+
+
+def test_a_drive_whose_kinks_are_in_doubt_is_told_of() -> None:
+    """Where two arguments of max are the same but for rounding, nobody can say which holds: the result warns."""
+
+    def told(text: str) -> list[str]:
+        scene = ParticleScene(
+            law="equal_spheres", parameters={"E": 1.0, "eta": 1.0, "nu": 0.5}, positions=[[0.0], [2.1]], radii=1.0,
+            drag=1.0, pushes=[Push([0], [text])], until=10.0, rtol=1e-3,
+        )  # fmt: skip
+        return list(simulate_particles(scene).stats["warnings"])
+
+    (warning,) = told("1e-4*max(sin(t)**2 + cos(t)**2, 1)")
+    assert warning.startswith("[[push]] 0: force along x has kinks or jumps too many, or too close, to be told")
+    assert told("1e-4*max(sin(t), sin(2*t), 0.3)") == []

@@ -20,6 +20,7 @@ from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.loads import with_rotations
 from softdyn.particles.parameters import resistances, uniform_values, varying_parameters
 from softdyn.particles.pulled import pulled_films
+from softdyn.particles.resolve import time_functions
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.scene import Checked, ParticleScene, check
 from softdyn.particles.start import start
@@ -30,6 +31,9 @@ from softdyn.signals import terminable
 Array = NDArray[np.float64]
 #: Seconds between two checkpoints.
 CHECKPOINT_EVERY = 30.0
+#: Words by which warnings that a number may be wrong are known: of the energy, of what is given as a function of time.
+UNBALANCED, UNSEEN = "the balance of energy is off by", "changes too fast to be bounded"
+DOUBTFUL = "has kinks or jumps too many, or too close, to be told"
 #: Imbalance of the energy, in units of rtol, from which the result warns: errors of some steps may add up to a few.
 IMBALANCE = 3.0
 
@@ -203,20 +207,23 @@ def _result(
     unexplained = energy["imbalance"] - stats["energy_error"]
     if abs(unexplained) > IMBALANCE * system.rtol and size > 1e-12 * carried:
         stats["warnings"].append(
-            f"the balance of energy is off by {unexplained:.1e} of the sum of its terms, {size:.3g}, which no error of "
+            f"{UNBALANCED} {unexplained:.1e} of the sum of its terms, {size:.3g}, which no error of "
             f"the steps explains: more than {IMBALANCE:g} rtol"
         )
     elif (
         abs(stats["energy_error"]) > IMBALANCE * system.rtol + stats["energy_error_expected"] and size > 1e-12 * carried
     ):
         stats["warnings"].append(
-            f"the balance of energy is off by {stats['energy_error']:.1e} of the sum of its terms, {size:.3g}: the "
+            f"{UNBALANCED} {stats['energy_error']:.1e} of the sum of its terms, {size:.3g}: the "
             f"steps were expected to make {stats['energy_error_expected']:.1e} at most; ask for a smaller rtol"
         )
     stats["warnings"] += [
-        f"{name} changes too fast to be bounded near t={when:.6g}, however short the steps: what it does there may be "
-        "missed"
+        f"{name} {UNSEEN} near t={when:.6g}, however short the steps: what it does there may be missed"
         for name, when in state.unseen.items()
+    ]
+    stats["warnings"] += [
+        f"{name} {DOUBTFUL} from one another: what it does there may be missed"
+        for name in dict.fromkeys(function.name for function in time_functions(system) if function.doubtful)
     ]
     stats["pulled"] = list(pulled_films(state.pulled))
     stats["warnings"] += stats["pulled"]
