@@ -85,7 +85,7 @@ def report_text(report: dict[str, Any]) -> str:
         f"{len(report['scenes'])} random scenes: " + ", ".join(f"{counts.get(name, 0)} {name}" for name in ALL),
         "error: the largest difference from the equations integrated by scipy, over all frames and all of positions,",
         "ln h, forces, velocities, spins, stress and box, relative to a radius, to 1, or to the largest of its kind;",
-        "allowed: rtol times (10 + the number of steps times the largest response of the equations to a small error);",
+        "allowed: 10 rtol times (1 + the largest response of the equations to a small error of one step);",
         f"each scene is run at a tolerance from 1e-3 to {TIGHT:g}, and at {TIGHT:g}: what is shown is the worse",
         "",
         f"{'mechanism':24}" + "".join(f"{name:>14}" for name in ALL),

@@ -17,7 +17,7 @@ from sympy import Expr, Float, Symbol, cos, exp, sin, sqrt, tanh
 from softdyn.laws import find, load
 from softdyn.particles.geometry import Wall
 from softdyn.particles.scene import Hold, ParticleScene, Push
-from softdyn.stress.particles.equations import Case
+from softdyn.stress.particles.equations import Case, Pieces
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
@@ -40,6 +40,8 @@ UNITS = {
     "sigma": (-1, 1, 0),
 }  # fmt: skip
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6)
+#: Largest force of a pulse, in units of E R^2; and velocity, in those of the rest of the run: any.
+STRONG, FAST = 0.1, 1e6
 
 
 @dataclass
@@ -49,7 +51,7 @@ class Draft:
     random: Random
     d: int
     unit: tuple[float, float, float]
-    drives: dict[str, Expr] = field(default_factory=dict)
+    drives: dict[str, Pieces] = field(default_factory=dict)
     kinds: list[str] = field(default_factory=list)
 
     def uniform(self, low: float, high: float) -> float:
@@ -65,11 +67,24 @@ class Draft:
         """Size of a unit that is a product of powers."""
         return float(self.unit[0] ** length * self.unit[1] ** force * self.unit[2] ** time)
 
-    def drive(self, size: float, until: float, plain: bool = False) -> float | str:
-        """A number, or an expression of t of that size; both in the units of the scene. ``plain``: starts from 0."""
-        kind = 1 if plain else int(self.random.integers(0, 6))
-        if kind == 0:
+    def drive(self, size: float, until: float, plain: bool = False, most: float = 20.0) -> Any:
+        """A number, an expression of t or a table, of that size; all in the units of the scene.
+
+        ``plain``: from 0 on, and without jumps. ``most``: of a pulse, in units of the size.
+        """
+        if not plain and self.chance(0.3):
             return size
+        made = [*[self._smooth] * 7, self._pulse, self._gate, self._table, self._kinked, self._jumping]
+        kind = int(self.random.integers(len(made) - plain))
+        return made[kind](size, until, plain, most)
+
+    def _given(self, text: str, pieces: Pieces, kind: str) -> str:
+        self.drives[text] = pieces
+        self.kinds.append(kind)
+        return text
+
+    def _smooth(self, size: float, until: float, plain: bool, most: float) -> str:
+        """What has no marks."""
         w, phase = self.uniform(1.0, 9.0) / until, self.uniform(0.0, 2 * math.pi)
         t, x = TIME, self.uniform(-0.9, 0.9)
         expr = {
@@ -78,11 +93,63 @@ class Draft:
             3: exp(-t * _number(self.uniform(0.3, 3.0) / until)) * cos(_number(w) * t),
             4: tanh(_number(3.0 / until) * (t - _number(until * self.uniform(0.2, 0.8)))),
             5: sqrt(1 + (_number(w) * t) ** 2) / 5 - _number(x) * (t * _number(1.0 / until)) ** 3,
-        }[kind]
+        }[1 if plain else int(self.random.integers(1, 6))]
         expr = _number(size) * expr
-        text = str(expr)
-        self.drives[text] = expr
-        return text
+        return self._given(str(expr), [(0.0, expr)], "expression")
+
+    def _pulse(self, size: float, until: float, plain: bool, most: float) -> str:
+        """A Gaussian pulse, however narrow; what it is the rate of changes as much as in the rest of the run."""
+        width, at = until * self.decade(-6.0, -1.0), until * self.uniform(0.1, 0.9)
+        high, x = min(most, self.uniform(0.1, 0.6) * until / width), 0.0 if plain else self.uniform(-0.5, 0.5)
+        form = exp(-(((TIME - _number(at)) / _number(width)) ** 2))
+        expr = _number(size) * (_number(x) + _number(high) * form)
+        marks = [when for when in (at - 6 * width, at, at + 6 * width) if 0 < when < until]
+        return self._given(str(expr), [(0.0, expr), *((when, expr) for when in marks)], "pulse")
+
+    def _gate(self, size: float, until: float, plain: bool, most: float) -> str:
+        """On and off again some times."""
+        w, sharp = self.uniform(5.0, 20.0) / until, self.decade(0.5, 1.5)
+        phase = 0.5 * math.pi if plain else self.uniform(0.0, math.pi)
+        expr = _number(size) * exp(-_number(sharp) * sin(_number(w) * TIME + _number(phase)) ** 2)
+        marks = [(k * math.pi - phase) / w for k in range(1, 12)]
+        return self._given(str(expr), [(0.0, expr), *((t, expr) for t in marks if 0 < t < until)], "gate")
+
+    def _table(self, size: float, until: float, plain: bool, most: float) -> tuple[list[float], list[float]]:
+        """A table of some rows, perhaps with a jump."""
+        inside = np.sort(self.random.uniform(0.05, 0.95, int(self.random.integers(2, 6)))) * until
+        t = [0.0, *inside.tolist(), until]
+        values = (size * self.random.uniform(-1.0, 1.0, len(t))).tolist()
+        self.kinds.append("table")
+        if plain:
+            values[0] = 0.0
+        elif self.chance(0.5):
+            t.insert(2, t[1])
+            values.insert(2, size * self.uniform(-1.0, 1.0))
+            self.kinds.append("jump")
+        return t, values
+
+    def _kinked(self, size: float, until: float, plain: bool, most: float) -> str:
+        """An expression with kinks."""
+        w, phase = self.uniform(1.0, 9.0) / until, 0.0 if plain else self.uniform(0.1, 3.0)
+        k, rate, number = _number(size), _number(w), _number(phase)
+        if self.chance(0.5):
+            zeros = [(m * math.pi - phase) / w for m in range(1, 4)]
+            signs = [(0.0, 1), *((t, (-1) ** (m + 1)) for m, t in enumerate(zeros) if 0 < t < until)]
+            pieces = [(t, sign * k * sin(rate * TIME + number)) for t, sign in signs]
+            return self._given(f"{k}*abs(sin({rate}*t + {number}))", pieces, "kink")
+        at = self.uniform(0.1, 0.9) * until
+        pieces = [(0.0, k * rate * TIME), (at, k * rate * _number(at))]
+        return self._given(f"{k}*{rate}*min(t, {_number(at)})", pieces, "kink")
+
+    def _jumping(self, size: float, until: float, plain: bool, most: float) -> str:
+        """An expression with a jump."""
+        at, k, x = self.uniform(0.1, 0.9) * until, _number(size), _number(self.uniform(-0.9, 0.9))
+        w = _number(self.uniform(1.0, 9.0) / until)
+        if self.chance(0.5):
+            pieces = [(0.0, k * x * cos(w * TIME)), (at, k * (x * cos(w * TIME) + 1))]
+            return self._given(f"{k}*({x}*cos({w}*t) + step(t - {_number(at)}))", pieces, "jump")
+        pieces = [(0.0, -k * cos(w * TIME)), (at, k * cos(w * TIME))]
+        return self._given(f"{k}*sign(t - {_number(at)})*cos({w}*t)", pieces, "jump")
 
 
 def _number(value: float) -> Expr:
@@ -201,16 +268,16 @@ def _dragged(draft: Draft) -> Case:
         size /= 2
     T = until * time
     walls, stress = [], {}
-    shear: float | str = 0.0
+    shear: Any = 0.0
     if box is not None and draft.chance(0.4):
         stress = _stress(draft, T, force / length**2)
     elif d > 1 and draft.chance(0.5):
-        shear = draft.drive(draft.uniform(-1.2, 1.2) / T, T)
-        draft.kinds.append("shear" + (" expression" if isinstance(shear, str) else ""))
+        shear = draft.drive(draft.uniform(-1.2, 1.2) / T, T, most=FAST)
+        draft.kinds.append("shear")
     if box is None and draft.chance(0.5):
         walls.append(_wall(draft, x, radii, length, T, slides))
         draft.kinds.append("wall")
-    pushes = _pushes(draft, count, T, size * force, length, slides)
+    pushes = _pushes(draft, count, T, size * force, length, slides, STRONG / size)
     holds = [_hold(draft, count, T, length, slides)] if not stress and draft.chance(0.3) else []
     draft.kinds.append("range" if reach else "no range")
     tilt = draft.uniform(-0.4, 0.4) if box is not None and d > 1 and draft.chance(0.3) else 0.0
@@ -226,7 +293,7 @@ def _dragged(draft: Draft) -> Case:
     )  # fmt: skip
 
 
-def _stress(draft: Draft, until: float, unit: float) -> dict[str, float | str]:
+def _stress(draft: Draft, until: float, unit: float) -> dict[str, Any]:
     """Imposed components; without contacts the strain would be some tenths."""
     names = ["xy", "pressure", "both", "xx"] if draft.d > 1 else ["xx", "pressure"]
     which = str(draft.random.choice(names))
@@ -239,15 +306,18 @@ def _stress(draft: Draft, until: float, unit: float) -> dict[str, float | str]:
     }
 
 
-def _pushes(draft: Draft, count: int, until: float, size: float, length: float, slides: bool) -> list[Push]:
+def _pushes(
+    draft: Draft, count: int, until: float, size: float, length: float, slides: bool, most: float
+) -> list[Push]:
     """One to three pushes, with torques where there is tangential motion."""
     found = []
     for _ in range(int(draft.random.integers(1, 4))):
         particles: Any = [int(draft.random.integers(count))] if draft.chance(0.8) else "all"
-        force = [draft.drive(size * draft.uniform(-1, 1), until) for _ in range(draft.d)]
+        force = [draft.drive(size * draft.uniform(-1, 1), until, most=most) for _ in range(draft.d)]
         torque = None
         if slides and draft.chance(0.5):
-            torque = [draft.drive(size * draft.uniform(-1, 1) * length, until) for _ in range(1 if draft.d == 2 else 3)]
+            about = range(1 if draft.d == 2 else 3)
+            torque = [draft.drive(size * draft.uniform(-1, 1) * length, until, most=most) for _ in about]
             draft.kinds.append("torque")
         found.append(Push(particles, force if torque is None or draft.chance(0.5) else None, torque))
     draft.kinds.append("push")
@@ -257,9 +327,9 @@ def _pushes(draft: Draft, count: int, until: float, size: float, length: float, 
 def _hold(draft: Draft, count: int, until: float, length: float, slides: bool) -> Hold:
     """One particle held or moved along some axes, perhaps spun."""
     axes, spin = "xyz"[: int(draft.random.integers(1, draft.d + 1))], None
-    velocity = [draft.drive(draft.uniform(-0.3, 0.3) * length / until, until) for _ in axes]
+    velocity = [draft.drive(draft.uniform(-0.3, 0.3) * length / until, until, most=FAST) for _ in axes]
     if slides and draft.chance(0.6):
-        spin = [draft.drive(draft.uniform(-1, 1) / until, until) for _ in range(1 if draft.d == 2 else 3)]
+        spin = [draft.drive(draft.uniform(-1, 1) / until, until, most=FAST) for _ in range(1 if draft.d == 2 else 3)]
     draft.kinds += ["hold"] + (["spin"] if spin else [])
     return Hold([int(draft.random.integers(count))], axes, velocity if draft.chance(0.7) else None, spin)
 
@@ -269,13 +339,13 @@ def _wall(draft: Draft, x: Array, radii: Array, length: float, until: float, sli
     normal = draft.random.normal(size=draft.d)
     normal /= np.linalg.norm(normal)
     reach = float((x @ normal + radii).max()) + draft.decade(-2.5, -0.5)
-    velocity: list[float | str] | None = None
+    velocity: list[Any] | None = None
     if draft.chance(0.5):
         rate = draft.uniform(-0.3, 0.3) * length / until
         if slides:
-            velocity = [draft.drive(rate * draft.uniform(-1, 1), until) for _ in range(draft.d)]
+            velocity = [draft.drive(rate * draft.uniform(-1, 1), until, most=FAST) for _ in range(draft.d)]
         else:
-            velocity = [draft.drive(rate, until)] * draft.d
+            velocity = [draft.drive(rate, until, most=FAST)] * draft.d
         draft.kinds.append("moving wall")
     rigid = draft.chance(0.5)
     draft.kinds.append("rigid wall" if rigid else "soft wall")
@@ -289,7 +359,7 @@ def _still(draft: Draft) -> Case:
     d, size = draft.d, draft.decade(-4.0, -1.8)
     until = 6 * math.pi / size * draft.uniform(0.2, 3.0)
     T = until * time
-    slides = d == 2 and draft.chance(0.4)
+    slides = d > 1 and draft.chance(0.4)
     walls, pushes, holds = [], [], []
     gap: float | None = draft.decade(-2.5, -1.0)
     if d == 1:  # a chain, pushed against a wall or between held ends
@@ -303,8 +373,9 @@ def _still(draft: Draft) -> Case:
         else:
             holds.append(Hold([0], "x", [draft.drive(draft.uniform(-0.05, 0.05) * length / T, T)]))
             draft.kinds.append("hold")
-        pushes.append(Push([count - 1], [draft.drive(-size * force, T)]))
-        pushes.append(Push([int(draft.random.integers(count))], [draft.drive(-size * force * draft.uniform(0, 1), T)]))
+        pushes.append(Push([count - 1], [draft.drive(-size * force, T, most=3.0)]))
+        other = draft.drive(-size * force * draft.uniform(0, 1), T, most=3.0)
+        pushes.append(Push([int(draft.random.integers(count))], [other]))
         draft.kinds.append("push")
     elif draft.chance(0.3) and not slides:  # two alone, or a regular polygon or tetrahedron, under central forces
         count = 2 if draft.chance(0.6) else d + 1
@@ -316,14 +387,18 @@ def _still(draft: Draft) -> Case:
             if count == 4:
                 x = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(2)
         x *= 1 + draft.uniform(-0.01, 0.1)
-        value = draft.drive(-size * force, T)
+        value = draft.drive(-size * force, T, most=3.0)
         ways = x / np.linalg.norm(x, axis=1)[:, None]
         for k, way in enumerate(ways):
             pushes.append(Push([k], [_times(draft, value, float(w)) for w in way]))
         draft.kinds += ["free cluster", "push"]
     else:  # some in the middle of held ones
         inner = 1
-        outer = int(draft.random.integers(3, 5 if slides else 7)) if d == 2 else int(draft.random.integers(4, 8))
+        outer = (
+            int(draft.random.integers(3, 5 if slides else 7))
+            if d == 2
+            else int(draft.random.integers(4, 6 if slides else 8))
+        )
         count = inner + outer
         radii = _radii(draft, count)
         ways = _spread(draft, outer)
@@ -335,14 +410,26 @@ def _still(draft: Draft) -> Case:
         x = np.concatenate([np.zeros((1, d)), ways * (radii[0] + radii[1:, None] + apart)])
         for k in range(1, count):
             moves = draft.chance(0.5)
-            velocity = [draft.drive(draft.uniform(-0.04, 0.04) * length / T, T) for _ in range(d)] if moves else None
+            velocity = (
+                [draft.drive(draft.uniform(-0.04, 0.04) * length / T, T, most=FAST) for _ in range(d)]
+                if moves
+                else None
+            )
             # one spin at least is given: else torques that balance as they are would say nothing of the whole's
             turns = slides and (k == count - 1 or draft.chance(0.5))
-            holds.append(Hold([k], "xyz"[:d], velocity, [0.0] if turns else None))
-        pushes.append(Push([0], [draft.drive(size * draft.uniform(-1, 1) * force, T, plain=slides) for _ in range(d)]))
+            about = range(1 if d == 2 else 3)
+            spin = (
+                [draft.drive(draft.uniform(-0.1, 0.1) / T, T) for _ in about]
+                if draft.chance(0.5)
+                else [0.0 for _ in about]
+            )
+            holds.append(Hold([k], "xyz"[:d], velocity, spin if turns else None))
+        pushes.append(Push([0], [draft.drive(size * draft.uniform(-1, 1) * force, T, slides, 3.0) for _ in range(d)]))
         if slides:
             gap = None
-            pushes.append(Push([0], None, [draft.drive(size * draft.uniform(-1, 1) * force * length, T, plain=True)]))
+            about = range(1 if d == 2 else 3)
+            torque = [draft.drive(size * draft.uniform(-1, 1) * force * length, T, plain=True, most=3.0) for _ in about]
+            pushes.append(Push([0], None, torque))
             draft.kinds += ["tangential", "torque"]
         draft.kinds += ["hold", "push"]
     scene = _law(draft, slides, count)
@@ -356,12 +443,15 @@ def _still(draft: Draft) -> Case:
     )  # fmt: skip
 
 
-def _times(draft: Draft, value: float | str, factor: float) -> float | str:
+def _times(draft: Draft, value: Any, factor: float) -> Any:
+    """A drive times a number."""
+    if isinstance(value, tuple):
+        return value[0], [factor * v for v in value[1]]
     if not isinstance(value, str):
         return value * factor
-    expr = _number(factor) * draft.drives[value]
-    draft.drives[str(expr)] = expr
-    return str(expr)
+    text = f"{_number(factor)}*({value})"
+    draft.drives[text] = [(t, _number(factor) * expr) for t, expr in draft.drives[value]]
+    return text
 
 
 def _spread(draft: Draft, count: int) -> Array:
