@@ -48,7 +48,7 @@ MOST_CONES = 400
 @lru_cache(maxsize=32)
 def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     """Every quantity of a law in terms of h, delta and those before it; dX/dt at constant force."""
-    generic = d.generic_dynamics()
+    generic = d.generic_dynamics(law.general)
     net = Symbol("net", real=True)
 
     def slope(variable: Symbol) -> Expr:
@@ -76,7 +76,9 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
         **remote,
         d.F_a: diff(law.F_ela, a),
         d.F_delta: diff(law.F_ela, delta),
+        **({d.F_h: diff(law.F_ela, h)} if law.general else {}),
         d.a_h: slope(h),
+        d.dF_dh: generic.by_gap,
         d.a_delta: slope(delta),
         d.C: generic.stiffness,
         d.D: generic.friction,

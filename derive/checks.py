@@ -43,6 +43,7 @@ from sympy import (
     exp,
     lambdify,
     log,
+    nan,
     nsimplify,
     oo,
     sign,
@@ -52,6 +53,7 @@ from sympy import (
     tan,
     tanh,
     true,
+    zoo,
 )
 from sympy.core.function import AppliedUndef
 from sympy.core.numbers import ComplexInfinity, ImaginaryUnit, Infinity, NaN, NegativeInfinity
@@ -82,6 +84,8 @@ SIGNATURES = {
     "zeta": ((a, h), FRICTION),
     "F_adh": ((a, h), FORCE),
 }
+#: What a law that is declared general may use besides.
+GENERAL = {"F_ela": (h,), "F_adh": (delta,)}
 
 TANGENTIAL = {
     "sliding": ((a, h, size_ratio), FRICTION),
@@ -105,6 +109,8 @@ PRINTABLE = (
 def faults_of(law: ContactLaw) -> list[str]:
     """Every fault of a law, as messages for its author; an empty list if there are none."""
     faults = _name_faults(law.name) + _parameter_faults(law)
+    if not isinstance(law.general, bool):
+        faults.append(f"general = {law.general!r} must be True or False")
     if not all(isinstance(symbol, Symbol) and isinstance(d, Dimension) for symbol, d in law.parameters.items()):
         return faults  # what follows relies on them
     known = {symbol.name: symbol for symbol in (*DIMENSIONS, *law.parameters)}
@@ -117,7 +123,8 @@ def faults_of(law: ContactLaw) -> list[str]:
             continue
         if name == "F_ela" and expr == oo:
             continue  # rigid
-        found = _symbol_faults(name, expr, arguments, law, known) + _node_faults(name, expr)
+        allowed = (*arguments, *(GENERAL.get(name, ()) if law.general else ()))
+        found = _symbol_faults(name, expr, allowed, law, known) + _node_faults(name, expr)
         if not found:
             found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
         if not found:
@@ -302,6 +309,10 @@ def _symbol_faults(
                 f"use 'from softdyn.derive import {symbol.name}'"
                 if same in DIMENSIONS
                 else f"{name}: this {symbol.name!r} has other assumptions than the one declared in parameters"
+            )
+        elif symbol in GENERAL.get(name, ()):
+            faults.append(
+                f"{where}: allowed: {listing}; that is the paper's restriction, which a law with general=True lifts"
             )
         elif name == "zeta" and symbol == delta:
             faults.append(f"{where}: the friction depends on the deflection through a only; allowed: {listing}")
@@ -500,6 +511,10 @@ def _one_sided_faults(law: ContactLaw) -> list[str]:
         faults.append(f"F_ela = oo declares rigid particles, delta = 0: a = {law.a} must not depend on delta")
     if dry and law.a.has(h):
         faults.append(f"zeta = 0 declares a dry contact, h = 0: a = {law.a} must not depend on h")
+    if rigid and law.F_adh.has(delta):
+        faults.append(f"F_ela = oo declares rigid particles, delta = 0: F_adh = {law.F_adh} must not depend on delta")
+    if dry and law.F_ela.has(h):
+        faults.append(f"zeta = 0 declares a dry contact, h = 0: F_ela = {law.F_ela} must not depend on h")
     if dry and law.F_adh != 0:
         faults.append(f"zeta = 0 declares a dry contact, h = 0: F_adh = {law.F_adh} must be 0")
     without = (("F_ela = oo", rigid, ("delta", "C", "F", "F_ela")), ("zeta = 0", dry, ("zeta", "D", "dh_dt", "dX_dt")))
@@ -514,11 +529,40 @@ def _one_sided_faults(law: ContactLaw) -> list[str]:
 
 
 def _origin_faults(law: ContactLaw) -> list[str]:
-    """No deflection, no elastic force: what delta means, and what bounds the solution of the force balance."""
+    """No deflection, no elastic force: what delta means, and what bounds the solution of the force balance.
+
+    A general law may have a force there, as that of JKR has, if it is finite and the law has no kink at delta = 0: no
+    step of an integration would end where the deflection passes that.
+    """
     if law.F_ela == oo:
         return []
     at_rest = law.F_ela.subs(delta, 0)
-    return [] if at_rest == 0 else [f"F_ela must vanish at delta = 0, where it is {at_rest}"]
+    if at_rest == 0:
+        return []
+    if not law.general:
+        return [
+            f"F_ela must vanish at delta = 0, where it is {at_rest}; a law with a force at delta = 0, as that of JKR, "
+            "is declared with general=True"
+        ]
+    if law.zeta == 0:
+        return [f"zeta = 0 declares a dry contact: F_ela must vanish at delta = 0, where it is {at_rest}"]
+    if at_rest.has(oo, -oo, zoo, nan):
+        return [f"F_ela must be finite at delta = 0, where it is {at_rest}"]
+    kinks = sorted({str(node) for name in SIGNATURES for node in _of_side(getattr(law, name))})
+    return [
+        f"F_ela is {at_rest} at delta = 0: {kink} has a kink there, and the deflection passes it at any force; write "
+        "the law smooth in delta, or with F_ela = 0 at delta = 0"
+        for kink in kinks
+    ]
+
+
+def _of_side(expr: Expr) -> list[Basic]:
+    """Parts that have a kink or a jump at delta = 0."""
+    nodes = expr.atoms(Abs, sign, Max, Min, Relational)
+    # the size of what is never 0 at delta = 0 has none
+    return [
+        node for node in nodes if node.has(delta) and not (isinstance(node, Abs) and node.args[0].subs(delta, 0) != 0)
+    ]
 
 
 def _positivity_faults(law: ContactLaw) -> list[str]:

@@ -52,7 +52,7 @@ from sympy import Add, Expr, Integer, Max, Min, Mul, Piecewise, Rational, S, Sym
 from softdyn.derive import dynamics as d
 from softdyn.derive import far_field
 from softdyn.derive import tangential as tangential_stage
-from softdyn.derive.dynamics import F_adh, F_ela, partials, total, zeta
+from softdyn.derive.dynamics import C, F_adh, F_ela, dF_ddelta, dF_dh, partials, total, zeta
 from softdyn.derive.elementary import for_lanes
 from softdyn.derive.kernel import Saving
 from softdyn.derive.law import (
@@ -68,7 +68,6 @@ from softdyn.derive.law import (
 )
 from softdyn.derive.printing import Assignment, operations, straight_line
 from softdyn.derive.soundness import relative_slope, sound, tidy
-from softdyn.derive.specialise import C, dF_ddelta, dF_dh
 from softdyn.derive.symbols import a, delta, h, size_ratio
 from softdyn.errors import LawError
 
@@ -275,7 +274,7 @@ def contact_definitions(
         beside |= {excess: x, excess_h: by_h}
         carried *= (excess + undragged) / (1 + excess)
         slope += excess_h * (1 - undragged) / ((excess + undragged) * (1 + excess))
-    generic = d.generic_dynamics()
+    generic = d.generic_dynamics(law.general)
     sliding: dict[Symbol, Expr] = {}
     if tangential and law.tangential is not None:
         declared = tangential_stage.tangential_definitions(law.tangential)
@@ -289,7 +288,7 @@ def contact_definitions(
         zeta: carried * values[zeta],
         F_adh: values[F_adh],
         dF_ddelta: sound(2 * generic.stiffness.subs(values)),
-        dF_dh: sound(values[d.F_a] * values[d.a_h]),
+        dF_dh: d.by_gap_of(law),
         C: dF_ddelta / 2,
         log_zeta_h: relative(h) + slope,
         log_zeta_delta: relative(delta),

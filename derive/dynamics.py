@@ -3,6 +3,13 @@
 Input: the force balance (eq. 1) and the geometry (eq. 2) of Rognon & Gay, arXiv 0803.1573. Output: the gap dynamics
 (eq. 7), the centre dynamics (eq. 9) with its stiffness C and friction D, the rate of the deflection, and the Jacobians,
 first for undefined functions a, F_ela, zeta, F_adh, then for a law.
+
+The paper restricts F_ela to (a, delta) and F_adh to (a, h). A law that is declared ``general`` has F_ela(a, delta, h)
+and F_adh(a, h, delta): the same derivation is then done for functions of three arguments. With
+
+    F_;h = dF_ela/dh = F_a a_h + F_h ,     F_;delta = dF_ela/d(delta) = F_a a_delta + F_delta
+
+at fixed other state variable, it gives C = F_;delta/2 and D = C zeta/(C + F_;h); eq. 9 stays as it is.
 """
 
 from __future__ import annotations
@@ -11,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Derivative, Eq, Expr, Function, Matrix, Symbol, diff, expand, factor_terms, simplify, solve
+from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, diff, expand, factor_terms, simplify, solve
 
 from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.soundness import sides_of, sound, tidy
@@ -23,6 +30,9 @@ if TYPE_CHECKING:
 # The partial derivatives, as the paper writes them.
 a_h, a_delta = Symbol("a_h", real=True), Symbol("a_delta", real=True)
 F_a, F_delta = Symbol("F_a", real=True), Symbol("F_delta", real=True)
+# of a general law besides: F_ela may depend on h, F_adh on delta
+F_h, F_adh_delta = Symbol("F_h", real=True), Symbol("F_adh_delta", real=True)
+F_ah, F_hh, F_hdelta = (Symbol(f"F_{s}", real=True) for s in ("ah", "hh", "hdelta"))
 zeta_a, zeta_h = Symbol("zeta_a", real=True), Symbol("zeta_h", real=True)
 F_adh_a, F_adh_h = Symbol("F_adh_a", real=True), Symbol("F_adh_h", real=True)
 a_hh, a_hdelta, a_deltadelta = (Symbol(f"a_{s}", real=True) for s in ("hh", "hdelta", "deltadelta"))
@@ -35,27 +45,39 @@ C = Symbol("C", positive=True)
 D = Symbol("D", positive=True)
 dF_dt = Symbol("dF_dt", real=True)
 dh_dt = Symbol("dh_dt", real=True)
+dX_dt = Symbol("dX_dt", real=True)
 ddelta_dt = Symbol("ddelta_dt", real=True)
+#: dF_ela/d(delta) at fixed h, which is 2 C, and dF_ela/dh at fixed delta.
+dF_ddelta = Symbol("dF_ddelta", positive=True)
+dF_dh = Symbol("dF_dh", real=True)
+
+#: What vanishes under the paper's restriction, F_ela(a, delta) and F_adh(a, h).
+RESTRICTION: dict[Symbol, Expr] = dict.fromkeys((F_h, F_ah, F_hh, F_hdelta, F_adh_delta), S.Zero)
 
 #: d(symbol)/dh and d(symbol)/d(delta) at fixed other state variable, through a(h, delta).
 _TOTAL: dict[Symbol, tuple[Expr, Expr]] = {
     h: (1, 0),
     delta: (0, 1),
     a: (a_h, a_delta),
-    F_ela: (F_a * a_h, F_a * a_delta + F_delta),
+    F_ela: (F_a * a_h + F_h, F_a * a_delta + F_delta),
     zeta: (zeta_a * a_h + zeta_h, zeta_a * a_delta),
-    F_adh: (F_adh_a * a_h + F_adh_h, F_adh_a * a_delta),
+    F_adh: (F_adh_a * a_h + F_adh_h, F_adh_a * a_delta + F_adh_delta),
     a_h: (a_hh, a_hdelta),
     a_delta: (a_hdelta, a_deltadelta),
-    F_a: (F_aa * a_h, F_aa * a_delta + F_adelta),
-    F_delta: (F_adelta * a_h, F_adelta * a_delta + F_deltadelta),
+    F_a: (F_aa * a_h + F_ah, F_aa * a_delta + F_adelta),
+    F_delta: (F_adelta * a_h + F_hdelta, F_adelta * a_delta + F_deltadelta),
+    F_h: (F_ah * a_h + F_hh, F_ah * a_delta + F_hdelta),
 }
 
 
-def total(expr: Expr, variable: Symbol) -> Expr:
-    """Total derivative of a generic expression with respect to h or delta, through a(h, delta)."""
+def total(expr: Expr, variable: Symbol, general: bool = True) -> Expr:
+    """Total derivative of a generic expression with respect to h or delta, through a(h, delta).
+
+    Of a law that is not general, without what vanishes then.
+    """
     column = 0 if variable == h else 1
-    return sum((diff(expr, symbol) * rates[column] for symbol, rates in _TOTAL.items()), start=h * 0)
+    found = sum((diff(expr, symbol) * rates[column] for symbol, rates in _TOTAL.items()), start=h * 0)
+    return found if general else found.subs(RESTRICTION)
 
 
 @dataclass(frozen=True)
@@ -64,12 +86,16 @@ class GenericDynamics:
 
     ``steps`` are (what was done, the equation that it gave), in order; ``lambda1`` = dln(delta)/dln(h) and
     ``lambda2`` = dln(-dh/dt)/dln(h) are taken at constant force; ``jacobians`` are, by state, d(rates)/d(state), with
-    dh_dt and ddelta_dt standing for the rates themselves.
+    dh_dt and ddelta_dt standing for the rates themselves. ``by_gap`` is dF_ela/dh at fixed delta, ``remote_along`` the
+    derivative of F_adh by h along delta(h) at constant force.
     """
 
+    general: bool
     steps: tuple[tuple[str, Eq], ...]
+    by_gap: Expr
     stiffness: Expr
     friction: Expr
+    remote_along: Expr
     dh_dt: Expr
     ddelta_dt: Expr
     dX_dt: Expr
@@ -84,21 +110,26 @@ class GenericDynamics:
 
 
 @cache
-def generic_dynamics() -> GenericDynamics:
+def generic_dynamics(general: bool = False) -> GenericDynamics:
     """Derive eqs. 7 and 9 from eqs. 1 and 2 by differentiating the force balance.
+
+    Parameters
+    ----------
+    general : bool
+        For F_ela(a, delta, h) and F_adh(a, h, delta), in the place of F_ela(a, delta) and F_adh(a, h).
 
     Raises
     ------
     AssertionError
-        If the result is not the paper's: C = (F_a a_delta + F_delta)/2, D = C zeta/(C + F_a a_h).
+        If the result is not the paper's: C = (F_a a_delta + F_delta)/2, D = C zeta/(C + F_a a_h), with F_a a_h + F_h in
+        a general law.
     """
     t = Symbol("t", real=True)
     gap, deflection, force = Function("h")(t), Function("delta")(t), Function("F_ext")(t)
     radius = Function("a")(gap, deflection)
-    elastic = Function("F_ela")(radius, deflection)
+    elastic = Function("F_ela")(*((radius, deflection, gap) if general else (radius, deflection)))
     named = {
-        elastic.fdiff(1): F_a,
-        elastic.fdiff(2): F_delta,
+        **{elastic.fdiff(i): symbol for i, symbol in enumerate((F_a, F_delta, F_h)[: len(elastic.args)], start=1)},
         radius.fdiff(1): a_h,
         radius.fdiff(2): a_delta,
         gap.diff(t): dh_dt,
@@ -121,19 +152,21 @@ def generic_dynamics() -> GenericDynamics:
     mobility = -simplify(parts.subs(dF_dt, 0) / (F - F_adh))
     stiffness, friction = 1 / compliance, 1 / mobility
     paper_C = (F_a * a_delta + F_delta) / 2
-    paper_D = C * zeta / (C + F_a * a_h)
+    by_gap = total(F_ela, h, general)
+    paper_D = C * zeta / (C + by_gap)
     assert simplify(stiffness - paper_C) == 0, f"C is not the paper's: {stiffness}"
     assert simplify(friction - paper_D.subs(C, paper_C)) == 0, f"D is not the paper's: {friction}"
 
     # Jacobians, in terms of the rates themselves: d(dh/dt) and d(d(delta)/dt) by h and by delta
-    gap_by = {x: (total(F_adh, x) - dh_dt * total(zeta, x)) / zeta for x in (h, delta)}
+    gap_by = {x: (total(F_adh, x, general) - dh_dt * total(zeta, x)) / zeta for x in (h, delta)}
+    by_deflection = total(F_ela, delta)
     deflection_by = {
-        x: -(total(F_a * a_h, x) * dh_dt + F_a * a_h * gap_by[x] + total(F_a * a_delta + F_delta, x) * ddelta_dt)
+        x: -(total(by_gap, x, general) * dh_dt + by_gap * gap_by[x] + total(by_deflection, x, general) * ddelta_dt)
         / (2 * C)
         for x in (h, delta)
     }
-    # along delta(h) at constant force, d(delta)/dh = -F_a a_h/(2 C)
-    slope = -F_a * a_h / (2 * C)
+    # along delta(h) at constant force
+    slope = -by_gap / (2 * C)
     gap_along = gap_by[h] + slope * gap_by[delta]
     jacobians = {
         "h, delta": Matrix([[gap_by[h], gap_by[delta]], [deflection_by[h], deflection_by[delta]]]),
@@ -144,6 +177,7 @@ def generic_dynamics() -> GenericDynamics:
         "ln h, delta from the force balance": Matrix([[gap_along - dh_dt / h]]),
     }
     return GenericDynamics(
+        general=general,
         steps=(
             ("force balance, viscous part", Eq(F, -zeta * dh_dt + F_adh)),
             ("solved for dh/dt (eq. 7)", Eq(dh_dt, gap_rate)),
@@ -154,8 +188,10 @@ def generic_dynamics() -> GenericDynamics:
             ("friction", Eq(D, paper_D)),
             ("centre dynamics (eq. 9)", Eq(Symbol("dX_dt"), -dF_dt / C - (F - F_adh) / D)),
         ),
+        by_gap=by_gap,
         stiffness=paper_C,
         friction=paper_D,
+        remote_along=total(F_adh, h, general) + slope * total(F_adh, delta, general),
         dh_dt=gap_rate,
         ddelta_dt=deflection_rate,
         dX_dt=-dF_dt / C - (F - F_adh) / D,
@@ -163,6 +199,34 @@ def generic_dynamics() -> GenericDynamics:
         lambda2=h * gap_along / dh_dt,
         jacobians=jacobians,
     )
+
+
+@cache
+def rates_by_slopes() -> dict[Symbol, Expr]:
+    """Return D and the rates in terms of C and the slopes of F_ela, in the forms that kernels compute, for any law.
+
+    Returns
+    -------
+    dict
+        ``D``, ``dh_dt``, ``ddelta_dt`` and ``dX_dt``, in ``C``, ``dF_ddelta`` = 2 C, ``dF_dh``, ``zeta``, the forces.
+
+    Raises
+    ------
+    AssertionError
+        If one of them is not what the derivation gives.
+    """
+    generic = generic_dynamics(general=True)
+    forms = {
+        D: C * zeta / (C + dF_dh),
+        dh_dt: -(F - F_adh) / zeta,
+        ddelta_dt: (dF_dt - dF_dh * dh_dt) / dF_ddelta,
+        dX_dt: -dF_dt / C - (F - F_adh) / D,
+    }
+    slopes = {dF_dh: generic.by_gap, dF_ddelta: total(F_ela, delta)}
+    derived = {D: generic.friction, dh_dt: generic.dh_dt, ddelta_dt: generic.ddelta_dt, dX_dt: generic.dX_dt}
+    for symbol, form in forms.items():
+        assert simplify(form.subs(slopes) - derived[symbol]) == 0, f"{symbol} is not what is derived: {form}"
+    return forms
 
 
 def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
@@ -190,7 +254,7 @@ def stiffness_of(law: ContactLaw) -> Expr:
         F_delta: diff(law.F_ela, delta),
         a_delta: slope_of_radius(law, delta),
     }
-    return sound(generic_dynamics().stiffness.subs(known))
+    return sound(generic_dynamics(law.general).stiffness.subs(known))
 
 
 @lru_cache(maxsize=32)
@@ -212,11 +276,29 @@ def partials(law: ContactLaw) -> dict[Symbol, Expr]:
         F_aa: sound(diff(elastic, a, a)),
         F_adelta: sound(diff(elastic, a, delta)),
         F_deltadelta: sound(diff(elastic, delta, delta)),
+        F_h: sound(diff(elastic, h)),
+        F_ah: sound(diff(elastic, a, h)),
+        F_hdelta: sound(diff(elastic, h, delta)),
+        F_hh: sound(diff(elastic, h, h)),
         zeta_a: sound(diff(law.zeta, a)),
         zeta_h: sound(diff(law.zeta, h)),
         F_adh_a: sound(diff(law.F_adh, a)),
         F_adh_h: sound(diff(law.F_adh, h)),
+        F_adh_delta: sound(diff(law.F_adh, delta)),
     }
+
+
+def by_gap_of(law: ContactLaw) -> Expr:
+    """Return dF_ela/dh at fixed delta of a law, in a, h, delta and the parameters."""
+    return sound(generic_dynamics(law.general).by_gap.subs(partials(law)))
+
+
+def lambda1_of(law: ContactLaw, stiffness: Expr) -> Expr:
+    """Return dln(delta)/dln(h) at constant force, in terms of 2 C as given."""
+    values = partials(law)
+    # F_a/delta and F_h/delta are finite at delta = 0 wherever the deflection starts linearly
+    over_delta = {symbol: (values[symbol] / delta).cancel() for symbol in (F_a, F_h)}
+    return -h * sound(generic_dynamics(law.general).by_gap.subs({**values, **over_delta})) / stiffness
 
 
 def law_quantities(law: ContactLaw) -> dict[str, Expr]:
@@ -229,7 +311,7 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
         ``ddelta_dt``, ``dX_dt`` (eq. 9), ``lambda1`` and ``lambda2``.
     """
     values = partials(law)
-    generic = generic_dynamics()
+    generic = generic_dynamics(law.general)
     if is_rigid(law):
         return _rigid_quantities(law, values)
     stiffness = sound(generic.stiffness.subs(values))
@@ -246,17 +328,16 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
         "C": stiffness,
         "D": friction,
         "dh_dt": gap_rate,
-        "ddelta_dt": sound((dF_dt - values[F_a] * values[a_h] * gap_rate) / (2 * stiffness)),
+        "ddelta_dt": sound((dF_dt - generic.by_gap.subs(values) * gap_rate) / (2 * stiffness)),
         "dX_dt": -dF_dt / stiffness - sound((F - values[F_adh]) / friction),
-        # F_a/delta is finite at delta = 0 wherever the deflection starts linearly
-        "lambda1": sound(-h * (values[F_a] / delta).cancel() * values[a_h] / (2 * stiffness)),
+        "lambda1": sound(lambda1_of(law, 2 * stiffness)),
         "lambda2": sound(generic.lambda2.subs(dh_dt, gap_rate).subs(C, stiffness).subs(values)),
     }
 
 
 def _rigid_quantities(law: ContactLaw, values: dict[Symbol, Expr]) -> dict[str, Expr]:
     """No deflection: the centres follow the gap, D = zeta."""
-    gap_rate = sound(generic_dynamics().dh_dt.subs(values))
+    gap_rate = sound(generic_dynamics(law.general).dh_dt.subs(values))
     along = total(zeta, h).subs({symbol: expr for symbol, expr in values.items() if symbol != zeta})
     remote = total(F_adh, h).subs(values)
     return {
@@ -278,5 +359,5 @@ def law_jacobians(law: ContactLaw) -> dict[str, Matrix]:
     values = {symbol: expr for symbol, expr in partials(law).items() if symbol != zeta}
     return {
         state: jacobian.applyfunc(lambda entry: factor_terms(tidy(entry.subs(values))))
-        for state, jacobian in generic_dynamics().jacobians.items()
+        for state, jacobian in generic_dynamics(law.general).jacobians.items()
     }

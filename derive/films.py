@@ -21,7 +21,6 @@ from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
 from softdyn.derive.balance import definitions, size
 from softdyn.derive.cones import Normal, dot
-from softdyn.derive.dynamics import F_a, a_delta, a_h
 from softdyn.derive.forms import force
 from softdyn.derive.law import sample_values, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, is_simple
@@ -102,7 +101,7 @@ def find_films(diagram: Diagram) -> Films | None:
     law = diagram.law
     if law.F_adh == 0:
         return None
-    closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a) else None
+    closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a, delta) else None
     films = tuple(film for crossover in diagram.crossovers if (film := _film(diagram, crossover, closed)) is not None)
     return Films(films, closed, relaxation_rate(law), None if without_typical(law) else branches(law))
 
@@ -110,11 +109,10 @@ def find_films(diagram: Diagram) -> Films | None:
 def relaxation_rate(law: ContactLaw) -> Expr:
     """Return -(dF_adh/dh)/zeta along delta(h) at constant force, in a, h and delta."""
     along = tidy(diff(law.F_adh, h))
-    through_a = tidy(diff(law.F_adh, a))
-    if through_a != 0:
-        known = definitions(law)
-        slope = -known[F_a] * known[a_h] / (known[F_a] * known[a_delta] + known[d.F_delta])
-        along += through_a * (known[a_h] + known[a_delta] * slope)
+    if law.F_adh.has(a, delta):
+        generic, known = d.generic_dynamics(law.general), definitions(law)
+        remote = {d.F_adh_h: along, d.F_adh_a: tidy(diff(law.F_adh, a)), d.F_adh_delta: tidy(diff(law.F_adh, delta))}
+        along = generic.remote_along.subs(d.C, generic.stiffness).subs({**remote, **known})
     return -along / law.zeta
 
 
@@ -194,7 +192,7 @@ def _leading_rate(diagram: Diagram, closing: Regime, facet: Normal) -> Expr | No
         ),
         None,
     )
-    if law.F_adh.has(a) or "zeta" not in closing.forms or face is None:
+    if law.F_adh.has(a, delta) or "zeta" not in closing.forms or face is None:
         return None
     directions = {h: (1, 0, 0), size: (0, 1, 0), **{s: (0, 0, n) for s, n in diagram.scales.items()}}
     scale = scale_of(face, {symbol: normal[: len(face[0])] for symbol, normal in directions.items()}, kept=1)

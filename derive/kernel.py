@@ -14,7 +14,16 @@ import sympy
 from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
 
 from softdyn.derive.drive import DriveCode, drive_code
-from softdyn.derive.law import code_names, in_code, is_rigid, law_hash, parameters_of, range_text, ranges_of
+from softdyn.derive.law import (
+    code_names,
+    in_code,
+    is_anchored,
+    is_rigid,
+    law_hash,
+    parameters_of,
+    range_text,
+    ranges_of,
+)
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.specialise import (
@@ -105,6 +114,8 @@ class KernelIR:
         errors within the step, of ln h at a given time and of the time at a given gap.
     slope_names : tuple of str
         The Jacobian's entries in the code.
+    anchored : bool
+        Whether F_ela vanishes at delta = 0.
     rising : bool
         Whether F_ela is known to rise with delta at any gap and deflection.
     terms : tuple of str
@@ -140,6 +151,7 @@ class KernelIR:
     components: int
     width: int
     slope_names: tuple[str, ...]
+    anchored: bool
     rising: bool
     terms: tuple[str, ...]
     gap_terms: Code
@@ -168,6 +180,8 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     names = [symbol.name for symbol in parameters_of(law)]
     outputs = outputs_of(law) if needs.outputs is None else needs.outputs
     _require_known(law, needs, outputs, names)
+    if not is_anchored(law):  # the sign of the force is not that of the deflection
+        needs = replace(needs, deflection="either")
     # in the code, the names of a law's own parameters are none of anything else
     codes = code_names(law)
     own = replace(needs, fixed={codes[name]: value for name, value in needs.fixed.items()})
@@ -231,6 +245,7 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
         components=1 if by_force else 2,
         width=7 + PANEL_NODES if by_force and needs.drive == "constant" else 5 + (STAGES + 1) * (1 if by_force else 2),
         slope_names=tuple(symbol.name for symbol in entries),
+        anchored=is_anchored(law),
         rising=rising,
         terms=terms,
         gap_terms=code(gap_terms),

@@ -3,6 +3,8 @@
 A law is four expressions, eqs. 3 to 6 of Rognon & Gay, arXiv 0803.1573, and nothing else is assumed of it::
 
     a(h, delta)   F_ela(a, delta)   zeta(a, h)   F_adh(a, h)
+
+A law that is declared ``general`` has F_ela(a, delta, h) and F_adh(a, h, delta) instead.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from sympy import Basic, Expr, Integer, Interval, Rational, S, Symbol, oo, pi, s
 from softdyn.derive.branches import in_plain_functions
 from softdyn.derive.checks import faults_of
 from softdyn.derive.dimensions import Dimension
-from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, eta, size_ratio
+from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, delta, eta, size_ratio
 from softdyn.errors import LawError
 
 
@@ -130,11 +132,12 @@ class ContactLaw:
     a : Expr
         Radius of the interacting region, a function of h and delta.
     F_ela : Expr
-        Elastic force, a function of a and delta; > 0 in compression. ``oo`` declares rigid particles: delta = 0.
+        Elastic force, a function of a and delta (of h too, if ``general``); > 0 in compression. ``oo`` declares rigid
+        particles: delta = 0.
     zeta : Expr
         Normal friction coefficient, a function of a and h. 0 declares a dry contact: h = 0.
     F_adh : Expr or int
-        Remote force, a function of a and h; > 0 is repulsive.
+        Remote force, a function of a and h (of delta too, if ``general``); > 0 is repulsive.
     tangential : Tangential, optional
         What tangential motion meets, in scenes of many particles that ask for it.
     drag : Drag
@@ -151,6 +154,10 @@ class ContactLaw:
     typical : mapping from Symbol to Expr
         Typical values of the law's own parameters, numbers other than 0 times powers of R, E and eta: their orders of
         magnitude tell which regimes there are, and pictures are drawn for them.
+    general : bool
+        Whether the paper's restriction is lifted: F_ela(a, delta, h) may depend on the gap, as that of a soft layer,
+        and be a force at delta = 0, as in JKR's theory; F_adh(a, h, delta) may depend on the deflection, as in that of
+        Maugis. F_ela must still rise with delta at any gap.
     limits : tuple of Limit
         What the author claims of the law; ``softdyn check`` proves or disproves it.
     source : str
@@ -176,6 +183,7 @@ class ContactLaw:
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
     ranges: Mapping[Symbol, Interval | tuple[Expr | int, Expr | int]] = field(default_factory=dict)
     typical: Mapping[Symbol, Expr | int] = field(default_factory=dict)
+    general: bool = False
     limits: tuple[Limit, ...] = ()
     source: str = ""
     description: str = ""
@@ -246,6 +254,11 @@ def is_rigid(law: ContactLaw) -> bool:
 def is_dry(law: ContactLaw) -> bool:
     """Whether no fluid resists: zeta = 0, and the gap is closed, h = 0."""
     return law.zeta == 0
+
+
+def is_anchored(law: ContactLaw) -> bool:
+    """Whether F_ela vanishes at delta = 0, so that force and deflection have one sign."""
+    return is_rigid(law) or law.F_ela.subs(delta, 0) == 0
 
 
 def ranges_of(law: ContactLaw) -> dict[Symbol, Interval]:

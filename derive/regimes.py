@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 from itertools import combinations, count
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Add, Eq, Expr, Rational, S, Symbol, diff, exp, log, powsimp, simplify
+from sympy import Add, Eq, Expr, Mul, Rational, S, Symbol, diff, exp, log, powsimp, simplify
 
+from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
     KEPT,
     MOST_OPERATIONS,
@@ -37,7 +38,7 @@ from softdyn.derive.asymptotics import (
     scale_of,
     zero,
 )
-from softdyn.derive.balance import contact_series, definitions, settle, size
+from softdyn.derive.balance import QUANTITIES, contact_series, definitions, settle, size
 from softdyn.derive.cones import (
     Cone,
     Normal,
@@ -50,9 +51,8 @@ from softdyn.derive.cones import (
     shared_facets,
     simpler,
 )
-from softdyn.derive.dynamics import a_h
 from softdyn.derive.forms import force, joined_logarithms
-from softdyn.derive.law import is_dry, is_rigid, typical_values
+from softdyn.derive.law import is_anchored, is_dry, is_rigid, typical_values
 from softdyn.derive.patience import within
 from softdyn.derive.symbols import F, R, a, delta, h
 from softdyn.derive.witness import inequalities, side_of
@@ -237,6 +237,10 @@ class Diagram:
         return diagram_html(self)
 
 
+#: Why a law with a force at delta = 0 has no diagram.
+UNANCHORED = "F_ela is not 0 at delta = 0, so that force and deflection may have opposite signs"
+
+
 def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
     """Find every regime of a law, the crossovers between them and the points where several meet.
 
@@ -252,6 +256,8 @@ def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
         What the method cannot decide is listed with the reason, in each regime's ``undecided``.
     """
     directions, scales = _directions(law)
+    if not is_anchored(law):
+        return _nothing_found(law, directions, scales, UNANCHORED)
     try:
         return _discovered(law, directions, scales, effort)
     except UndecidedError as reason:
@@ -306,7 +312,8 @@ def is_conservative(law: ContactLaw) -> bool | None:
     """Whether U_h = 0: the elastic force at given delta is the same at all gaps."""
     if is_rigid(law) or is_dry(law):
         return True
-    through_gap = diff(law.F_ela, a) * definitions(law)[a_h]
+    known = {d.F_a: diff(law.F_ela, a), d.F_h: diff(law.F_ela, h), d.a_h: definitions(law)[d.a_h]}
+    through_gap = d.generic_dynamics(law.general).by_gap.subs(known)
     if through_gap == 0:
         return True
     explicit = through_gap.subs(a, law.a)
@@ -333,7 +340,7 @@ def _regimes(
     start = orthants(axes, positive=(2,) if axes == 3 else ())
 
     def leading_terms(cone: Cone) -> tuple[tuple[str, Expr | str], ...]:
-        found = contact_series(law, cone, directions, SIGN[side], effort=effort // SHARE)
+        found = contact_series(law, cone, directions, SIGN[side], effort=effort // SHARE, wanted=_wanted(law))
         return tuple(
             (name, str(series) if isinstance(series, UndecidedError) else _coefficient(series))
             for name, series in found.items()
@@ -358,15 +365,22 @@ def _regimes(
     return _named(law, sorted(made, key=_place), directions, other_side)
 
 
+def _wanted(law: ContactLaw) -> tuple[str, ...]:
+    """What is expanded; of a general law the slope of F_ela in h too, which U_h is made of."""
+    return (*QUANTITIES, d.dF_dh.name) if law.general else QUANTITIES
+
+
 def _with_corrections(
     law: ContactLaw, cone: Cone, directions: Mapping[Symbol, Normal], side: Side, effort: int
 ) -> dict[str, Series | UndecidedError]:
     """Series of all quantities, with the next terms if they do not take too many operations."""
-    found = contact_series(law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), effort // SHARE)
+    found = contact_series(
+        law, cone, directions, SIGN[side], (CORRECTION_TERMS, KEPT), effort // SHARE, wanted=_wanted(law)
+    )
     if any(isinstance(series, OutOfEffortError) for series in found.values()):
         # what was decided stays so, however much was spent on corrections
         with within(effort // SHARE, OutOfEffortError, apart=True):
-            return contact_series(law, cone, directions, SIGN[side])
+            return contact_series(law, cone, directions, SIGN[side], wanted=_wanted(law))
     return found
 
 
@@ -392,19 +406,22 @@ def _inner(cones: Sequence[Cone]) -> tuple[int, ...]:
 
 
 def _integrate_along_delta(series: Sequence[dict[str, Series | UndecidedError]], side: int) -> None:
-    """Add U_h, the integral of 2 F_a a_h over delta from 0, to leading order.
+    """Add U_h, the integral of 2 dF_ela/dh over delta from 0, to leading order.
 
-    It is dominated by its upper limit if delta F_a a_h grows with delta in every regime.
+    It is dominated by its upper limit if delta dF_ela/dh grows with delta in every regime.
     """
     integrals: list[Series | UndecidedError] = []
+    # under the paper's restriction the slope is F_a a_h
+    names = (d.dF_dh.name,) if all(d.dF_dh.name in found for found in series) else (d.F_a.name, d.a_h.name)
     try:
         for found in series:
-            (e1, slope), (e2, widening) = (leading(_decided(found[name]), name) for name in ("F_a", "a_h"))
-            power = _steepness(slope * widening)
+            terms = [leading(_decided(found[name]), name) for name in names]
+            order = tuple(sum(powers) for powers in zip(*(powers for powers, _ in terms), strict=True))
+            slope = Mul(*(term for _, term in terms))
+            power = _steepness(slope)
             if not power > -1:
                 raise UndecidedError("small deflections dominate it")
-            order = tuple(x + y for x, y in zip(e1, e2, strict=True))
-            integrals.append(Series({order: 2 * side * slope * widening * size / (power + 1)}, frozenset()))
+            integrals.append(Series({order: 2 * side * slope * size / (power + 1)}, frozenset()))
     except UndecidedError as reason:
         integrals = [UndecidedError(f"the integral over delta is not decided: {reason}")] * len(series)
     for found, integral in zip(series, integrals, strict=True):

@@ -14,7 +14,24 @@ from sympy import Abs, Dummy, Expr, Max, Min, Rational, S, Symbol, sign
 from sympy.core.relational import Relational
 
 from softdyn.derive import dynamics as d
-from softdyn.derive.dynamics import C, D, F_adh, F_ela, ddelta_dt, dF_dt, dh_dt, generic_dynamics, partials, zeta
+from softdyn.derive.dynamics import (
+    C,
+    D,
+    F_adh,
+    F_ela,
+    by_gap_of,
+    ddelta_dt,
+    dF_ddelta,
+    dF_dh,
+    dF_dt,
+    dh_dt,
+    dX_dt,
+    generic_dynamics,
+    lambda1_of,
+    partials,
+    rates_by_slopes,
+    zeta,
+)
 from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.soundness import sound
 from softdyn.derive.symbols import F, R, a, delta, h
@@ -27,14 +44,10 @@ Deflection = Literal["either", "compression", "tension"]
 Control = Literal["force", "position", "velocity", "spring"]
 
 X = Symbol("X", real=True)
-dX_dt = Symbol("dX_dt", real=True)
 #: The rate of X where it is an outcome: of a spring, whose base has the velocity dX_dt.
 centres_rate = Symbol("dX_dt_p1", real=True)
 lambda1 = Symbol("lambda1", real=True)
 lambda2 = Symbol("lambda2", real=True)
-#: dF_ela/d(delta) at fixed h, which is 2 C, and dF_ela/dh at fixed delta, which is F_a a_h.
-dF_ddelta = Symbol("dF_ddelta", positive=True)
-dF_dh = Symbol("dF_dh", real=True)
 #: d(d(ln h)/dt)/d(ln h) and the other entries of the Jacobian of the state's rates; their names, like those of powers,
 #: are none that a parameter can have.
 SLOPES = tuple(Symbol(f"slope_p{entry}", real=True) for entry in ("11", "12", "21", "22"))
@@ -92,9 +105,9 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     if is_rigid(law) or is_dry(law):
         return _one_sided_equations(law, control)
     values = partials(law)
-    generic = generic_dynamics()
+    generic = generic_dynamics(law.general)
+    rates = rates_by_slopes()
     slope = sound(2 * generic.stiffness.subs(values))
-    along_h = sound(values[d.F_a] * values[d.a_h])
 
     def relative(symbol: Symbol, variable: Symbol) -> Expr:
         """Logarithmic derivative of zeta, through a."""
@@ -119,15 +132,11 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
         zeta: values[zeta],
         F_adh: values[F_adh],
         dF_ddelta: slope,
-        dF_dh: along_h,
+        dF_dh: by_gap_of(law),
         C: dF_ddelta / 2,
-        D: C * zeta / (C + dF_dh),
-        dh_dt: -(F - F_adh) / zeta,
-        ddelta_dt: (dF_dt - dF_dh * dh_dt) / dF_ddelta,
-        dX_dt: -dF_dt / C - (F - F_adh) / D,
+        **rates,
         X: 2 * R + h - 2 * delta,
-        # F_a/delta is finite at delta = 0 wherever F_ela starts linearly
-        lambda1: -h * sound((values[d.F_a] / delta).cancel() * values[d.a_h]) / dF_ddelta,
+        lambda1: lambda1_of(law, dF_ddelta),
         lambda2: -h * along(lambda variable: relative(zeta, variable)) - h * remote_slope / (F - F_adh),
     }
     if control == "force":
@@ -147,8 +156,8 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
             - compliance
             * (
                 dF_dh * gap_by(x)
-                + dh_dt * sound(d.total(d.F_a * d.a_h, x).subs(values))
-                + ddelta_dt * sound(d.total(d.F_a * d.a_delta + d.F_delta, x).subs(values))
+                + dh_dt * sound(d.total(generic.by_gap, x).subs(values))
+                + ddelta_dt * sound(d.total(2 * generic.stiffness, x).subs(values))
             )
         )
         / softness
@@ -202,7 +211,7 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
         definitions = {
             a: sound(law.a),
             F_ela: values[F_ela],
-            dF_ddelta: sound(2 * generic_dynamics().stiffness.subs(values)),
+            dF_ddelta: sound(2 * generic_dynamics(law.general).stiffness.subs(values)),
             C: dF_ddelta / 2,
             dh_dt: S.Zero,
             ddelta_dt: dF_dt / dF_ddelta,
@@ -221,7 +230,7 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
             zeta: values[zeta],
             F_adh: values[F_adh],
             D: zeta,
-            dh_dt: -(F - F_adh) / zeta,
+            dh_dt: rates_by_slopes()[dh_dt],
             dX_dt: dh_dt,
             X: 2 * R + h,
             lambda2: -h * steepness - h * remote / (F - F_adh),

@@ -56,6 +56,7 @@ DERIVED = frozenset(
     """
     C D X V t x zeta F_ela F_adh dF_dt dh_dt ddelta_dt dX_dt dF_ddelta dF_dh lambda1 lambda2 net newton
     a_h a_delta a_hh a_hdelta a_deltadelta F_a F_delta F_aa F_adelta F_deltadelta zeta_a zeta_h F_adh_a F_adh_h
+    F_h F_ah F_hh F_hdelta F_adh_delta
     """.split()
 )
 

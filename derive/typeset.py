@@ -66,6 +66,11 @@ LATEX_NAMES = {
     "lambda2": r"\lambda_2",
     "F_adh_a": r"F_{\mathrm{adh},a}",
     "F_adh_h": r"F_{\mathrm{adh},h}",
+    "F_adh_delta": r"F_{\mathrm{adh},\delta}",
+    "F_h": r"F_h",
+    "F_ah": r"F_{ah}",
+    "F_hh": r"F_{hh}",
+    "F_hdelta": r"F_{h\delta}",
     "a_h": r"a_h",
     "a_delta": r"a_\delta",
     "F_a": r"F_a",
@@ -458,7 +463,7 @@ class Derivation(dict[str, list[Line]]):
 
 def derivation(law: ContactLaw) -> Derivation:
     """Sections of a law's derivation, in reading order."""
-    generic = generic_dynamics()
+    generic = generic_dynamics(law.general)
     return Derivation({
         "declared": list(expressions(law).items()),
         "any law": [*generic.steps, *_generic_results(generic)],

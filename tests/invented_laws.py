@@ -55,4 +55,29 @@ branched = ContactLaw(
     parameters={s: LENGTH},
 )
 
-LAWS = {law.name: law for law in (rognon_gay, screened, cone, rimmed, branched)}
+t, k, W = Symbol("thickness", positive=True), Symbol("softness", positive=True), Symbol("work", positive=True)
+#: A layer of thickness t on each particle stiffens the contact as the gap closes; the remote force of Maugis, which
+#: acts where the surfaces are near, knows the deflection.
+layered = ContactLaw(
+    name="layered",
+    a=sqrt(2 * R * (hbar + Abs(delta))),
+    F_ela=Rational(4, 9) * E * a * delta * (1 + k * t / (t + h)),
+    zeta=3 * pi * eta * a**4 / (2 * hbar**3),
+    F_adh=-pi * W * R * exp(-h / ell) * (1 + delta**2 / (R * ell + delta**2)),
+    parameters={t: LENGTH, k: DIMENSIONLESS, W: FORCE / LENGTH, ell: LENGTH},
+    typical={t: R / 10, k: Rational(1, 2), W: E * R / 10**4, ell: R / 100},
+    general=True,
+)
+
+#: As JKR's: a rim attracts with sqrt(8 pi W E a^3), here as far as ell, and there is a force at delta = 0.
+sticky = ContactLaw(
+    name="sticky",
+    a=sqrt(R * hbar + b**2),
+    F_ela=2 * E * a * delta + Rational(2, 3) * E * delta**3 / a - sqrt(8 * pi * W * E * a**3) * exp(-h / ell),
+    zeta=3 * pi * eta * a**4 / (2 * hbar**3),
+    parameters={b: LENGTH, W: FORCE / LENGTH, ell: LENGTH},
+    typical={b: R / 10, W: E * R / 10**4, ell: R / 100},
+    general=True,
+)
+
+LAWS = {law.name: law for law in (rognon_gay, screened, cone, rimmed, branched, layered)}

@@ -12,17 +12,21 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from invented_laws import LAWS
+from invented_laws import LAWS as ANCHORED
+from invented_laws import sticky
 from sympy import Abs, Expr, Integer, Symbol, exp, expand, lambdify, log, sign, simplify, sqrt, tanh
 from sympy.codegen.cfunctions import expm1, log1p
 
 from softdyn.derive import ContactLaw, E, F, R, a, delta, eta, h
 from softdyn.derive.dynamics import (
+    RESTRICTION,
     C,
     D,
     F_a,
     F_adh,
+    F_adh_delta,
     F_delta,
+    F_h,
     a_delta,
     a_h,
     ddelta_dt,
@@ -53,7 +57,11 @@ VALUES = {
     "tilt": "0.8",
     "rim": "0.3",
     "brush": "0.25",
+    "thickness": "0.15",
+    "softness": "0.7",
+    "work": "0.013",
 }
+LAWS = {**ANCHORED, sticky.name: sticky}
 #: (h, delta): every regime, both signs.
 POINTS = (("1e-5", "0.02"), ("0.01", "3e-6"), ("30", "0.2"), ("0.4", "-0.3"), ("2e-4", "-0.05"), ("7", "-1e-7"))
 
@@ -153,6 +161,29 @@ def test_the_gap_dynamics_is_eq_7_and_the_centre_dynamics_eq_9() -> None:
     by_parts = generic.dh_dt - 2 * generic.ddelta_dt.subs(dh_dt, generic.dh_dt)
     explicit = generic.dX_dt.subs(D, generic.friction).subs(C, generic.stiffness)
     assert simplify(expand(by_parts - explicit)) == 0
+
+
+def test_the_paper_is_a_special_case_of_the_general_law() -> None:
+    """F_ela(a, delta, h) and F_adh(a, h, delta): eq. 9 is what is left where F_h and F_adh_delta vanish."""
+    general, special = generic_dynamics(general=True), generic_dynamics()
+    assert simplify(general.friction - C * zeta / (C + F_a * a_h + F_h)) == 0
+    for name in (
+        "by_gap",
+        "stiffness",
+        "friction",
+        "remote_along",
+        "dh_dt",
+        "ddelta_dt",
+        "dX_dt",
+        "lambda1",
+        "lambda2",
+    ):
+        assert simplify(getattr(general, name).subs(RESTRICTION) - getattr(special, name)) == 0, name
+    for state, jacobian in general.jacobians.items():
+        assert simplify(jacobian.subs(RESTRICTION) - special.jacobians[state]).is_zero_matrix, state
+    # and nothing of it vanishes without them
+    assert general.ddelta_dt.has(F_h)
+    assert general.lambda2.has(F_adh_delta)
 
 
 def test_every_step_of_the_derivation_is_an_equation_that_is_kept() -> None:
@@ -293,7 +324,7 @@ def balance_free_radius(x: Any, d: Any) -> Any:
     return mpmath.sqrt(2 * (x / (1 + x) + abs(d)))
 
 
-@pytest.mark.parametrize("name", list(LAWS))
+@pytest.mark.parametrize("name", list(ANCHORED))
 def test_nothing_is_0_over_0_without_deflection(name: str) -> None:
     """Every quantity has a value at delta = 0, its limit from either side."""
     balance = balance_of(name)

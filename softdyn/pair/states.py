@@ -58,7 +58,7 @@ def initial_deflection(scene: Scene, kernel: Kernel, drive: Drive, p: Array, R: 
         delta = _known(scene, (2 * R + h - given) / 2, R, f"[drive] position, {given:.15g} at the start,")
         cause = f"the initial position {given:.15g}"
     elif drive.control == "spring":
-        balance = _balance_of_spring(kernel, p, h, drive.stiffness, 2 * R + h - given)
+        balance = _balance_of_spring(kernel, p, h, drive.stiffness, 2 * R + h - given, R)
         # the spring's own deflection carries the rounding of X - base; a delta given with it does not
         delta = _known(scene, balance, R, f"[drive] spring, its base at {given:.15g} at the start,")
         cause = f"the spring, its base at {given:.15g},"
@@ -87,16 +87,22 @@ def _known(scene: Scene, found: float, R: float, what: str) -> float:
     return float(scene.delta)
 
 
-def _balance_of_spring(kernel: Kernel, p: Array, h: float, stiffness: float, stretch: float) -> float:
+def _balance_of_spring(kernel: Kernel, p: Array, h: float, stiffness: float, stretch: float, R: float) -> float:
     """Deflection at which F_ela = stiffness (stretch - 2 delta): Newton's iteration between bounds that shrink."""
+
+    def at_deflection(delta: float) -> tuple[float, float]:
+        at = evaluate(kernel, np.array([h]), np.array([delta]), {"dX_dt": np.zeros(1)}, p)
+        return float(at["F_ela"][0]) + stiffness * (2 * delta - stretch), float(at["C"][0])
+
     low, high = sorted((0.0, stretch / 2))
-    delta = 0.0
+    # a force at delta = 0 may bring the balance beyond either
+    low = next((x for x in (low, -R) if at_deflection(x)[0] <= 0), low)
+    high = next((x for x in (high, R) if at_deflection(x)[0] >= 0), high)
+    delta = min(max(0.0, low), high)
     for _ in range(400):
-        inputs = {"dX_dt": np.zeros(1)}
-        at = evaluate(kernel, np.array([h]), np.array([delta]), inputs, p)
-        residual = float(at["F_ela"][0]) + stiffness * (2 * delta - stretch)
+        residual, stiffness_of_contact = at_deflection(delta)
         low, high = (low, delta) if residual > 0 else (delta, high)
-        step = residual / (2 * float(at["C"][0]) + 2 * stiffness)
+        step = residual / (2 * stiffness_of_contact + 2 * stiffness)
         if abs(step) <= EPS * abs(delta):
             return delta
         trial = delta - step

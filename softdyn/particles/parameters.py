@@ -5,12 +5,18 @@ In come a checked scene and, once it is known which parameters vary, their kerne
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from sympy import lambdify
 
+from softdyn.derive.law import is_anchored, parameters_of
+from softdyn.derive.symbols import R, a, delta, h
 from softdyn.errors import SceneError
+from softdyn.laws import law_of
 from softdyn.particles.geometry import Integers
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.scene import Checked, ParticleScene
@@ -24,6 +30,9 @@ Array = NDArray[np.float64]
 UNDRAGGED = "undragged_p1"
 #: What does not stand among a scene's parameters.
 FROM_SCENE = ("R", "size_ratio", UNDRAGGED)
+
+#: Largest part of a force at delta = 0 that may be left of it where contacts fade.
+LEFT_AT_REST = 1e-9
 
 MIXING: dict[str, Callable[[Array, Array], Array]] = {
     "arithmetic": lambda one, other: (one + other) / 2,
@@ -166,3 +175,30 @@ def resistances(scene: ParticleScene, checked: Checked, kernel: ContactKernel, p
         resistance[:, :d] = float(scene.drag) * out[0][:, None]
         resistance[:, d:] = float(scene.drag) * (out[-1] / checked.radii**2)[:, None]
     return resistance
+
+
+def require_rest(scene: ParticleScene, checked: Checked) -> None:
+    """A contact with a range fades by the sign of delta: there, no force may be left at delta = 0.
+
+    Raises
+    ------
+    SceneError
+        If the law has such a force, and it has not fallen to :data:`LEFT_AT_REST` of its largest at half of the range.
+    """
+    law = law_of(scene.law)
+    if math.isinf(checked.reach) or is_anchored(law):
+        return
+    force = law.F_ela.subs(a, law.a).subs(delta, 0)
+    own = [symbol for symbol in parameters_of(law) if symbol != R]
+    function = lambdify([R, h, *own], force, "numpy")
+    values = [scene.parameters[symbol.name] for symbol in own]
+    each = [tuple(value.values()) if isinstance(value, Mapping) else (value,) for value in values]
+    near, far = checked.reach * np.logspace(-9, np.log10(0.5), 64), checked.reach * np.linspace(0.5, 1, 32)
+    for radius, *given in product({float(checked.radii.min()), 2 * float(checked.radii.max())}, *each):
+        largest, left = (float(np.max(np.abs(function(radius, gaps, *given)))) for gaps in (near, far))
+        if not left <= LEFT_AT_REST * largest:
+            raise SceneError(
+                f"contacts fade from half of their range on, {checked.reach / 2:g}, and there the law has a force at "
+                f"delta = 0, {left / largest:.3g} of its largest: give a larger [contacts] range, or a law whose "
+                "force at delta = 0 falls faster with the gap"
+            )

@@ -400,7 +400,7 @@ def _simplified(corners: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
-    """The law's equations in numbers: radius(h, delta), elastic(a, delta), and exponents and rate of a state."""
+    """The law's equations in numbers: radius(h, delta), elastic(a, delta, h), and exponents and rate of a state."""
     values = parameter_values(law)
 
     def number(expr: Expr) -> Expr:
@@ -409,15 +409,15 @@ def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
     partials = {
         d.F_ela: law.F_ela, d.F_adh: law.F_adh, d.zeta: law.zeta,
         d.a_h: diff(law.a, h), d.a_delta: diff(law.a, delta),
-        d.F_a: diff(law.F_ela, a), d.F_delta: diff(law.F_ela, delta),
+        d.F_a: diff(law.F_ela, a), d.F_delta: diff(law.F_ela, delta), d.F_h: diff(law.F_ela, h),
         d.zeta_a: diff(law.zeta, a), d.zeta_h: diff(law.zeta, h),
-        d.F_adh_a: diff(law.F_adh, a), d.F_adh_h: diff(law.F_adh, h),
+        d.F_adh_a: diff(law.F_adh, a), d.F_adh_h: diff(law.F_adh, h), d.F_adh_delta: diff(law.F_adh, delta),
     }  # fmt: skip
-    generic = d.generic_dynamics()
+    generic = d.generic_dynamics(law.general)
     known = (h, delta, F, d.C, d.dh_dt, *partials)
     return {
         "radius": lambdify((h, delta), number(law.a), "numpy"),
-        "elastic": lambdify((a, delta), number(law.F_ela), "numpy"),
+        "elastic": lambdify((a, delta, h), number(law.F_ela), "numpy"),
         "partials": lambdify((a, h, delta), [number(expr) for expr in partials.values()], "numpy"),
         "stiffness": lambdify(tuple(partials), generic.stiffness, "numpy"),
         "dh_dt": lambdify((F, *partials), generic.dh_dt, "numpy"),
@@ -429,11 +429,11 @@ def largest_forces(law: ContactLaw, gaps: Array, side: Side = "compression") -> 
     """Size of the force that makes delta = R, the edge of the model, at each gap."""
     equations, sign = _equations(law), SIGN[side]
     with np.errstate(all="ignore"):
-        return np.broadcast_to(np.abs(equations["elastic"](equations["radius"](gaps, sign), sign)), gaps.shape)
+        return np.broadcast_to(np.abs(equations["elastic"](equations["radius"](gaps, sign), sign, gaps)), gaps.shape)
 
 
 def deflections(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> Array:
-    """Size of delta at which F_ela(a(h, delta), delta) = F, by bisection of ln delta; nan where it is beyond R."""
+    """Size of delta at which F_ela = F, by bisection of ln delta; nan where it is beyond R."""
     equations, sign = _equations(law), SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
     low, high = np.full(gaps.shape, -90.0), np.zeros(gaps.shape)
@@ -441,7 +441,7 @@ def deflections(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> Arra
         for _ in range(64):
             middle = (low + high) / 2
             deflection = sign * np.exp(middle)
-            below = np.abs(equations["elastic"](equations["radius"](gaps, deflection), deflection)) < forces
+            below = np.abs(equations["elastic"](equations["radius"](gaps, deflection), deflection, gaps)) < forces
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         beyond = ~(largest_forces(law, gaps, side) >= forces)
     return np.where(beyond, np.nan, np.exp((low + high) / 2))

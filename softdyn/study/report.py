@@ -70,6 +70,7 @@ Show = Callable[[str, object], Markup]
 TEMPLATES = ("page.html.j2", "style.css.j2")
 MEANINGS = {R: "radius of the particles", E: "elastic modulus", eta: "viscosity of the fluid"}
 ARGUMENTS = {"a": r"(h, \delta)", "F_ela": r"(a, \delta)", "zeta": "(a, h)", "F_adh": "(a, h)"}
+GENERAL = {**ARGUMENTS, "F_ela": r"(a, \delta, h)", "F_adh": r"(a, h, \delta)"}
 WHAT = {
     "a": "radius of the interacting region",
     "F_ela": "elastic force",
@@ -95,6 +96,7 @@ SLOPES = {
     "a_delta": "radius by the deflection",
     "F_a": "elastic force by the radius",
     "F_delta": "elastic force by the deflection",
+    "F_h": "elastic force by the gap",
 }
 RAISED = str.maketrans("-/0123456789", "⁻ᐟ⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Width, in the font's size, of what still stands on a line of the page.
@@ -139,6 +141,7 @@ def page(law: ContactLaw) -> str:
     diagram = discover(law)
     films = find_films(diagram)
     made = kernels(law)
+    arguments = GENERAL if law.general else ARGUMENTS
     about = {
         "law": law,
         "hash": law_hash(law),
@@ -146,12 +149,12 @@ def page(law: ContactLaw) -> str:
         "softdyn": softdyn.__version__,
         "summary": summary(findings, diagram, films),
         "declared": [
-            {"name": WHAT[name], "formula": show(f"{name_latex(name)}{ARGUMENTS[name]} = {to_latex(expr)}", expr)}
+            {"name": WHAT[name], "formula": show(f"{name_latex(name)}{arguments[name]} = {to_latex(expr)}", expr)}
             for name, expr in expressions(law).items()
         ],
         "note": RIGID if is_rigid(law) else DRY if is_dry(law) else "",
         "parameters": parameters(law, show),
-        "any_law": any_law(show),
+        "any_law": any_law(law, show),
         "this_law": this_law(law, show),
         "tangential": tangential(law, show),
         "limits": [limit_entry(limit, findings, diagram, show) for limit in law.limits],
@@ -245,9 +248,9 @@ def parameters(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
 # --------------------------------------------------------------------------------------------------------- derivation
 
 
-def any_law(show: Show) -> list[dict[str, Any]]:
-    """Steps that lead from eqs. 1 and 2 to eqs. 7 and 9, for any law."""
-    generic = generic_dynamics()
+def any_law(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
+    """Steps that lead from eqs. 1 and 2 to eqs. 7 and 9, for any law of that kind."""
+    generic = generic_dynamics(law.general)
     steps = [
         *generic.steps,
         *((f"{EXPONENTS[name]}, at constant force", Eq(Symbol(name), getattr(generic, name))) for name in EXPONENTS),
@@ -275,7 +278,7 @@ def _sentence(text: str) -> str:
 
 def this_law(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
     """The same for one law: partial derivatives, then what follows from them."""
-    slopes = {"a_h"} if is_rigid(law) else SLOPES.keys()
+    slopes = {"a_h"} if is_rigid(law) else SLOPES.keys() - ({"F_h"} if not law.general else set())
     found: dict[str, Expr] = {symbol.name: expr for symbol, expr in partials(law).items() if symbol.name in slopes}
     quantities = law_quantities(law)
     after = ("C", "D", "dh_dt", "dX_dt", "lambda1", "lambda2")
