@@ -312,7 +312,7 @@ def _symbol_faults(
             )
         elif symbol in GENERAL.get(name, ()):
             faults.append(
-                f"{where}: allowed: {listing}; that is the paper's restriction, which a law with general=True lifts"
+                f"{where}; allowed: {listing}; that is the paper's restriction, which a law with general=True lifts"
             )
         elif name == "zeta" and symbol == delta:
             faults.append(f"{where}: the friction depends on the deflection through a only; allowed: {listing}")

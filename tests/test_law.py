@@ -85,6 +85,9 @@ def the_fault(**changes: Any) -> str:
 # ---------------------------------------------------------------- arguments
 
 
+RESTRICTED = "; that is the paper's restriction, which a law with general=True lifts"
+
+
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
@@ -99,8 +102,14 @@ def the_fault(**changes: Any) -> str:
             "zeta cannot depend on it; allowed: a, h, R, E, eta",
         ),
         ({"a": a + h}, "a(h, delta): symbol 'a' is not allowed here; allowed: h, delta, R, E, eta"),
-        ({"F_ela": E * h * delta}, "F_ela(a, delta): symbol 'h' is not allowed here; allowed: a, delta, R, E, eta"),
-        ({"F_adh": E * R * delta}, "F_adh(a, h): symbol 'delta' is not allowed here; allowed: a, h, R, E, eta"),
+        (
+            {"F_ela": E * h * delta},
+            "F_ela(a, delta): symbol 'h' is not allowed here; allowed: a, delta, R, E, eta" + RESTRICTED,
+        ),
+        (
+            {"F_adh": E * R * delta},
+            "F_adh(a, h): symbol 'delta' is not allowed here; allowed: a, h, R, E, eta" + RESTRICTED,
+        ),
         ({"zeta": eta * F / (E * R)}, "zeta(a, h): symbol 'F' is not allowed here; allowed: a, h, R, E, eta"),
     ],
     ids=["zeta of delta", "zeta of dh_dt", "a of a", "F_ela of h", "F_adh of delta", "zeta of F"],
