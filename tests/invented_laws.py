@@ -80,4 +80,6 @@ sticky = ContactLaw(
     general=True,
 )
 
-LAWS = {law.name: law for law in (rognon_gay, screened, cone, rimmed, branched, layered)}
+LAWS = {law.name: law for law in (rognon_gay, screened, cone, rimmed, branched)}
+#: Beyond the paper's restriction.
+GENERAL = {law.name: law for law in (layered, sticky)}

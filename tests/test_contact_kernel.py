@@ -8,7 +8,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from invented_laws import LAWS
+from invented_laws import GENERAL, LAWS
 from kernels_by_text import compile_c, import_text
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -118,13 +118,15 @@ def test_the_solution_solves_the_equation_in_thirty_digits(s: float, fading: boo
 
 @pytest.mark.parametrize("s", [0.0, 1e-2, 1.0, 1e2, 1e4])
 @pytest.mark.parametrize(
-    ("name", "fading"), [*((name, False) for name in [*LAWS, "awkward"]), ("rognon_gay", True), ("screened", True)]
+    ("name", "fading"),
+    [*((name, False) for name in [*LAWS, *GENERAL, "awkward"]), ("rognon_gay", True), ("screened", True)],
 )
 def test_the_tangent_is_the_derivative_of_the_force(name: str, s: float, fading: bool) -> None:
     """Central differences: their error is of the order step^2, and rounding/step."""
-    law = {**LAWS, "awkward": awkward}[name]
+    law = {**LAWS, **GENERAL, "awkward": awkward}[name]
     kernel = get_contact_kernel(law, "c", fading=fading)
     values = {"R": 1.0, "E": 1.0, "eta": 1.0, "strength": 1e-3, "ell": 0.1, "tilt": 0.5, "rim": 0.3, "brush": 0.02}
+    values |= {"thickness": 0.1, "softness": 0.8, "work": 1e-3}
     p = np.array([{**values, "low": 1e-3, "step": 3.0, "g": 0.1}[name] for name in kernel.uniform])
     overlap, start = states(5, 300, -2.0)
     kept = np.abs(overlap + start) > 1e-3  # away from the kink at delta = 0
