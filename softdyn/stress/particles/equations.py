@@ -44,10 +44,10 @@ Pair = tuple[int, int, tuple[int, int, int]]
 
 #: Weight of a film that has none, lest its equation be algebraic; forces are off by as much.
 THIN = 1e-6
+#: Weight below which a contact resists no spin to speak of.
+FAINT = 1e-6
 #: Singular values below this part of the largest belong to motions that nothing resists.
 FREE = 1e-9
-#: Of the largest resistance to spins: that of those which nothing resists.
-IDLE = 1e-10
 ACROSS = np.eye(3)
 #: Beyond this effort a scene is left without a reference.
 MOST_EVALUATIONS = 30_000
@@ -652,8 +652,7 @@ def _in_balance(eq: Equations, given: Mapping[str, Array], at: Contacts, slides:
     known, fixed = _flat(np.where(eq.fixed, given["velocity"], 0.0)), eq.fixed.reshape(-1)
     if slides is not None:
         torque, rolling = _torques(eq, given, at, slides)
-        size = np.abs(np.diagonal(rolling, axis1=-2, axis2=-1)).max(axis=-1)
-        rolling = rolling + _by(IDLE * size) * np.eye(3 * count)  # what spins without any resistance does not
+        rolling = rolling + _idle(eq, at, slides)
         sides = zip((eq.first, eq.second), slides.by_spin, strict=True)
         by_spin = sum(_spread(apart, part, block) for part, block in sides)
         by_spin = np.reshape(by_spin, (*lead, 3 * count, 3 * count))
@@ -686,6 +685,21 @@ def _in_balance(eq: Equations, given: Mapping[str, Array], at: Contacts, slides:
     found = unit * _solved(matrix, right, known / np.where(unit > 0, unit, 1.0), fixed)
     v = found[..., : 3 * count].reshape(*lead, count, 3)
     return v, found[..., 3 * count : 6 * count].reshape(*lead, count, 3) if slides is not None else np.zeros_like(v)
+
+
+def _idle(eq: Equations, at: Contacts, slides: Sliding) -> Array:
+    """What holds those spins that nothing resists: about the line of an only contact, and without any.
+
+    Nothing drives these, so that any resistance keeps them 0; all others are left alone.
+    """
+    active = at.w.real.reshape(-1, len(eq.pairs))[0] > FAINT
+    number = active @ (eq.first + eq.second)
+    only = active[:, None] * (number == 1)
+    strength = np.trace(slides.rolling, axis1=-2, axis2=-1)
+    along = _by(strength) * at.n[..., :, None] * at.n[..., None, :]
+    held = _spread(only * eq.first, only * eq.first, along) + _spread(only * eq.second, only * eq.second, along)
+    largest = np.abs(strength).max(axis=-1)
+    return np.reshape(held, (*at.r.shape[:-1], 3 * eq.count, -1)) + _by(largest) * np.diag(np.repeat(number == 0, 3))
 
 
 def jacobian(eq: Equations, t: float, state: Array, part: int, mode: Mode) -> Array:

@@ -415,8 +415,9 @@ def _still(draft: Draft) -> Case:
                 if moves
                 else None
             )
-            # one spin at least is given: else torques that balance as they are would say nothing of the whole's
-            turns = slides and (k == count - 1 or draft.chance(0.5))
+            # one spin at least is given, in 3D two: else torques that balance as they are would say nothing of the
+            # whole's, or of its twist about the line of that contact
+            turns = slides and (k > count - d or draft.chance(0.5))
             about = range(1 if d == 2 else 3)
             spin = (
                 [draft.drive(draft.uniform(-0.1, 0.1) / T, T) for _ in about]
