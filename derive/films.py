@@ -11,19 +11,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Add, Expr, Mul, Pow, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
+from sympy import (
+    Add,
+    Dummy,
+    Expr,
+    Mul,
+    Pow,
+    S,
+    Symbol,
+    acosh,
+    asinh,
+    atanh,
+    cosh,
+    coth,
+    diff,
+    exp,
+    fraction,
+    lambdify,
+    log,
+    powsimp,
+    simplify,
+    sinh,
+    tanh,
+    together,
+)
+from sympy.codegen.cfunctions import expm1, log1p
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
-from softdyn.derive.balance import definitions, size
-from softdyn.derive.cones import Normal, dot
+from softdyn.derive.balance import definitions
+from softdyn.derive.cones import Cone, Normal, dot
 from softdyn.derive.forms import force
-from softdyn.derive.law import sample_values, typical_values, without_typical
-from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, is_simple
+from softdyn.derive.law import typical_values, without_typical
+from softdyn.derive.patience import nodes
+from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, directions_of, is_simple, sign_within
 from softdyn.derive.soundness import tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
@@ -50,6 +75,9 @@ class Film:
         Leading form of the relaxation rate, in h_eq (as h) and F; < 0 for an unstable film.
     edge : Expr or None
         The force at the edge, if it is one.
+    found : bool or None
+        Whether a film of this side and stability is among those found in numbers, at the law's typical parameters; None
+        for an edge, or if the law gives none. A regime may be too narrow to be there.
     """
 
     closing: str
@@ -59,6 +87,7 @@ class Film:
     h_eq: Expr | None
     rate: Expr | None
     edge: Expr | None
+    found: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +102,11 @@ class Branch:
     h: tuple[float, ...]
     force: tuple[float, ...]
     rate: tuple[float, ...]
+
+    @property
+    def side(self) -> Side:
+        """Return the side of the plane that it lies on."""
+        return "compression" if self.force[0] > 0 else "tension"
 
 
 @dataclass(frozen=True)
@@ -95,6 +129,11 @@ class Films:
     rate: Expr
     branches: tuple[Branch, ...] | None
 
+    def without_form(self) -> tuple[Branch, ...]:
+        """Return the branches found in numbers that no film in leading form stands for."""
+        kinds = {(film.side, film.stable) for film in self.films}
+        return tuple(branch for branch in self.branches or () if (branch.side, branch.stable) not in kinds)
+
 
 def find_films(diagram: Diagram) -> Films | None:
     """Find the films of a law; None if it has no F_adh."""
@@ -103,7 +142,13 @@ def find_films(diagram: Diagram) -> Films | None:
         return None
     closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a, delta) else None
     films = tuple(film for crossover in diagram.crossovers if (film := _film(diagram, crossover, closed)) is not None)
-    return Films(films, closed, relaxation_rate(law), None if without_typical(law) else branches(law))
+    if without_typical(law):
+        return Films(films, closed, relaxation_rate(law), None)
+    numbers = branches(law)
+    kinds = {(branch.side, branch.stable) for branch in numbers}
+    # both lists are of the same law: where they differ, it is told
+    films = tuple(f if f.stable is None else replace(f, found=(f.side, f.stable) in kinds) for f in films)
+    return Films(films, closed, relaxation_rate(law), numbers)
 
 
 def relaxation_rate(law: ContactLaw) -> Expr:
@@ -117,7 +162,8 @@ def relaxation_rate(law: ContactLaw) -> Expr:
 
 
 def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
-    """Solve expr = value for a positive symbol that occurs in it once; None if it does not, or cannot be undone."""
+    """Solve expr = value for a positive symbol; None if it occurs more than once, or what is done cannot be undone."""
+    expr, value = _in_one_exponential(expr, symbol, value)
     while expr != symbol:
         holding = [part for part in expr.args if part.has(symbol)]
         if len(holding) != 1:
@@ -131,12 +177,37 @@ def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
             value = value ** (1 / expr.exp)
         elif isinstance(expr, exp):
             value = log(value)
-        elif isinstance(expr, log):
-            value = exp(value)
+        elif type(expr) in UNDONE:
+            value = UNDONE[type(expr)](value)
         else:
             return None
         expr = inner
     return powsimp(value)
+
+
+#: What undoes a function of a positive argument.
+UNDONE = {log: exp, sinh: asinh, cosh: acosh, tanh: atanh, expm1: log1p, log1p: expm1}
+
+
+def _in_one_exponential(expr: Expr, symbol: Symbol, value: Expr) -> tuple[Expr, Expr]:
+    """Write expr = value as exp(symbol/length) = ..., where only one power of such an exponential is in it."""
+    written = expr.rewrite(exp) if expr.has(tanh, coth, sinh, cosh, expm1) else expr
+    exponents = list(dict.fromkeys(part.args[0] for part in sorted(written.atoms(exp), key=str) if part.has(symbol)))
+    if not exponents or len(written.atoms(log)) or any(not (diff(one, symbol)).is_nonzero for one in exponents):
+        return expr, value
+    unit = min((abs_ for one in exponents if (abs_ := -one if one.could_extract_minus_sign() else one)), key=nodes)
+    multiples = {one: simplify(one / unit) for one in exponents}
+    smallest = min((abs(m) for m in multiples.values() if m.is_Rational), default=S.Zero)
+    if smallest == 0 or not all(m.is_Rational and (m / smallest).is_Integer for m in multiples.values()):
+        return expr, value
+    y = Dummy("y", positive=True)
+    inside = written.xreplace({exp(one): y ** (m / smallest) for one, m in multiples.items()})
+    if inside.has(symbol):
+        return expr, value
+    top = fraction(together(inside - value))[0].as_poly(y)
+    if top is None or {power for (power,) in top.monoms()} != {0, degree := int(top.degree())} or degree == 0:
+        return expr, value
+    return exp(degree * unit * smallest), simplify(-top.nth(0) / top.LC())
 
 
 # -------------------------------------------------------------------------------------------------- between regimes
@@ -148,13 +219,21 @@ def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film |
     one, other = (diagram.regime(name, side) for name in (crossover.first, crossover.second))
     if not all("dh_dt" in regime.forms and regime.lambda1 is not None for regime in (one, other)):
         return None
-    signs = [_sign(diagram.law, regime.dh_dt) for regime in (one, other)]
-    if signs[0] * signs[1] >= 0:
+    signs = [
+        sign_within(diagram.law, directions_of(diagram), regime.cones[0], regime.forms["dh_dt"].state)
+        for regime in (one, other)
+    ]
+    if None in signs or signs[0] == signs[1]:
         return None
-    closing, opening, inward = (one, other, 1) if signs[0] < 0 else (other, one, -1)
+    closing, opening, inward = (one, other, 1) if signs[0] == -1 else (other, one, -1)
     assert closing.lambda1 is not None
     # larger gaps at the same force: h = R eps^p and delta ~ h^lambda1 with a smaller p
     upward = -inward * (crossover.facet[0] + crossover.facet[1] * closing.lambda1)
+    if upward == 0 and crossover.line.lhs == force and crossover.line.rhs.has(h):
+        # the force of the film depends on the gap by a logarithm: it is stable where that falls
+        face = _face(closing, crossover.facet)
+        slope = diff(SIGN[side] * crossover.line.rhs, h)
+        upward = 0 if face is None else -(sign_within(diagram.law, directions_of(diagram), face, slope) or 0)
     if upward == 0:
         edge = SIGN[side] * crossover.line.rhs if crossover.line.lhs == force else None
         return Film(closing.name, opening.name, side, None, None, None, edge)
@@ -164,15 +243,15 @@ def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film |
         line = crossover.line
         exponential = crossover.quantity == ""  # the film lies there up to logarithms only
         h_eq = line.rhs if line.lhs == h else inverted(line.rhs, h, force)
-        h_eq = None if exponential else h_eq
+        h_eq = None if exponential or line.rhs.has(log) else h_eq
     rate = _leading_rate(diagram, closing, crossover.facet)
     return Film(closing.name, opening.name, side, bool(upward > 0), h_eq, rate, None)
 
 
-def _sign(law: ContactLaw, form: Expr) -> int:
-    """Sign of a leading form, which is the same everywhere in its regime."""
-    value = form.subs(sample_values(law)).subs(dict.fromkeys(form.free_symbols, 1)).evalf()
-    return int(bool(value > 0)) - int(bool(value < 0))
+def _face(regime: Regime, facet: Normal) -> Cone | None:
+    """The part of a facet that one of a regime's cones has."""
+    faces = (tuple(ray for ray in cone if dot(facet, ray) == 0) for cone in regime.cones)
+    return next((face for face in faces if len(face) == len(facet) - 1), None)
 
 
 def _leading_rate(diagram: Diagram, closing: Regime, facet: Normal) -> Expr | None:
@@ -183,27 +262,20 @@ def _leading_rate(diagram: Diagram, closing: Regime, facet: Normal) -> Expr | No
     slopes do not.
     """
     law = diagram.law
-    on_it = [ray for cone in closing.cones for ray in cone if dot(facet, ray) == 0]
-    face = next(
-        (
-            tuple(ray for ray in cone if ray in on_it)
-            for cone in closing.cones
-            if sum(ray in on_it for ray in cone) == len(cone) - 1
-        ),
-        None,
-    )
+    face = _face(closing, facet)
     if law.F_adh.has(a, delta) or "zeta" not in closing.forms or face is None:
         return None
-    directions = {h: (1, 0, 0), size: (0, 1, 0), **{s: (0, 0, n) for s, n in diagram.scales.items()}}
-    scale = scale_of(face, {symbol: normal[: len(face[0])] for symbol, normal in directions.items()}, kept=1)
+    directions = directions_of(diagram)
+    scale = scale_of(face, directions, kept=1)
     try:
         remote, slope = (leading(expand(expr, scale))[1] for expr in (law.F_adh, diff(law.F_adh, h)))
     except UndecidedError:
         return None
     terms = remote.expand().args if remote.expand().is_Add else ()
-    if {_sign(law, term) for term in terms} == {1, -1}:
+    if {sign_within(law, directions, face, term) for term in terms} == {1, -1}:
         return powsimp(-slope / closing.forms["zeta"].leading)
-    return powsimp(-simplify(slope / remote) * _sign(law, remote) * -closing.dh_dt)
+    sign = sign_within(law, directions, face, remote)
+    return None if sign is None else powsimp(-simplify(slope / remote) * sign * -closing.dh_dt)
 
 
 # ------------------------------------------------------------------------------------------------------- in numbers

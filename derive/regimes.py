@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations, count
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Add, Eq, Expr, Mul, Rational, S, Symbol, diff, exp, log, powsimp, simplify
+import mpmath
+from sympy import Add, Eq, Expr, Mul, Rational, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
@@ -42,6 +43,7 @@ from softdyn.derive.balance import QUANTITIES, contact_series, definitions, sett
 from softdyn.derive.cones import (
     Cone,
     Normal,
+    Ray,
     cut,
     dot,
     hull_normals,
@@ -52,9 +54,9 @@ from softdyn.derive.cones import (
     simpler,
 )
 from softdyn.derive.forms import force, joined_logarithms
-from softdyn.derive.law import is_anchored, is_dry, is_rigid, typical_values
+from softdyn.derive.law import is_anchored, is_dry, is_rigid, sample_values, typical_values
 from softdyn.derive.patience import within
-from softdyn.derive.symbols import F, R, a, delta, h
+from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
 from softdyn.derive.witness import inequalities, side_of
 
 if TYPE_CHECKING:
@@ -284,7 +286,7 @@ def _discovered(
     for side in SIGN:
         here = _regimes(law, side, directions, effort, bool(conservative), found)
         with within(effort, OutOfEffortError):
-            met = list(_crossovers(here, directions))
+            met = list(_crossovers(law, here, directions))
             found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
             crossovers += met
             points += _points(here, met)
@@ -296,16 +298,58 @@ def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int
 
     A parameter scales if the law gives a typical value of it, in units of R, E and eta, that is far from 1.
     """
-    scales = {}
-    for symbol, value in typical_values(law).items():
-        decades = -math.log10(abs(float(value))) if value else 0.0
-        if abs(decades) >= SEPARATION:
-            scales[symbol] = round(10 * decades)
-    if not scales:
+    decades = {s: -math.log10(abs(float(value))) for s, value in typical_values(law).items() if value}
+    apart = sorted((s for s in decades if abs(decades[s]) >= SEPARATION), key=lambda s: (decades[s], s.name))
+    if not apart:
         return {h: (1, 0), size: (0, 1)}, {}
+    # what differs by less than that is of one order: exp(s0/ell) is not infinite for s0 = 2 ell
+    alike: list[list[Symbol]] = []
+    for symbol in apart:
+        if alike and decades[symbol] - decades[alike[-1][-1]] < SEPARATION:
+            alike[-1].append(symbol)
+        else:
+            alike.append([symbol])
+    scales: dict[Symbol, int] = {}
+    for group in alike:
+        mean = sum(decades[symbol] for symbol in group) / len(group)
+        scales |= dict.fromkeys(group, round(2 * mean) or (1 if mean > 0 else -1))
     whole = primitive(list(scales.values()))
     scales = dict(zip(scales, whole, strict=True))
     return {h: (1, 0, 0), size: (0, 1, 0), **{symbol: (0, 0, power) for symbol, power in scales.items()}}, scales
+
+
+def directions_of(diagram: Diagram) -> dict[Symbol, Normal]:
+    """Exponents of h, delta and the parameters as linear forms of the axes of a diagram's cones."""
+    scales = {symbol: (0, 0, power) for symbol, power in diagram.scales.items()}
+    return {h: (1, 0, 0), size: (0, 1, 0), **scales} if scales else {h: (1, 0), size: (0, 1)}
+
+
+#: Powers of ten that eps has gone through where a sign is taken: it must be the same at all of them.
+SIGN_DECADES = (60, 600, 6000)
+
+
+def sign_within(law: ContactLaw, directions: Mapping[Symbol, Normal], cone: Cone, state: Expr) -> int | None:
+    """Sign of a leading form in h and delta within a cone; None if it has none, as where a logarithm changes it.
+
+    A logarithm has the sign that it has along an inner ray of the cone, not that of any numbers.
+    """
+    inner = [sum(parts) for parts in zip(*cone, strict=True)]
+    arguments = sorted(state.free_symbols, key=str)
+    function = lambdify(arguments, state, "mpmath", dummify=True)
+    own = {symbol: mpmath.mpf(value.p) / value.q for symbol, value in sample_values(law).items()}
+    signs = set()
+    with mpmath.workdps(50):
+        for decades in SIGN_DECADES:
+            scaled = {s: mpmath.mpf(10) ** (-decades * dot(along, inner)) for s, along in directions.items()}
+            known = {**dict.fromkeys(COMMON_PARAMETERS, mpmath.mpf(1)), **own, **scaled}
+            try:
+                value = mpmath.mpmathify(function(*(known[symbol] for symbol in arguments)))
+            except (ZeroDivisionError, ValueError, OverflowError):
+                return None
+            if not isinstance(value, mpmath.mpf) or not mpmath.isfinite(value) or value == 0:
+                return None
+            signs.add(1 if value > 0 else -1)
+    return signs.pop() if len(signs) == 1 else None
 
 
 def is_conservative(law: ContactLaw) -> bool | None:
@@ -623,7 +667,7 @@ def _exponents(monomial: Expr, regime: Regime, directions: Mapping[Symbol, Norma
 # --------------------------------------------------------------------------------------------------------- crossovers
 
 
-def _crossovers(regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) -> Iterator[Crossover]:
+def _crossovers(law: ContactLaw, regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) -> Iterator[Crossover]:
     for one, other in combinations(regimes, 2):
         if not (one.forms and other.forms):
             continue
@@ -631,7 +675,9 @@ def _crossovers(regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) 
             facet = [ray for cone in one.cones for ray in cone if dot(normal, ray) == 0]
             on_it = primitive([sum(parts) for parts in zip(*facet, strict=True)])
             lines = {
-                name: line for name in MEETING if (line := _meeting(name, one, other, directions, on_it)) is not None
+                name: line
+                for name in MEETING
+                if (line := _meeting(law, name, one, other, directions, on_it)) is not None
             }
             if not lines:
                 guess = _line_of(normal, directions)
@@ -644,7 +690,7 @@ def _crossovers(regimes: Sequence[Regime], directions: Mapping[Symbol, Normal]) 
 
 
 def _meeting(
-    name: str, one: Regime, other: Regime, directions: Mapping[Symbol, Normal], on_facet: tuple[int, ...]
+    law: ContactLaw, name: str, one: Regime, other: Regime, directions: Mapping[Symbol, Normal], on_facet: Ray
 ) -> Eq | None:
     """Where the leading forms of a quantity in two regimes have the same size, if that is on the facet given."""
     if name not in one.forms or name not in other.forms:
@@ -652,14 +698,16 @@ def _meeting(
     ratio = powsimp(one.forms[name].leading / other.forms[name].leading)
     if not ratio.free_symbols or _order_at(ratio, one, on_facet, directions) != 0:
         return None
-    ratio = -ratio if ratio.could_extract_minus_sign() else ratio
     for symbol in (force, h):
         if symbol in ratio.free_symbols:
             rest, dependent = ratio.as_independent(symbol, as_Add=False)
             base, power = dependent.as_base_exp()
             if base != symbol or not is_simple(power):
                 return None
-            return Eq(symbol, _tidy((1 / rest) ** (1 / power)), evaluate=False)
+            sign = sign_within(law, directions, (on_facet,), rest)
+            if sign is None:
+                return None
+            return Eq(symbol, _tidy((sign / rest) ** (1 / power)), evaluate=False)
     return None
 
 

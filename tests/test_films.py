@@ -9,11 +9,11 @@ from typing import Any
 import mpmath
 import pytest
 from exactly import deflection, quantities
-from sympy import Expr, Rational, Symbol, exp, lambdify, sqrt
+from sympy import Expr, Rational, Symbol, asinh, coth, exp, lambdify, log, pi, sinh, sqrt, tanh
 from test_regimes import changed
 
-from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, h
-from softdyn.derive.films import GAPS, Film, Films, branches, find_films
+from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, eta, h
+from softdyn.derive.films import GAPS, Film, Films, branches, find_films, inverted
 from softdyn.derive.forms import force
 from softdyn.derive.law import typical_values
 from softdyn.derive.regimes import discover
@@ -106,6 +106,87 @@ def test_a_film_in_closed_form_carries_the_force(name: str) -> None:
         gap = number(film.h_eq, {**own, force: pressed})
         assert law.F_adh.subs({**own, h: gap, E: 1, R: 1}).evalf() == pytest.approx(sign * pressed, rel=1e-12)
         assert film.stable is (name != "attractive")
+
+
+x = h / ell
+repelling = {"parameters": {A: FORCE, ell: LENGTH}, "typical": {A: E * R**2 / 10**4, ell: R / 1000}}
+constant_charge = {
+    "parameters": {B: FORCE / LENGTH**2, ell: LENGTH}, "typical": {B: E / 1000, ell: R / 1000},
+}  # fmt: skip
+slip = {
+    "F_adh": A * exp(-x),
+    "zeta": 2 * pi * eta * R**2 / far * ((1 + h / (6 * far)) * log(1 + 6 * far / h) - 1),
+    "parameters": {A: FORCE, ell: LENGTH, far: LENGTH},
+    "typical": {A: E * R**2 / 10**4, ell: R / 1000, far: R / 100},
+}
+#: Laws that repel at every gap, less so the wider it is.
+REPEL: dict[str, dict[str, Any]] = {
+    "constant charge": {"F_adh": -pi * R * ell * B * log(1 - exp(-x)), **constant_charge},
+    "constant charge, written otherwise": {"F_adh": pi * R * ell * B * log(1 / (1 - exp(-x))), **constant_charge},
+    "on the area": {"F_adh": -pi * a**2 * B * log(1 - exp(-x)), **constant_charge},
+    "on the area, written otherwise": {"F_adh": pi * a**2 * B * log(1 / (1 - exp(-x))), **constant_charge},
+    "mobile surfaces": {"F_adh": A * exp(-x), "zeta": eta * R * log(1 + R / h), **repelling},
+    "surfaces that slip": slip,
+    "hydration": {
+        "F_adh": A * exp(-(h - far) / ell),
+        "parameters": {A: FORCE, ell: LENGTH, far: LENGTH},
+        "typical": {A: E * R**2 / 10**4, ell: R / 1000, far: R / 500},
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(REPEL))
+def test_what_repels_at_every_gap_has_films_in_compression(name: str) -> None:
+    """Signs are taken within a regime: log(ell/h) is positive below ell, whatever numbers ell and h are."""
+    found = find_films(discover(changed(**REPEL[name])))
+    assert found is not None
+    assert found.branches
+    assert {branch.side for branch in found.branches} == {film.side for film in found.films} == {"compression"}
+    assert not found.without_form()
+    stable = [film for film in found.films if film.stable]
+    assert stable
+    assert all(film.found for film in stable)
+    # on the area a film may be unstable, where delta << h << ell, a strip that is not there at the typical values
+    assert all(film.stable is not False or (film.found is False and "area" in name) for film in found.films)
+
+
+CLOSED: dict[str, tuple[Expr, Expr]] = {
+    "exponential": (A * exp(-x), ell * log(A / force)),
+    "coth": (A * (coth(x / 2) - 1), ell * log(1 + 2 * A / force)),
+    "Bose": (2 * A * exp(-x) / (1 - exp(-x)), ell * log(1 + 2 * A / force)),
+    "tanh": (A * (1 - tanh(x)), ell * log(2 * A / force - 1) / 2),
+    "sinh": (A / sinh(x), ell * asinh(A / force)),
+    "log": (-A * log(1 - exp(-x)), -ell * log(1 - exp(-force / A))),
+    "power": (A / x**2, ell * sqrt(A / force)),
+}
+
+
+@pytest.mark.parametrize("name", list(CLOSED))
+def test_a_film_is_in_closed_form_where_there_is_one(name: str) -> None:
+    """And carries the force: F_adh(h_eq(F)) = F."""
+    remote, expected = CLOSED[name]
+    found = inverted(remote, h, force)
+    assert found is not None
+    for strength in (Rational(1, 10), Rational(3, 4)):
+        at = {A: Rational(7, 5), ell: Rational(1, 30), force: strength}
+        gap = found.subs(at).evalf(30)
+        assert abs(gap / expected.subs(at).evalf(30) - 1) < 1e-25
+        assert abs(remote.subs(h, gap).subs(at).evalf(30) / strength - 1) < 1e-25
+
+
+def test_what_has_no_closed_form_is_not_inverted() -> None:
+    for remote in (A * exp(-x) - B / h, A * exp(-x) * (1 + x), A * exp(-x) + A * exp(-h / far), A * (x + x**2)):
+        assert inverted(remote, h, force) is None
+
+
+def test_films_without_a_leading_form_and_forms_without_a_film_are_told() -> None:
+    """The two lists are of one law: where they differ, the text says so."""
+    found = films_of("power")
+    (film,) = {film.side: film for film in found.films if film.stable}.values()
+    text = regimes_text(discover(law_of("power")), replace(found, films=(replace(film, stable=False, found=False),)))
+    assert "none such at the typical parameters" in text
+    assert "found in numbers only" in text
 
 
 def number(form: Expr, at: dict[Symbol, Any]) -> float:

@@ -532,7 +532,8 @@ def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
                 "side": film.side,
                 "closing": film.closing,
                 "opening": film.opening,
-                "stable": {True: "stable", False: "unstable", None: "edge"}[film.stable],
+                "stable": {True: "stable", False: "unstable", None: "edge"}[film.stable]
+                + (", but none such at the typical parameters" if film.found is False else ""),
                 "gap": None if film.h_eq is None else show(to_latex(film.h_eq), film.h_eq),
                 "rate": leading(film),
                 "edge": None if film.edge is None else _line(F, film.edge, law, show),

@@ -204,7 +204,8 @@ def _film_lines(films: Films, unit: Expr) -> Iterator[str]:
             continue
         gap = f", h_eq ~ {plain(film.h_eq, unit)}" if film.h_eq is not None and films.h_eq is None else ""
         rate = f", rate ~ {plain(film.rate, unit)}" if film.rate is not None else ""
-        yield f"{between}{'stable' if film.stable else 'unstable'}{gap}{rate}"
+        there = "; none such at the typical parameters" if film.found is False else ""
+        yield f"{between}{'stable' if film.stable else 'unstable'}{gap}{rate}{there}"
     if films.branches is None:
         yield "  in numbers: unknown, since the law gives no typical values of all of its parameters"
     elif films.branches:
@@ -213,6 +214,7 @@ def _film_lines(films: Films, unit: Expr) -> Iterator[str]:
         yield (
             f"    {'stable' if branch.stable else 'unstable':9} h_eq {branch.h[0]:.3g} to {branch.h[-1]:.3g}, "
             f"F {branch.force[0]:.3g} to {branch.force[-1]:.3g}, rate {branch.rate[0]:.3g} to {branch.rate[-1]:.3g}"
+            + ("; found in numbers only, no leading form is known" if branch in films.without_form() else "")
         )
 
 
