@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -23,8 +24,11 @@ from softdyn.particles.system import System, contact_state, works
 
 Array = NDArray[np.float64]
 
-#: Gauss's rule on a ramp from 0 to 1.
+#: Gauss's rule on a ramp from 0 to 1; and the most panels that it is cut into.
+MOST_PANELS = 128
 _RAMP = tuple((1 + points) / 2 if k == 0 else points / 2 for k, points in enumerate(np.polynomial.legendre.leggauss(8)))
+#: Change of the work of a jump, relative to it and to rtol, at which panels are small enough.
+SETTLED = 0.1
 #: Relative change of a gap in the first step, in units of the root of rtol of which the error of a step is the power.
 FIRST_CHANGE = 0.5
 
@@ -111,7 +115,8 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
     """Go on behind a kink or a jump of what is given: rates before it are no rates behind it.
 
     A jump of the forces moves particles that nothing resists at once, at the gaps as they are. The work of the forces
-    is that of a fast ramp, W = [F x] - (jump of F) . integral of x over the ramp, by Gauss's rule.
+    is that of a fast ramp, W = [F x] - (jump of F) . integral of x over the ramp, by Gauss's rule on panels. Where
+    forces change their sign on the way x has kinks: panels are halved until it makes no difference.
 
     Raises
     ------
@@ -125,13 +130,26 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
     require_balanced(replace(system, force=_held(after)), state)
     jump, stored = after - before, stored_energy(system, state)
     start = np.pad(state.x, ((0, 0), (0, after.shape[1] - state.x.shape[1])))
-    work = 0.0
+
+    def by_panels(count: int) -> tuple[float, float]:
+        """The second term, and the sum of its sizes."""
+        total, size = 0.0, 0.0
+        for panel in range(count):
+            for point, weight in zip(*_RAMP, strict=True):
+                # slow at both ends, where a contact may have no force yet
+                s = (panel + point) / count
+                part, rate = s**2 * (3 - 2 * s), 6 * s * (1 - s)
+                found = relaxed(replace(system, force=_held(before + part * jump)), newton, state)
+                here = weight / count * rate * (jump * (found.x - start))
+                total, size = total - float(here.sum()), size + float(np.abs(here).sum())
+        return total, size
+
     try:
-        for s, weight in zip(*_RAMP, strict=True):
-            # slow at both ends, where a contact may have no force yet
-            part, rate = s**2 * (3 - 2 * s), 6 * s * (1 - s)
-            found = relaxed(replace(system, force=_held(before + part * jump)), newton, state)
-            work -= weight * rate * float(np.sum(jump * (found.x - start)))
+        (work, size), panels, change = by_panels(1), 1, math.inf
+        while panels < MOST_PANELS and change > SETTLED * system.rtol * size:
+            panels *= 2
+            finer, size = by_panels(panels)
+            work, change = finer, abs(finer - work)
         found = relaxed(replace(system, force=_held(after)), newton, state)
     except (StepFailed, linear.Indefinite) as error:
         raise IntegrationError(
