@@ -16,6 +16,7 @@ import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache as memoize
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -37,8 +38,9 @@ def folder() -> Path:
     SceneError
         If it cannot be made, belongs to somebody else, or others can write to it or replace it.
     """
-    if os.environ.get(VARIABLE):
-        path = Path(os.environ[VARIABLE]).expanduser().absolute()
+    chosen = os.environ.get(VARIABLE)
+    if chosen:
+        path = _absolute(chosen) if os.path.isabs(chosen) else Path(chosen).expanduser().absolute()
     else:
         import platformdirs
 
@@ -64,8 +66,19 @@ def folder() -> Path:
 _safe: dict[Path, tuple[tuple[int, int], ...]] = {}
 
 
+@memoize
+def _absolute(path: str) -> Path:
+    return Path(path)
+
+
 def _permissions(path: Path) -> tuple[tuple[int, int], ...]:
-    return tuple((info.st_mode, info.st_uid) for info in map(os.lstat, (path, *path.parents)))
+    return tuple((info.st_mode, info.st_uid) for info in map(os.lstat, _levels(path)))
+
+
+@memoize
+def _levels(path: Path) -> tuple[str, ...]:
+    """A folder and those above it, as the system takes them."""
+    return tuple(map(str, (path, *path.parents)))
 
 
 def _make(path: Path) -> None:
@@ -189,11 +202,12 @@ def read(kind: str, key: str) -> Path | None:
     path = folder() / kind / key
     try:
         stand = stand_of(path)
-        if _whole.get(path) == stand:
+        if found_as(path) == stand:
             return path
         require_own(path.parent, "the folder of the kernel cache")
         require_own(path, "the entry of the kernel cache")
-        digests: Mapping[str, str] = note(path)["digests"]
+        noted = _read_note(path)
+        digests: Mapping[str, str] = noted["digests"]
         if not isinstance(digests, dict):
             return None
         _require_own_entry(path, {**digests, "entry.json": ""})
@@ -202,12 +216,18 @@ def read(kind: str, key: str) -> Path | None:
                 return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
-    _whole[path] = stand
+    _whole[path] = stand, noted
     return path
 
 
-#: Entries that this process has found whole, and how they then stood.
-_whole: dict[Path, Stand] = {}
+#: Entries that this process has found whole: how they then stood, and what was noted of them.
+_whole: dict[Path, tuple[Stand, Mapping[str, Any]]] = {}
+
+
+def found_as(path: Path) -> Stand | None:
+    """How an entry stood when :func:`read` last found it whole: while that is so, nothing in it has changed."""
+    known = _whole.get(path)
+    return None if known is None else known[0]
 
 
 def stand_of(path: Path) -> Stand:
@@ -230,7 +250,11 @@ def _of_file(info: os.stat_result) -> tuple[int, ...]:
 
 
 def note(entry: Path) -> Mapping[str, Any]:
-    """What was noted of an entry as it was published."""
+    """What was noted of an entry as it was published, which :func:`read` has found whole."""
+    return _whole[entry][1] if entry in _whole else _read_note(entry)
+
+
+def _read_note(entry: Path) -> Mapping[str, Any]:
     noted: Mapping[str, Any] = json.loads((entry / "entry.json").read_text(encoding="utf-8"))
     return noted
 
@@ -249,6 +273,7 @@ def publish(
     """
     parent = folder() / kind
     target = parent / key
+    _whole.pop(target, None)
     try:
         parent.mkdir(mode=0o700, exist_ok=True)
         require_own(parent, "the folder of the kernel cache")
@@ -276,6 +301,7 @@ def publish(
 def evict(kind: str, key: str) -> None:
     """Take an entry out that turned out to be of no use; that of another process's may be there at once."""
     target = folder() / kind / key
+    _whole.pop(target, None)
     with suppress(OSError), _locked(folder() / f"{kind}.lock"):
         aside = Path(tempfile.mkdtemp(prefix=".", dir=target.parent))
         try:

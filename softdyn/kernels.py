@@ -78,6 +78,10 @@ class Kernel:
     ranges: Mapping[str, Range]
 
 
+#: Functions of kernels that this process has loaded, and how their entries then stood.
+_functions: dict[Path, tuple[cache.Stand | None, Functions]] = {}
+
+
 def choose_target(target: str) -> str:
     """Resolve "auto": C where there is a compiler, else numba, which is said on stderr.
 
@@ -133,7 +137,14 @@ def get_kernel(
     }
     manifest = manifest_of(find(law), target, needs, "manifest", make_manifest)
     back_end = importlib.import_module(f"softdyn.targets.{target}")
-    key, entry, functions = loaded(target, manifest, Functions._fields, back_end.load)
+
+    def load(entry: Path, manifest: Mapping[str, Any]) -> Functions:
+        stand, known = cache.found_as(entry), _functions.get(entry)
+        if stand is None or known is None or known[0] != stand:
+            known = _functions[entry] = stand, back_end.load(entry, manifest)
+        return known[1]
+
+    key, entry, functions = loaded(target, manifest, Functions._fields, load)
     return Kernel(
         law=manifest["name"],
         target=target,
@@ -182,7 +193,7 @@ def loaded(
     """
     back_end = importlib.import_module(f"softdyn.targets.{target}")
     name, source, made_by = manifest["name"], manifest["source"], back_end.identity()
-    key = cache.key_of(source, made_by)
+    key = _key_of(source, made_by)
     entry = cache.read(target, key)
     if entry is not None:
         try:
@@ -194,6 +205,21 @@ def loaded(
     files = back_end.build(name, source, made_by, functions)
     entry = cache.publish(target, key, files, {"made_by": made_by, "loads": True})
     return key, entry, load(entry, manifest)
+
+
+#: Keys of kernels by their sources, with what they are made by.
+_keys: dict[str, tuple[Mapping[str, Any], str]] = {}
+
+
+def _key_of(source: str, made_by: Mapping[str, Any]) -> str:
+    """Key of a compiled kernel. A digest of the source and of all macros of a compiler takes longer than a short run.
+
+    What a kernel is made by is looked up once in a process, and is the same object ever after.
+    """
+    known = _keys.get(source)
+    if known is None or known[0] is not made_by:
+        known = _keys[source] = made_by, cache.key_of(source, made_by)
+    return known[1]
 
 
 @memoize
@@ -233,13 +259,25 @@ def manifest_of(
     entry = cache.read("manifests", key)
     if entry is not None:
         with suppress(OSError):  # another process may replace it in this very moment
-            manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
+            manifest = _manifest_in(entry)
             if all(digest(file) == expected for file, expected in manifest["depends"].items()):
                 return manifest
     manifest = make(reference, target, needs)
     out_of_date = entry is not None
     cache.publish("manifests", key, {"manifest.json": json.dumps(manifest).encode()}, replace=out_of_date)
     return manifest
+
+
+#: Manifests that this process has read, and how their entries then stood.
+_manifests: dict[Path, tuple[cache.Stand | None, dict[str, Any]]] = {}
+
+
+def _manifest_in(entry: Path) -> dict[str, Any]:
+    """The manifest of an entry that was found whole, read once while it stands as it did."""
+    stand, known = cache.found_as(entry), _manifests.get(entry)
+    if known is None or known[0] != stand:
+        known = _manifests[entry] = stand, json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
+    return known[1]
 
 
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:

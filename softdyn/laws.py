@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,6 +70,11 @@ def stock_laws() -> dict[str, str]:
     return found
 
 
+@cache
+def _stock_names() -> tuple[str, ...]:
+    return tuple(path.stem for path in STOCK_FOLDER.glob("*.py") if path.stem != "__init__")
+
+
 def find(law: Any) -> LawReference:
     """Resolve what the user wrote, or handed over, to a reference.
 
@@ -94,7 +100,7 @@ def find(law: Any) -> LawReference:
         if not found:
             raise SceneError(f"law {text!r}: there is no file {path}")
         return LawReference(text, path, name)
-    known = [path.stem for path in STOCK_FOLDER.glob("*.py") if path.stem != "__init__"]
+    known = _stock_names()
     if text not in known:
         near = get_close_matches(text, known, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"

@@ -459,6 +459,22 @@ def test_a_cached_kernel_is_neither_derived_nor_compiled_again(
     assert build(law).key == first.key
 
 
+def test_a_process_loads_a_kernel_once_while_it_stands_as_it_did(
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is parsed or loaded again; but where others could come to write, it is refused all the same."""
+    build("rognon_gay")
+    first = build("rognon_gay")
+    with monkeypatch.context() as patch:
+        patch.setattr(cache, "_read_note", lambda *_: pytest.fail("parsed again"))
+        patch.setattr(kernels.json, "loads", lambda *_: pytest.fail("parsed again"))
+        patch.setattr(c_target, "library_of", lambda *_: pytest.fail("loaded again"))
+        assert build("rognon_gay").functions is first.functions
+    first.path.parent.chmod(0o777)
+    with pytest.raises(SceneError, match="can be written by others"):
+        build("rognon_gay")
+
+
 def test_a_cached_kernel_needs_no_sympy(empty_cache: Path, tmp_path: Path) -> None:
     law = write_law(tmp_path)
     build(law)

@@ -6,6 +6,7 @@ import importlib.util
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache as memoize
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +24,7 @@ def available() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
+@memoize
 def identity() -> dict[str, Any]:
     """Return versions; the machine's instruction set is part of numba's own key."""
     try:
