@@ -17,7 +17,7 @@ from contextlib import suppress
 from typing import TextIO
 
 import softdyn
-from softdyn.errors import SoftdynError
+from softdyn.errors import SoftdynError, lacks_memory
 from softdyn.signals import Terminated, terminable
 
 DONE, REFUTED, REFUSED, EXHAUSTED, FAULT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 70, 130, 143
@@ -92,8 +92,8 @@ def explained(error: Exception, arguments: Sequence[str] = ()) -> tuple[int, str
     """Exit status and message of an error."""
     if isinstance(error, SoftdynError):
         return REFUSED, str(error)
-    if isinstance(error, MemoryError):
-        said = f": {error}" if str(error) else ""
+    if isinstance(error, MemoryError) or (isinstance(error, (ImportError, OSError)) and lacks_memory(error)):
+        said = f": {error}" if isinstance(error, MemoryError) and str(error) else ""
         return EXHAUSTED, f"there is not enough memory for this{said}; ask for fewer outputs, runs or particles"
     if isinstance(error, RecursionError):
         return EXHAUSTED, "an expression is nested too deeply: write it in fewer levels, or a sum as a table"

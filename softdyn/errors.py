@@ -41,3 +41,16 @@ class IntegrationError(SoftdynError):
     """
 
     partial: object = None
+
+
+#: How systems say that there is not enough memory to load a library, or to start a process.
+_OF_MEMORY = ("failed to map segment", "cannot allocate memory", "not enough memory", "memoryerror")
+
+
+def lacks_memory(words: object) -> bool:
+    """Whether an error, by its words and those of its causes, is one of too little memory."""
+    said = [str(words)]
+    while isinstance(words, BaseException):
+        words = words.__cause__ or words.__context__
+        said.append(str(words))
+    return any(part in one.casefold() for one in said for part in _OF_MEMORY)

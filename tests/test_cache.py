@@ -21,6 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from softdyn import cache, kernels
+from softdyn.endings import EXHAUSTED, explained
 from softdyn.errors import CompileError, SceneError
 from softdyn.kernels import Kernel, choose_target, get_kernel
 from softdyn.targets import c as c_target
@@ -473,6 +474,28 @@ def test_a_process_loads_a_kernel_once_while_it_stands_as_it_did(
     first.path.parent.chmod(0o777)
     with pytest.raises(SceneError, match="can be written by others"):
         build("rognon_gay")
+
+
+def test_too_little_memory_to_load_a_library_is_told_and_costs_no_entry(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a loader says of it, under a limit of the address space, is no fault of the library's."""
+    law = write_law(tmp_path)
+    first = build(law)
+
+    def full(path: str) -> None:
+        raise OSError(f"{path}: failed to map segment from shared object")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ctypes, "CDLL", full)
+        patch.setattr(kernels, "_functions", {})
+        with pytest.raises(MemoryError, match="a kernel cannot be loaded"):
+            build(law)
+    assert explained(MemoryError("a kernel cannot be loaded"))[0] == EXHAUSTED
+    missing = ImportError("numpy is broken: libm.so.6: failed to map segment from shared object")
+    assert explained(missing)[0] == EXHAUSTED
+    assert cache.read("c", first.key) is not None
+    assert build(law).key == first.key
 
 
 def test_a_cached_kernel_needs_no_sympy(empty_cache: Path, tmp_path: Path) -> None:

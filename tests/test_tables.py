@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from softdyn import tables
-from softdyn.errors import SceneError
-from softdyn.particles import read_particles
+import softdyn
+from softdyn import particles, tables
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.particles import Push, read_particles
 from softdyn.scene import read_scene, read_table
 
 SEPARATORS = st.sampled_from([",", ";", "\t", " ", "   ", ", ", " ; "])
@@ -257,6 +259,28 @@ def test_a_table_has_a_largest_number_of_rows(tmp_path: Path, monkeypatch: pytes
     path = saved(tmp_path, "".join(f"{k},1\n" for k in range(101)))
     with pytest.raises(SceneError, match="more than 100 rows"):
         read_table(path)
+
+
+def test_more_rows_than_a_run_may_take_steps_are_refused_before_it_starts() -> None:
+    """Ten million that differ: within a second, by number and remedy; equal ones say nothing, and cost nothing."""
+    t, F = np.arange(1e7), 1e-2 + 1e-3 * (np.arange(10_000_000) % 3)
+    pair = {"law": "rognon_gay", "parameters": {"R": 1.0, "E": 1.0, "eta": 1.0}, "h": 1.0}
+    softdyn.simulate(**pair, force=(t[:3], F[:3]), until_t=1.0, times=2)
+    for end in ({"until_t": 9e6, "times": 3}, {"until_h": 1e-3}):
+        began = time.process_time()
+        with pytest.raises(SceneError, match=r"rows between t = 0 and \S+, .* 2000000 steps at most"):
+            softdyn.simulate(**pair, force=(t, F), **end)
+        assert time.process_time() - began < 1.0
+    assert softdyn.simulate(**pair, force=(t, F), until_t=1e3, times=2).stats["steps"] >= 999
+    softdyn.simulate(**pair, force=(t, np.full(len(t), 1e-2)), until_t=9e6, times=2)
+    push = Push([0], [(t[:1_500_000], F[:1_500_000])])
+    with pytest.raises(IntegrationError, match=r"kinks before t=1.5e\+06.* 1000000 steps at most"):
+        particles.simulate(
+            particles.ParticleScene(
+                law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, positions=[[0.0]], radii=1.0, drag=1.0,
+                pushes=[push], until=1.499999e6,
+            )
+        )  # fmt: skip
 
 
 MESSY = st.one_of(

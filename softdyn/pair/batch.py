@@ -29,6 +29,7 @@ from softdyn.pair.run import (
     PULLED,
     kernel_needs,
     model_warnings,
+    require_few_rows,
     simulate_pair,
     step_rtol,
 )
@@ -235,6 +236,7 @@ def _together(
     runs = len(points)
     first = _first_sound(scene, points)
     drive = drive_of(first)
+    require_few_rows(first, drive)
     constants = _constants(scene, varied, points, drive)
     if constants is None:
         return None

@@ -89,6 +89,7 @@ def simulate_pair(
     start = time.perf_counter()
     if scene.until_t is not None and scene.until_t <= drive.start:
         raise SceneError(f"[until] t = {scene.until_t:g} is not after the start, t = {drive.start:g}")
+    require_few_rows(scene, drive)
 
     if kernel.dry and (scene.until_t is None or scene.gaps is not None or scene.method == "quadrature"):
         raise SceneError(
@@ -140,6 +141,28 @@ def simulate_pair(
             *_unresolved(drive, stats),
         ),
     )
+
+
+def require_few_rows(scene: Scene, drive: Drive) -> None:
+    """Refuse a table with more rows than a run may take steps, before it is run: a step ends at each.
+
+    Raises
+    ------
+    SceneError
+        Naming how many there are, and by when there would be as many as there may be.
+    """
+    if drive.table is None or len(drive.table.t) <= MOST_STEPS:
+        return
+    t = drive.table.t
+    end = t[-1] if scene.until_t is None else scene.until_t
+    inside = int(np.searchsorted(t, end) - np.searchsorted(t, drive.start, side="right"))
+    if inside >= MOST_STEPS:
+        raise SceneError(
+            f"[drive] {drive.control}: the table has {inside} rows between t = {drive.start:g} and {end:g}, without "
+            f"those that only repeat a value, a step ends at each, and a run takes {MOST_STEPS} steps at most: end it "
+            f"by [until] t = {t[MOST_STEPS - 1]:.6g} or before, or take fewer rows (every "
+            f"{math.ceil(len(t) / MOST_STEPS) + 1}th, or means)"
+        )
 
 
 def kernel_parameters(scene: Scene, kernel: Kernel, drive: Drive) -> Array:

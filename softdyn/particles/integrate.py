@@ -64,6 +64,13 @@ def integrate(
     system = present(system, state)
     until, grow, recovery = float(scene.until), LARGEST_GROWTH, math.inf
     goals = np.append(breaks(system), until)
+    within = int(np.searchsorted(goals, until))
+    if within > MOST_STEPS:
+        raise IntegrationError(
+            f"what is given has {within} kinks before t={until:.6g}, as the rows of its tables are, a step ends at "
+            f"each, and a run takes {MOST_STEPS} steps at most: give tables fewer rows, or end the run at "
+            f"t={goals[MOST_STEPS - 1]:.6g} or before"
+        )
     if not state.frames and checked.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
         _look_at_start(system, state)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from softdyn.errors import CompileError
+from softdyn.errors import CompileError, lacks_memory
 from softdyn.targets import Functions, LoadError
 
 #: IEEE arithmetic throughout: no -ffast-math. Contraction to fused operations is off, so that every machine and both
@@ -40,6 +40,10 @@ FAST_FLAGS = frozenset(
 )
 #: Loads a library and looks functions up, in a process of its own: one that is cut short kills the process.
 TRIAL = "import ctypes, sys; library = ctypes.CDLL(sys.argv[1]); [getattr(library, name) for name in sys.argv[2:]]"
+
+
+#: What there is not enough memory for.
+NO_ROOM = "a kernel cannot be loaded"
 
 
 @cache
@@ -135,6 +139,8 @@ def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequenc
         if done.returncode != 0 or not library.is_file():
             raise CompileError(f"the C compiler failed:\n  {shlex.join(command)}\n{_words(done)}")
         fault = _fault_of(library, [f"{name}_{function}" for function in functions])
+        if lacks_memory(fault):
+            raise MemoryError(NO_ROOM)
         if fault:
             raise CompileError(f"the C compiler made a library that does not load:\n  {shlex.join(command)}\n{fault}")
         return {f"{name}.c": source.encode(), f"{name}.so": library.read_bytes()}
@@ -164,6 +170,8 @@ def check(folder: Path, name: str, functions: Sequence[str]) -> None:
     LoadError
     """
     fault = _fault_of(folder / f"{name}.so", [f"{name}_{function}" for function in functions])
+    if lacks_memory(fault):
+        raise MemoryError(NO_ROOM)
     if fault:
         raise LoadError(f"cannot load the kernel {folder / name}.so: {fault}")
 
@@ -182,10 +190,13 @@ def library_of(folder: Path, name: str) -> ctypes.CDLL:
     Raises
     ------
     LoadError
+    MemoryError
     """
     try:
         return ctypes.CDLL(str(folder / f"{name}.so"))
     except OSError as error:
+        if lacks_memory(error):  # no fault of the library's
+            raise MemoryError(NO_ROOM) from None
         raise LoadError(f"cannot load the kernel {folder / name}.so: {error}") from None
 
 
