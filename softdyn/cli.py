@@ -138,6 +138,12 @@ def _parser() -> argparse.ArgumentParser:
     check = add("check", _check, "prove or disprove the limits that a law claims")
     check.add_argument("law", metavar="LAW", help=A_LAW)
     check.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    check.add_argument(
+        "--certificates", metavar="FILE", type=Path, help="write certificates of what is proved too, for softdyn verify"
+    )
+
+    verify = add("verify", _verify, "check certificates of limits, independently of what wrote them")
+    verify.add_argument("certificates", metavar="FILE", type=Path, help="as softdyn check --certificates writes it")
 
     regimes = add("regimes", _regimes, "find the asymptotic regimes of a law, and the crossovers between them")
     regimes.add_argument("law", metavar="LAW", help=A_LAW)
@@ -322,6 +328,8 @@ def _check(options: argparse.Namespace) -> int:
         from softdyn.study.tables import limits_data, limits_text
 
         findings = check_limits(law)
+    if options.certificates is not None:
+        _write_certificates(law, options.certificates, findings)
     proved = sum(finding.verdict == "proved" for finding in findings)
     data = limits_data(law.name, findings)
     if options.json:
@@ -332,6 +340,42 @@ def _check(options: argparse.Namespace) -> int:
         print(limits_text(law.name, findings), end="")
         print(", ".join(f"{data[v]} {v}" for v in ("proved", "disproved", "undecided") if data[v]))
     return 0 if proved == len(findings) else 1
+
+
+def _write_certificates(law: Any, path: Path, findings: Any) -> None:
+    """Of the claims that are proved, as far as there are certificates; which have none is told, with the reason."""
+    from softdyn.derive.certificate import certificates
+    from softdyn.results import written_whole
+
+    proved = {(finding.limit, finding.quantity) for finding in findings if finding.verdict == "proved"}
+    made, without = certificates(law, proved)
+    with written_whole(path) as temporary:
+        temporary.write_text(json.dumps({"certificates": made, "without": without}, indent=1) + "\n", encoding="utf-8")
+    print(f"{path}: certificates of {len(made)} of {len(proved)} claims that are proved", file=sys.stderr)
+    for claim, reason in without:
+        print(f"  none of {claim}: {reason}", file=sys.stderr)
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from softdyn.certificate_checker import Refused, check_certificate
+
+    try:
+        entries = list(json.loads(options.certificates.read_text(encoding="utf-8"))["certificates"])
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise SceneError(f"{options.certificates} holds no certificates: {error}") from None
+    hold = 0
+    for entry in entries:
+        said = str(entry.get("claim_of", "?")) if isinstance(entry, dict) else "?"
+        try:
+            check_certificate(entry)
+        except Refused as error:
+            print(f"refused  {said}: {error}")
+        else:
+            hold += 1
+            assumed = "".join(f", for positive {one}" for one in entry["assumed"])
+            print(f"holds    {said}{assumed}")
+    print(f"{hold} of {len(entries)} certificates hold")
+    return 0 if hold == len(entries) > 0 else 1
 
 
 def _regimes(options: argparse.Namespace) -> int:

@@ -1,0 +1,259 @@
+"""Certificates of proved limits: what an independent checker needs to see that a claim holds, as plain data.
+
+Input: a law, a limit and a quantity claimed there. Output: the definitions that the quantity rests on, the order, a
+tree of cases, and the multipliers that compare terms in each; :mod:`softdyn.certificate_checker` reads them. The prover
+takes no part: cases are split, and multipliers solved for, where the checker asks for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from fractions import Fraction
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+from sympy import Add, Expr, Mul, Pow, Rational, S, Symbol, exp, log, pi
+
+from softdyn.certificate_checker import FORMAT, Missing, Refused, Vector, names_in, plus, shown, visit
+from softdyn.derive.balance import definitions, size
+from softdyn.derive.law import parameters_of
+from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta
+from softdyn.derive.witness import inequalities, side_of
+from softdyn.errors import LawError
+
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw, Limit
+
+#: Cases, and comparisons in one of them, that are tried.
+MOST_CASES, MOST_COMPARISONS = 60, 400
+NAMES = {"F_ela": "F"}
+
+
+class _Atoms(Exception):
+    """Exponentials and logarithms must be variables of their own."""
+
+
+def prefix(expr: Expr) -> Any:
+    """An expression in prefix notation.
+
+    Raises
+    ------
+    Refused
+        If it holds a function that certificates have no rule for.
+    """
+    if isinstance(expr, Symbol):
+        return expr.name
+    if expr == pi:
+        return "pi"
+    if isinstance(expr, Rational):
+        return str(expr)
+    if isinstance(expr, Pow) and isinstance(expr.exp, Rational):
+        return ["^", prefix(expr.base), str(expr.exp)]
+    if isinstance(expr, (Add, Mul)):
+        return ["+", *_summands(expr)] if isinstance(expr, Add) else ["*", *map(prefix, expr.args)]
+    if isinstance(expr, (exp, log)):
+        return [type(expr).__name__, prefix(expr.args[0])]
+    raise Refused(f"certificates have no rule for {expr}")
+
+
+def _summands(expr: Expr) -> list[Any]:
+    first, rest = expr.as_coeff_Add()
+    return [*([str(first)] if first != 0 else []), *(prefix(part) for part in Add.make_args(rest))]
+
+
+def statement(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
+    """What is certified: fixed parameters, order, definitions, quantity and claim."""
+    side = side_of(limit)
+    known: dict[Symbol, Expr] = {delta: side * size}
+    name = NAMES.get(quantity, quantity)
+    equations: list[tuple[Symbol, Expr]] = []
+    for symbol, expr in definitions(law).items():
+        value = expr.xreplace(known) if expr.is_Symbol else expr.subs(known)
+        if value == 0:
+            known[symbol] = S.Zero
+        else:
+            equations.append((symbol, value))
+    claim = limit.claims[quantity].subs(known)
+    target = side * size if name == "delta" else next((s for s, _ in equations if s.name == name), S.Zero)
+    if target == 0 or claim == 0:
+        raise Refused("nothing to certify: one of the two is 0")
+    needed = target.free_symbols | claim.free_symbols
+    kept = []
+    for symbol, value in reversed(equations):
+        if symbol in needed:
+            kept.append([symbol.name, prefix(value)])
+            needed |= value.free_symbols
+    # what an order says of the force is left out: a claim that holds without it holds on a larger set
+    pairs = [
+        (small.subs(known), large.subs(known))
+        for small, large in inequalities(limit)
+        if not (small.has(F) or large.has(F))
+    ]
+    named = {s for pair in pairs for expr in pair for s in expr.free_symbols}
+    fixed = [s for s in parameters_of(law) if s in COMMON_PARAMETERS or s not in named]
+    given = {"pi", *(s.name for s in fixed)}
+    constant: dict[str, Any] = {}
+    for text in [expr for _, expr in kept] + [prefix(claim)]:
+        _constant_sums(text, given, constant)
+    return {
+        "format": FORMAT,
+        "claim_of": f"{law.name}: {limit.name}: {quantity}",
+        "fixed": [s.name for s in fixed],
+        "assumed": list(constant.values()),
+        "order": [[prefix(small), prefix(large)] for small, large in pairs],
+        "definitions": kept[::-1],
+        "quantity": prefix(target),
+        "claim": prefix(claim),
+    }
+
+
+def certificate(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
+    """The certificate of a claim.
+
+    Raises
+    ------
+    Refused
+        If there is none: the claim is wrong, or it rests on what certificates have no rule for.
+    """
+    data = statement(law, limit, quantity)
+    try:
+        return _filled({**data, "atoms": []})
+    except _Atoms:
+        found: dict[str, Any] = {}
+        for text in [data["order"], *(expr for _, expr in data["definitions"]), data["claim"]]:
+            _functions(text, found)
+        return _filled({**data, "atoms": list(found.values())})
+
+
+def _constant_sums(text: Any, given: set[str], found: dict[str, Any]) -> None:
+    """Sums of what is fixed, with terms of both signs, as 1 - nu^2: positive, as the law's ranges have it."""
+    if isinstance(text, list):
+        for part in text[1:]:
+            _constant_sums(part, given, found)
+        if text[0] == "+" and names_in(text) <= given:
+            found.setdefault(str(text), text)
+
+
+def _functions(text: Any, found: dict[str, Any]) -> None:
+    if isinstance(text, list):
+        for part in text:
+            _functions(part, found)
+        if text and text[0] in ("exp", "log"):
+            found.setdefault(str(text), [f"~{len(found)}", text, "1/8" if text[0] == "log" else "8"])
+
+
+def _filled(data: dict[str, Any]) -> dict[str, Any]:
+    given: dict[str, list[Any]] = {}
+    start: list[Vector] = [{name: Fraction(1)} for name in data["fixed"]]
+    count = [0]
+
+    def cases(above: list[Vector], level: list[Vector]) -> Any:
+        count[0] += 1
+        if count[0] > MOST_CASES:
+            raise Refused(f"there are more than {MOST_CASES} cases")
+        for attempt in range(MOST_COMPARISONS):
+            try:
+                visit(data, "leaf", above, level, given, 0)
+                return "leaf"
+            except Missing as missing:
+                grow, bounded = missing.case.grow, missing.case.bounded
+                if attempt == 0 and _add(given, {}, grow, bounded):
+                    continue
+                added = [_add(given, quotient, grow, bounded) for quotient in missing.quotients]
+                if not any(added):
+                    at = _undecided(missing.quotients, grow, bounded)
+                    opposite = plus({}, at, Fraction(-1))
+                    return {
+                        "split": {name: str(x) for name, x in at.items()},
+                        "above": cases([*above, at], level),
+                        "below": cases([*above, opposite], level),
+                        "level": cases(above, [*level, at]),
+                    }
+        raise Refused("there are too many comparisons")
+
+    tree = cases([], start)
+    return {**data, "cases": tree, "multipliers": given}
+
+
+def _undecided(quotients: Sequence[Vector], grow: Sequence[Vector], bounded: Sequence[Vector]) -> Vector:
+    """A quotient of which nothing follows from what is known: there, a case is split."""
+    for quotient in quotients:
+        opposite = plus({}, quotient, Fraction(-1))
+        if not any(multipliers(one, grow, bounded) for one in (quotient, opposite)):
+            return quotient
+    raise _Atoms
+
+
+def _add(given: dict[str, list[Any]], quotient: Vector, grow: Sequence[Vector], bounded: Sequence[Vector]) -> bool:
+    found = multipliers(quotient, grow, bounded)
+    if found is None:
+        return False
+    entries = given.setdefault(shown(quotient), [])
+    entry = [[str(x) for x in part] for part in found]
+    if entry in entries:
+        return False
+    entries.append(entry)
+    return True
+
+
+def multipliers(
+    quotient: Vector, grow: Sequence[Vector], bounded: Sequence[Vector]
+) -> tuple[list[Fraction], list[Fraction]] | None:
+    """Multipliers >= 0 of what grows, and of either sign of what is bounded, that add up to a vector; None without."""
+    for count in range(0 if quotient else 1, min(len(grow), 5) + 1):
+        for chosen in combinations(range(len(grow)), count):
+            solved = _solved([grow[i] for i in chosen] + list(bounded), quotient, len(chosen))
+            if solved is None or any(x <= 0 for x in solved[:count]):
+                continue
+            by = [Fraction(0)] * len(grow)
+            for i, x in zip(chosen, solved, strict=False):
+                by[i] = x
+            return by, solved[count:]
+    return None
+
+
+def _solved(columns: Sequence[Vector], target: Mapping[str, Fraction], fixed: int) -> list[Fraction] | None:
+    """Exact solution of a linear system; what is free is 1 among the first ``fixed``, else 0. None if there is none."""
+    names = sorted({name for column in [*columns, target] for name in column})
+    rows = [[column.get(n, Fraction(0)) for column in columns] + [target.get(n, Fraction(0))] for n in names]
+    pivots: list[int] = []
+    for j in range(len(columns)):
+        i = next((i for i in range(len(pivots), len(rows)) if rows[i][j]), None)
+        if i is None:
+            continue
+        top = len(pivots)
+        rows[top], rows[i] = rows[i], rows[top]
+        rows[top] = [x / rows[top][j] for x in rows[top]]
+        for k in range(len(rows)):
+            if k != top and rows[k][j]:
+                rows[k] = [x - rows[k][j] * y for x, y in zip(rows[k], rows[top], strict=True)]
+        pivots.append(j)
+    if any(row[-1] for row in rows[len(pivots) :]):
+        return None
+    found = [Fraction(int(j < fixed)) if j not in pivots else Fraction(0) for j in range(len(columns))]
+    for row, j in zip(rows, pivots, strict=False):
+        found[j] = row[-1] - sum((row[k] * found[k] for k in range(len(columns)) if k not in pivots), Fraction(0))
+    return found
+
+
+def certificates(
+    law: ContactLaw, claims: Collection[tuple[str, str]] | None = None
+) -> tuple[list[dict[str, Any]], list[tuple[str, str]]]:
+    """Certificates of a law's claims, and the claims that have none, with the reason.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    claims : collection of (limit, quantity), optional
+        Those that are asked for; all by default.
+    """
+    made, without = [], []
+    for limit in law.limits:
+        for quantity in limit.claims:
+            if claims is not None and (limit.name, quantity) not in claims:
+                continue
+            try:
+                made.append(certificate(law, limit, quantity))
+            except (Refused, _Atoms, LawError) as reason:
+                without.append((f"{limit.name}: {quantity}", str(reason) or "exponentials of unknown size"))
+    return made, without
