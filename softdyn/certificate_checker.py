@@ -153,11 +153,11 @@ def value_of(expression: Any, case: Case) -> Value:
     if isinstance(expression, str):
         if expression in case.values:
             return case.values[expression]
-        return (
-            power({ONE: number(expression)}, Fraction(1))
-            if is_number(expression)
-            else {((expression, Fraction(1)),): Fraction(1)}
-        )
+        if is_number(expression):
+            return power({ONE: number(expression)}, Fraction(1))
+        if not expression.isidentifier():
+            raise Refused(f"{expression!r} is no name")
+        return {((expression, Fraction(1)),): Fraction(1)}
     head, *parts = expression
     if json.dumps(expression) in case.assumed:
         return {((f"@{json.dumps(expression)}", Fraction(1)),): Fraction(1)}

@@ -23,6 +23,7 @@ from softdyn.laws import law_of
 
 #: Claims of the stock laws that have a certificate, at least; what the others lack is told by ``softdyn check``.
 COVERED = {"rognon_gay": 12, "lubrication_rigid": 6, "hertz_dry": 4, "cone": 20, "droplet": 19, "equal_spheres": 33}
+COVERED |= {"dlvo": 8, "soap_film": 5, "steric": 5}
 
 
 @cache
@@ -39,6 +40,13 @@ def test_certificates_of_stock_laws_hold(name: str) -> None:
     assert len(made(name)) >= COVERED[name]
     for one in made(name):
         check_certificate(one)
+        for hidden in ("#h", "@h", "~h", "a b", ""):  # no name of a quantity is taken for that of a constant
+            with pytest.raises(Refused):
+                check_certificate(
+                    json.loads(
+                        json.dumps(one).replace('"h"', json.dumps(hidden)).replace('"delta"', json.dumps(hidden))
+                    )
+                )
 
 
 def test_the_checker_is_short_and_knows_nothing_of_the_prover() -> None:
