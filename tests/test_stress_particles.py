@@ -20,8 +20,10 @@ from softdyn.particles.run import UNBALANCED, UNSEEN
 from softdyn.particles.scene import ParticleScene
 from softdyn.stress.judge import RIGHT, TOLD, WRONG
 from softdyn.stress.particles import compare
+from softdyn.stress.particles.cases import first_surroundings, set_up
 from softdyn.stress.particles.compare import judge_case
-from softdyn.stress.particles.equations import first_surroundings, geometry, jacobian, near, pack, set_up, settled, tell
+from softdyn.stress.particles.equations import geometry, jacobian, pack, tell
+from softdyn.stress.particles.reference import near, settled
 from softdyn.stress.particles.report import stress_particles
 from softdyn.stress.particles.sampling import random_case
 

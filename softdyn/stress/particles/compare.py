@@ -23,19 +23,9 @@ from softdyn.errors import SoftdynError
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import DOUBTFUL, UNBALANCED, UNSEEN, simulate_particles
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG
-from softdyn.stress.particles.equations import (
-    Beyond,
-    Case,
-    Equations,
-    balanced,
-    geometry,
-    integrate,
-    now_of,
-    pack,
-    part_of,
-    solve,
-    unpack,
-)
+from softdyn.stress.particles.cases import Case, Equations, part_of
+from softdyn.stress.particles.equations import geometry, pack, unpack
+from softdyn.stress.particles.reference import Beyond, balanced, integrate, now_of, solve
 
 Array = NDArray[np.float64]
 #: The tight tolerance.

@@ -17,7 +17,7 @@ from sympy import Expr, Float, Symbol, cos, exp, sin, sqrt, tanh
 from softdyn.laws import find, load
 from softdyn.particles.geometry import Wall
 from softdyn.particles.scene import Hold, ParticleScene, Push
-from softdyn.stress.particles.equations import Case, Pieces
+from softdyn.stress.particles.cases import Case, Pieces
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
