@@ -47,7 +47,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Add, Expr, Integer, Max, Min, Mul, Piecewise, Rational, S, Symbol, diff, simplify
+from sympy import Add, Expr, Function, Integer, Max, Min, Mul, Piecewise, Rational, S, Symbol, diff, simplify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive import far_field
@@ -235,6 +235,10 @@ def stage_equation() -> dict[Symbol, Expr]:
     rate_r = -((dF_ddelta - film * remote_delta) / zeta - rho * log_zeta_delta) / 2
     assert simplify(rate_h.subs(rho, rate).subs(slopes) - along_h(rate)) == 0, "the slope of the rate in h is wrong"
     assert simplify(rate_r.subs(rho, rate).subs(slopes) - along_r(rate)) == 0, "the slope of the rate in r is wrong"
+    one, other, power = Function("f", positive=True)(h), Function("g", positive=True)(h), Symbol("n", real=True)
+    product = 2 * one**power * other
+    for rule in (relative_slope, _relative_slope_as_written):
+        assert simplify(rule(product, h) - diff(product, h) / product) == 0, "the relative slope of zeta is wrong"
     by_h = along_h(residual) + diff(residual, rho) * rho_h
     by_r = along_r(residual) + diff(residual, rho) * rho_r
     # implicit function theorem: H(h(r), r) = 0
@@ -266,7 +270,7 @@ def contact_definitions(
     beside: dict[Symbol, Expr] = {}
     carried, slope = S.One, S.Zero
     if unequal:
-        beside = {of_radii: tidy(law.unequal), of_radii_h: _relative_slope_as_written(law.unequal)}
+        beside = {of_radii: tidy(law.unequal), of_radii_h: _relative_slope_as_written(law.unequal, h)}
         carried, slope = of_radii, of_radii_h
     x = far_field.excess(law, unequal) if drag else None
     if x is not None:
@@ -315,10 +319,11 @@ def contact_definitions(
     }
 
 
-def _relative_slope_as_written(product: Expr) -> Expr:
-    """Slope in h relative to it, factor by factor and term by term: sums of logarithms are not multiplied out."""
+def _relative_slope_as_written(product: Expr, variable: Symbol) -> Expr:
+    """Slope of a product relative to it, by factors and terms: sums of logarithms are not multiplied out."""
     factors = [factor.as_base_exp() for factor in Mul.make_args(product)]
-    return Add(*(power * tidy(diff(base, h)) / tidy(base) for base, power in factors if base.has(h)))
+    slopes = [(base, power) for base, power in factors if base.has(variable)]
+    return Add(*(power * tidy(diff(base, variable)) / tidy(base) for base, power in slopes))
 
 
 def contact_ir(law: ContactLaw, needs: ContactNeeds) -> ContactIR:

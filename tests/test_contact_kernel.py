@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -12,14 +13,17 @@ from invented_laws import GENERAL, LAWS
 from kernels_by_text import compile_c, import_text
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from sympy import Abs, Rational, Symbol, diff, exp, limit, oo, simplify, sqrt
+from sympy import Abs, Rational, Symbol, diff, exp, lambdify, limit, log, oo, simplify, sqrt
 
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.contact_kernel import STATE, ContactNeeds, contact_ir, g, stage_equation
 from softdyn.derive.emit_contacts import emit_contacts
+from softdyn.derive.law import sample_values
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.one_sided import rigid
+from softdyn.derive.soundness import relative_slope
 from softdyn.errors import LawError
+from softdyn.laws import find, load, stock_laws
 from softdyn.particles.geometry import Box, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.kernel import ContactKernel, get_contact_kernel
 from softdyn.particles.method import ERROR, NODES, STAGES, WEIGHTS
@@ -281,3 +285,19 @@ def test_contacts_span_any_number_of_boxes() -> None:
     contacts = bare_contacts(*find_pairs(x, np.ones(2), box, 0.0, (), 0.4), np.ones(2))
     assert contacts.shift.tolist() == [[-40_000, 0]]
     assert directions(contacts, x, lattice(box, 0.0), ())[1] == pytest.approx(2.1)
+
+
+@pytest.mark.parametrize("name", [name for name in stock_laws() if name not in ("hertz_dry", "lubrication_rigid")])
+def test_relative_slopes_of_the_friction_are_those_of_its_logarithm(name: str) -> None:
+    """As kernels have them, factor by factor and without the sums that cancel: in fifty digits, on both sides."""
+    law, _ = load(find(name))
+    numbers = {R: 1, E: 1, eta: 1, **sample_values(law)}
+    radius = lambdify((h, delta), law.a.subs(numbers), "mpmath")
+    for variable in (a, h, delta):
+        slope, exact = relative_slope(law.zeta, variable), diff(log(law.zeta), variable)
+        found, expected = (lambdify((a, h, delta), expr.subs(numbers), "mpmath") for expr in (slope, exact))
+        with mpmath.workdps(50):
+            for gap, depth in itertools.product(("1e-9", "0.01", "1", "50"), ("-0.3", "-1e-9", "1e-9", "0.3")):
+                state = mpmath.mpf(gap), mpmath.mpf(depth)
+                at = radius(*state), *state
+                assert mpmath.almosteq(found(*at), expected(*at), 1e-45, 1e-60), (variable, state)
