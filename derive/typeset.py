@@ -602,10 +602,11 @@ def findings_html(findings: Sequence[Finding]) -> str:
             finding.verdict,
             "" if finding.ratio is None else _math(to_latex(finding.ratio)),
             _words("" if finding.verdict == "proved" else finding.reason),
+            _words(f"{finding.holds}; {finding.samples} random paths" if finding.holds else ""),
         ]
         for finding in findings
     ]
-    return _table(["limit", "ordering", "claim", "verdict", "found/claimed", "reason"], rows)
+    return _table(["limit", "ordering", "claim", "verdict", "found/claimed", "reason", "set, and paths into it"], rows)
 
 
 #: Quantities of a regime that an overview shows.

@@ -185,9 +185,9 @@ def check(law: ContactLaw | str | Path) -> list[Finding]:
     LawError, SceneError
         If there is no such law, or if it is faulty.
     """
-    from softdyn.derive.limits import check_limits
+    from softdyn.findings import limits_of
 
-    return check_limits(law_of(law))
+    return limits_of(law_of(law))
 
 
 def regimes(law: ContactLaw | str | Path) -> Diagram:
@@ -212,9 +212,9 @@ def regimes(law: ContactLaw | str | Path) -> Diagram:
     >>> softdyn.regimes("rognon_gay").regime("Poiseuille").forms["zeta"].leading
     6*pi*R**2*eta/h
     """
-    from softdyn.derive.regimes import discover
+    from softdyn.findings import regimes_of
 
-    return discover(law_of(law))
+    return regimes_of(law_of(law))
 
 
 def films(law: ContactLaw | str | Path) -> Films | None:
@@ -229,9 +229,9 @@ def films(law: ContactLaw | str | Path) -> Films | None:
     LawError, SceneError
         If there is no such law, or if it is faulty.
     """
-    from softdyn.derive.films import find_films
+    from softdyn.findings import films_of
 
-    return find_films(regimes(law))
+    return films_of(regimes(law))
 
 
 def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:

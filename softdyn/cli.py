@@ -324,10 +324,10 @@ def _derive(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
         law = law_of(options.law)
-        from softdyn.derive.limits import check_limits
+        from softdyn.findings import limits_of
         from softdyn.study.tables import limits_data, limits_text
 
-        findings = check_limits(law)
+        findings = limits_of(law)
     if options.certificates is not None:
         _write_certificates(law, options.certificates, findings)
     proved = sum(finding.verdict == "proved" for finding in findings)
@@ -383,12 +383,11 @@ def _regimes(options: argparse.Namespace) -> int:
         raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
     with _patience(f"the regimes of {options.law}"):
         law = law_of(options.law)
-        from softdyn.derive.films import find_films
-        from softdyn.derive.regimes import discover
+        from softdyn.findings import films_of, regimes_of
         from softdyn.study.tables import regimes_data, regimes_text
 
-        diagram = discover(law)
-        films = find_films(diagram)
+        diagram = regimes_of(law)
+        films = films_of(diagram)
     measured = None
     if options.numeric:
         from softdyn.study.exponents import measure

@@ -17,10 +17,12 @@ from softdyn.derive.kernel import kernel_ir, total_operations
 from softdyn.derive.law import expressions, law_hash
 from softdyn.derive.limits import check_limits
 from softdyn.derive.regimes import discover
+from softdyn.derive.typeset import findings_html
 from softdyn.errors import SceneError
 from softdyn.laws import find, load
 from softdyn.study.formulas import cut, displayed, formula, pieces, widest
 from softdyn.study.report import SCENES, decimal, film, page, write_report
+from softdyn.study.tables import limits_text
 
 VOID = {"meta", "br", "img", "wbr", "link", "input", "hr"}
 HOSTILE = "<script>alert('x')</script> & \"quoted\" </style> {{ 7*7 }}"
@@ -336,3 +338,22 @@ def measured(browser: str, text: str, tmp_path: Path) -> dict[int, str]:
 def test_a_browser_shows_it_without_anything_sticking_out(measured: dict[int, str]) -> None:
     """On a phone and on a screen: as wide as the window, no picture broken, no font loaded."""
     assert measured == {400: "0:0:0", 1200: "0:0:0"}
+
+
+@pytest.mark.slow
+def test_a_verdict_says_on_which_set_it_holds_and_a_refuted_one_where_it_fails() -> None:
+    """On the page, in the text, and in a notebook."""
+    soap_film = load(find("soap_film"))
+    poiseuille = soap_film.limits[0]
+    # without A exp(-h/ell) << F: it fails where the film still carries the force
+    wider = Limit("too wide", poiseuille.order[:2], {"dh_dt": poiseuille.claims["dh_dt"]})
+    law = replace(soap_film, limits=(wider,))
+    (finding,) = findings = check_limits(law)
+    assert finding.verdict == "disproved"
+    assert finding.witness is not None
+    shown = page(law)
+    for text in (limits_text(law.name, findings), findings_html(findings), shown):
+        assert "as every inequality of" in text
+        assert f"{finding.samples} random path" in text
+    assert "A path on which it fails" in shown
+    assert all(f"found/claimed = {found}" in shown for _, found in finding.witness.points)

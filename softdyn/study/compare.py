@@ -214,9 +214,9 @@ def _shared_regions(first: ContactLaw, second: ContactLaw) -> Iterator[SharedReg
     """Regions of the plane that a regime of one law shares with a regime of the other."""
     from sympy import powsimp
 
-    from softdyn.derive.regimes import discover
+    from softdyn.findings import regimes_of
 
-    diagrams = [discover(law) for law in (first, second)]
+    diagrams = [regimes_of(law) for law in (first, second)]
     X, Y = (np.arange(low * DENSITY, high * DENSITY + 1) / DENSITY for low, high in REACH)
     gaps, forces = (10.0**grid for grid in np.meshgrid(X, Y))
     within = [

@@ -25,7 +25,7 @@ import softdyn
 from softdyn.derive.checks import chains
 from softdyn.derive.dynamics import generic_dynamics, law_quantities, partials
 from softdyn.derive.emit import emit
-from softdyn.derive.films import Film, Films, find_films
+from softdyn.derive.films import Film, Films
 from softdyn.derive.forms import force, force_unit
 from softdyn.derive.kernel import kernel_ir, total_operations
 from softdyn.derive.law import (
@@ -38,9 +38,9 @@ from softdyn.derive.law import (
     range_text,
     ranges_of,
 )
-from softdyn.derive.limits import Finding, check_limits, ordering, side_of
+from softdyn.derive.limits import Finding, ordering, side_of
 from softdyn.derive.printing import KINDS
-from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side, discover
+from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side
 from softdyn.derive.specialise import Needs
 from softdyn.derive.symbols import E, F, R, eta
 from softdyn.derive.typeset import (
@@ -54,10 +54,11 @@ from softdyn.derive.typeset import (
     to_latex,
 )
 from softdyn.errors import SoftdynError
+from softdyn.findings import films_of, limits_of, regimes_of
 from softdyn.results import written_whole
 from softdyn.stock import kinds
 from softdyn.study.formulas import definitions, formula, widest
-from softdyn.study.tables import same_size, twin
+from softdyn.study.tables import holds_text, same_size, twin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -137,9 +138,9 @@ def page(law: ContactLaw) -> str:
     """Return the page on a law."""
     glyphs: dict[str, str] = {}
     show = partial(_shown, glyphs)
-    findings = check_limits(law)
-    diagram = discover(law)
-    films = find_films(diagram)
+    findings = limits_of(law)
+    diagram = regimes_of(law)
+    films = films_of(diagram)
     made = kernels(law)
     arguments = GENERAL if law.general else ARGUMENTS
     about = {
@@ -335,6 +336,11 @@ def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, sho
             ],
             "ratio": None if finding.ratio is None else ratio(finding, law, show),
             "certificate": [(decimal(eps), decimal(deviation)) for eps, deviation in finding.certificate],
+            "set": holds_text(finding),
+            "witness": [
+                (", ".join(f"{name} = {value}" for name, value in at.items()), found)
+                for at, found in (() if finding.witness is None else finding.witness.points)
+            ],
         })  # fmt: skip
     order = [r" \ll ".join(to_latex(size) for size in chain) for chain in chains(limit)]
     words = [" << ".join(sstr(size) for size in chain) for chain in chains(limit)]

@@ -42,8 +42,22 @@ def _evidence(finding: Finding) -> Iterator[str]:
         yield ratio + (f" as 1 + {' + '.join(f'({term})' for term in finding.rate)} + ..." if finding.rate else "")
     if finding.certificate:
         yield "in numbers: " + ", ".join(f"{value:.0e} off at eps = {eps:.0e}" for eps, value in finding.certificate)
-    if finding.verdict == "proved":
-        yield f"holds {finding.holds}; none of {finding.samples} random paths into that set says otherwise"
+    if text := holds_text(finding):
+        yield text
+
+
+def holds_text(finding: Finding) -> str:
+    """On which set a verdict holds, and what random paths into that set say of it, in words."""
+    if not finding.holds:
+        return ""
+    looked = f"{finding.samples} random path{'' if finding.samples == 1 else 's'} into that set"
+    if finding.verdict == "undecided":
+        return f"asked {finding.holds}; none of {looked} refutes it" if finding.samples else f"asked {finding.holds}"
+    if finding.verdict == "disproved":
+        return f"claimed {finding.holds}" + (f"; refuted by one of {looked}" if finding.witness is not None else "")
+    return f"holds {finding.holds}; " + (
+        f"none of {looked} says otherwise" if finding.samples else "no numbers were drawn from that set"
+    )
 
 
 def limits_data(law: str, findings: Sequence[Finding]) -> dict[str, Any]:
