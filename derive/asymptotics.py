@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 
 from sympy import (
     Abs,
@@ -145,7 +146,7 @@ class Scale:
 
     def knowing(self, symbol: Symbol, series: Series) -> Scale:
         """The same, with one symbol more."""
-        found = {expr: value for expr, value in self.found.items() if symbol not in expr.free_symbols}
+        found = {expr: value for expr, value in self.found.items() if symbol not in symbols_in(expr)}
         return replace(self, known={**self.known, symbol: series}, found=found)
 
 
@@ -220,7 +221,7 @@ def expand(expr: Expr, scale: Scale) -> Series:
 
 
 def _expanded(expr: Expr, scale: Scale) -> Series:
-    if not expr.free_symbols & scale.known.keys():
+    if symbols_in(expr).isdisjoint(scale.known):
         return Series({} if is_zero(expr) else {zero(scale): expr})
     if isinstance(expr, Add):
         return _cut(added(expand(term, scale) for term in expr.args), scale.kept)
@@ -270,11 +271,23 @@ def _collected(terms: Mapping[Order, list[Expr]]) -> dict[Order, Expr]:
             sums[order] = coefficients[0]
         else:
             spend(sum(map(nodes, coefficients)))
-            # with what is common to all terms outside, so that products cancel
-            total = factor_terms(Add(*coefficients))
+            total = _sum(tuple(coefficients))
             if not is_zero(total):
-                sums[order] = factor_terms(total)
+                sums[order] = total
     return sums
+
+
+@lru_cache(maxsize=20_000)
+def _sum(coefficients: tuple[Expr, ...]) -> Expr:
+    """Sum of coefficients, with what is common to all terms outside, so that products cancel."""
+    total = Add(*coefficients)
+    return factor_terms(total) if total.is_Add else total
+
+
+@lru_cache(maxsize=100_000)
+def symbols_in(expr: Expr) -> frozenset[Symbol]:
+    """Return the symbols of an expression: asked of the same parts again and again."""
+    return frozenset(expr.free_symbols)
 
 
 def is_zero(coefficient: Expr) -> bool:
@@ -288,14 +301,19 @@ def is_zero(coefficient: Expr) -> bool:
     if coefficient.is_zero is not None:
         return bool(coefficient.is_zero)
     spend(nodes(coefficient))
-    own = sorted(coefficient.free_symbols, key=str)
-    size = sum(abs(_at_sample(term, own)) for term in Add.make_args(coefficient))
-    if abs(_at_sample(coefficient, own)) > size * Rational(1, 10**20):
+    if not _vanishes_in_numbers(coefficient):
         return False
     spend(REWRITTEN * nodes(coefficient))
     if is_small(coefficient) and any(attempt(coefficient) == 0 for attempt in (multiplied_out, _radicals, simplify)):
         return True
     raise UndecidedError(f"whether {coefficient} vanishes is not known")
+
+
+@lru_cache(maxsize=20_000)
+def _vanishes_in_numbers(coefficient: Expr) -> bool:
+    own = sorted(coefficient.free_symbols, key=str)
+    size = sum(abs(_at_sample(term, own)) for term in Add.make_args(coefficient))
+    return bool(abs(_at_sample(coefficient, own)) <= size * Rational(1, 10**20))
 
 
 def is_small(expr: Expr) -> bool:
