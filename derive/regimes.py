@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations, count
 from typing import TYPE_CHECKING, Literal
 
@@ -576,6 +577,7 @@ def is_simple(power: Expr) -> bool:
     return isinstance(power, Rational) and max(abs(power.p), power.q) <= MOST_OPERATIONS
 
 
+@lru_cache(maxsize=10_000)
 def _in_force(state: Expr, deflection: Expr) -> Expr:
     return _tidy(state.subs(size, deflection))
 
@@ -603,6 +605,7 @@ def _corrections(changes: Sequence[Series], deflection: Expr) -> tuple[tuple[Exp
     return tuple(largest), resolved
 
 
+@lru_cache(maxsize=10_000)
 def _short(term: Expr) -> Expr:
     """A coefficient that is a sum, in few words."""
     return simplify(term) if term.has(Add) and term.count_ops() <= MOST_OPERATIONS else term
