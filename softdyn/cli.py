@@ -141,6 +141,12 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument(
         "--certificates", metavar="FILE", type=Path, help="write certificates of what is proved too, for softdyn verify"
     )
+    check.add_argument(
+        "--lemmas",
+        metavar="FILE",
+        type=Path,
+        help="write what has certificates as lemmas along rays, for Isabelle (.thy)",
+    )
 
     verify = add("verify", _verify, "check certificates of limits, independently of what wrote them")
     verify.add_argument("certificates", metavar="FILE", type=Path, help="as softdyn check --certificates writes it")
@@ -328,8 +334,8 @@ def _check(options: argparse.Namespace) -> int:
         from softdyn.study.tables import limits_data, limits_text
 
         findings = limits_of(law)
-    if options.certificates is not None:
-        _write_certificates(law, options.certificates, findings)
+    if options.certificates is not None or options.lemmas is not None:
+        _write_certificates(law, options.certificates, options.lemmas, findings)
     proved = sum(finding.verdict == "proved" for finding in findings)
     data = limits_data(law.name, findings)
     if options.json:
@@ -342,16 +348,20 @@ def _check(options: argparse.Namespace) -> int:
     return 0 if proved == len(findings) else 1
 
 
-def _write_certificates(law: Any, path: Path, findings: Any) -> None:
+def _write_certificates(law: Any, path: Path | None, lemmas: Path | None, findings: Any) -> None:
     """Of the claims that are proved, as far as there are certificates; which have none is told, with the reason."""
     from softdyn.derive.certificate import certificates
+    from softdyn.derive.lemmas import theory
     from softdyn.results import written_whole
 
     proved = {(finding.limit, finding.quantity) for finding in findings if finding.verdict == "proved"}
     made, without = certificates(law, proved)
-    with written_whole(path) as temporary:
-        temporary.write_text(json.dumps({"certificates": made, "without": without}, indent=1) + "\n", encoding="utf-8")
-    print(f"{path}: certificates of {len(made)} of {len(proved)} claims that are proved", file=sys.stderr)
+    whole = json.dumps({"certificates": made, "without": without}, indent=1) + "\n"
+    for file, text in ((path, whole), (lemmas, theory(lemmas.stem if lemmas else "", made))):
+        if file is not None:
+            with written_whole(file) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+    print(f"{path or lemmas}: certificates of {len(made)} of {len(proved)} claims that are proved", file=sys.stderr)
     for claim, reason in without:
         print(f"  none of {claim}: {reason}", file=sys.stderr)
 
