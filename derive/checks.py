@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -71,6 +73,7 @@ from softdyn.derive.dimensions import (
     DimensionMismatchError,
     dimension_of,
 )
+from softdyn.derive.positive import Positivity, positivity, ranges_between, ranges_of_positive, ranges_of_real
 from softdyn.derive.soundness import is_side, rewritable, tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
@@ -152,11 +155,9 @@ def _drag_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     faults = _part_faults("drag", "Drag(translation=..., rotation=...)", DRAG, law, known)
     for name in () if faults else DRAG:
         expr = tidy(getattr(law.drag, name))
-        witness = None if proved_positive(expr) else _nonpositive_witness(expr, Dummy("d", positive=True), law)
-        if witness is not None:
-            _, _, own, found = witness
-            point = ", ".join([*(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in own.items()), "R=E=eta=1"])
-            faults.append(f"drag {name} must be positive, but at {point} it is {mpmath.nstr(found, 6)}")
+        found = _witness_of_part(expr, law)
+        if found is not None:
+            faults.append(f"drag {name} must be positive, but at {_point(found)} it is {mpmath.nstr(found.value, 6)}")
     return faults
 
 
@@ -176,16 +177,9 @@ def _unequal_faults(law: ContactLaw) -> list[str]:
     of_equal = expr.subs(size_ratio, Rational(1, 4))
     if of_equal != 1 and simplify(of_equal - 1) != 0:
         return [f"unequal must be 1 of equal particles, but at size_ratio=1/4 it is {of_equal}"]
-    for ratio in (0, Rational(1, 50), Rational(1, 8)) if expr.has(size_ratio) else ():
-        value = tidy(expr.subs(size_ratio, ratio))
-        witness = None if proved_positive(value) else _nonpositive_witness(value, Dummy("d", positive=True), law)
-        if witness is not None:
-            gap, _, own, number = witness
-            point = ", ".join(f"{symbol}={mpmath.nstr(one, 3)}" for symbol, one in {"h": gap, **own}.items())
-            return [
-                f"unequal must be positive for h > 0, but at size_ratio={ratio}, {point} (R = E = eta = 1) it is "
-                f"{mpmath.nstr(number, 6)}"
-            ]
+    sign_ = _witness_of_part(expr, law)
+    if sign_ is not None:
+        return [f"unequal must be positive for h > 0, but at {_point(sign_)} it is {mpmath.nstr(sign_.value, 6)}"]
     return []
 
 
@@ -222,19 +216,14 @@ def _tangential_positivity_faults(law: ContactLaw) -> list[str]:
     if t.rolling != 0 or t.coupling != 0:
         quantities |= {"sliding rolling - D^2 coupling^2": combined}
     faults = []
-    size = Dummy("d", positive=True)
+    size = Dummy("delta", positive=True)
     for name, quantity in quantities.items():
-        ratios = (0, Rational(1, 8), Rational(1, 4)) if quantity.has(size_ratio) else (0,)
-        for ratio, side in product(ratios, (1, -1)):
-            expr = tidy(quantity.subs(size_ratio, ratio).subs(a, law.a).subs(delta, side * size))
-            witness = None if proved_positive(expr) else _nonpositive_witness(expr, size, law)
-            if witness is not None:
-                gap, deflection, own, found = witness
-                at = {"h": gap, "delta": side * deflection, **own}
-                point = ", ".join(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in at.items())
+        for side in (1, -1):
+            found = _witness_of_part(quantity.subs(a, law.a).subs(delta, side * size), law, size)
+            if found is not None:
                 faults.append(
-                    f"tangential {name} must be positive for h > 0 and |delta| < R, but at size_ratio={ratio}, {point} "
-                    f"(R = E = eta = 1) it is {mpmath.nstr(found, 6)}"
+                    f"tangential {name} must be positive for h > 0 and |delta| < R, but at {_point(found, side)} it is "
+                    f"{mpmath.nstr(found.value, 6)}"
                 )
                 break
     return faults
@@ -387,8 +376,10 @@ def _gap_faults(name: str, expr: Expr, law: ContactLaw) -> list[str]:
     return [f"{name} has no value {where}: {shown} has no branch there; end it with a default, (expression, True)"]
 
 
-#: Values of the own parameters at which a sign is looked at.
-MOST_COMBINATIONS = 243
+#: Where what depends on the size ratio of two particles is looked at; gaps and deflections as powers of 10.
+RATIOS = (Rational(0), Rational(1, 50), Rational(1, 8), Rational(1, 4))
+GAPS = (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)
+DEFLECTIONS = (-14, -9, -6, -4, -2, -1, -0.3, -0.005)
 
 CLAIMABLE = ("a", "zeta", "delta", "F", "F_ela", "F_adh", "C", "D", "dh_dt", "dX_dt")
 
@@ -565,8 +556,49 @@ def _of_side(expr: Expr) -> list[Basic]:
     ]
 
 
-def _positivity_faults(law: ContactLaw) -> list[str]:
-    """Radius, stiffness and friction must be positive for h > 0, abs(delta) < R; a witness shows where they are not."""
+@dataclass(frozen=True)
+class Sign:
+    """What is known of the sign of a quantity of a law on one side of delta = 0."""
+
+    quantity: str
+    expression: Expr
+    side: str
+    found: Positivity
+
+
+@lru_cache(maxsize=16)
+def signs_of(law: ContactLaw) -> tuple[Sign, ...]:
+    """Whether radius, stiffness and friction are positive for h > 0, abs(delta) < R, on each side of delta = 0.
+
+    At delta = 0 itself the stiffness may vanish, as Hertz's does, or have no bound: there is no force then.
+    """
+    return tuple(_signs_of(law))
+
+
+def undecided_signs(law: ContactLaw) -> list[str]:
+    """Words for each sign that is not proved: where it is not known."""
+    return [
+        f"{sign_.quantity} > 0 is not proved for {sign_.side}, at {box_words(sign_)}; a run there may go wrong"
+        for sign_ in signs_of(law)
+        if sign_.found.verdict == "unknown"
+    ]
+
+
+def box_words(sign_: Sign) -> str:
+    """The box in which a sign is not known, in words."""
+    flip = -1 if sign_.side == "delta < 0" else 1
+    sides = [
+        (name, sorted((flip * low, flip * high)) if name == "delta" else (low, high))
+        for name, (low, high) in sign_.found.left.items()
+    ]
+    words = [
+        f"{name} near {low:.6g}" if f"{low:.6g}" == f"{high:.6g}" else f"{low:.6g} < {name} < {high:.6g}"
+        for name, (low, high) in sides
+    ]
+    return ", ".join(words) + " (R = E = eta = 1)"
+
+
+def _signs_of(law: ContactLaw) -> Iterator[Sign]:
     from softdyn.derive.dynamics import stiffness_of
 
     quantities = {"a": law.a}
@@ -574,65 +606,119 @@ def _positivity_faults(law: ContactLaw) -> list[str]:
         quantities["C"] = stiffness_of(law)
     if law.zeta != 0:
         quantities["zeta"] = law.zeta
-    faults = []
+    size = Dummy("delta", positive=True)
     for name, quantity in quantities.items():
         explicit = quantity.subs(a, law.a)
-        sides = [("delta > 0", 1), ("delta < 0", -1), ("delta = 0", 0)]
-        # spheres that just touch, dry, have no contact area
-        for side, value in sides[: 2 if law.zeta == 0 else 3]:
-            size = Dummy("d", positive=True)
+        sides = {"delta > 0": 1, "delta < 0": -1, "delta = 0": 0}
+        for words, value in sides.items():
+            if value == 0 and (name == "C" or law.zeta == 0):
+                continue  # spheres that just touch, dry, have no contact area
+            if value == 0 and not explicit.has(delta):
+                continue
+            if value < 0 and pressed_only(law):
+                continue
             expr = tidy(explicit.subs(delta, value * size))
-            if proved_positive(expr):
-                continue
-            witness = _nonpositive_witness(expr, size, law)
-            if witness is not None:
-                gap, deflection, own, found = witness
-                at = {"h": gap, **({"delta": value * deflection} if value else {}), **own}
-                point = ", ".join(f"{symbol}={mpmath.nstr(number, 3)}" for symbol, number in at.items())
-                faults.append(
-                    f"{name} must be positive for h > 0 and |delta| < R, but at {point} (R = E = eta = 1) ({side}) it "
-                    f"is {mpmath.nstr(found, 6)}; {name} = {quantity}"
-                )
-                break
-    return faults
+            yield Sign(name, quantity, words, sign_on_domain(expr, law, size))
 
 
-def proved_positive(expr: Expr) -> bool:
-    """Whether positivity follows from the signs of the symbols alone."""
-    return bool(expr.is_positive) or (rewritable(expr) and bool(expr.factor().is_positive))
+def _positivity_faults(law: ContactLaw) -> list[str]:
+    """Radius, stiffness and friction must be positive; a witness shows where they are not."""
+    faults: dict[str, str] = {}
+    for sign_ in signs_of(law):
+        if sign_.found.verdict == "witness" and sign_.quantity not in faults:
+            # what the sign does not depend on may be anything
+            anywhere = {"h": mpmath.mpf(1), **({} if sign_.side == "delta = 0" else {"delta": mpmath.mpf(10) ** -3})}
+            found = replace(sign_.found, at={**anywhere, **sign_.found.at})
+            point = _point(found, -1 if sign_.side == "delta < 0" else 1)
+            faults[sign_.quantity] = (
+                f"{sign_.quantity} must be positive for h > 0 and |delta| < R, but at {point} ({sign_.side}) it is "
+                f"{mpmath.nstr(sign_.found.value, 6)}; {sign_.quantity} = {sign_.expression}"
+            )
+    return list(faults.values())
 
 
-def _nonpositive_witness(
-    expr: Expr, size: Symbol, law: ContactLaw
-) -> tuple[mpmath.mpf, mpmath.mpf, dict[str, mpmath.mpf], mpmath.mpf] | None:
-    """Gap, size of the deflection, own parameters and value where expr <= 0 in the physical domain, if found."""
-    from softdyn.derive.law import parameters_of
+@lru_cache(maxsize=64)
+def pressed_only(law: ContactLaw) -> bool:
+    """Whether a law says nothing of surfaces that are pulled: its elastic force, or radius, is no real number there."""
+    from softdyn.derive.law import sample_values
 
-    used = parameters_of(law, tangential=True, drag=True)
-    own = [symbol for symbol in used if symbol in law.parameters and symbol in expr.free_symbols]
-    function = lambdify([h, size, *own], expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath", dummify=True)
-    gaps = [mpmath.mpf(10) ** k for k in (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)]
-    sizes = [mpmath.mpf(10) ** k for k in (-14, -9, -6, -4, -2, -1)] + [mpmath.mpf(1) / 2, mpmath.mpf(99) / 100]
-    if size not in expr.free_symbols:
-        sizes = sizes[:1]
-    with mpmath.workdps(40):
-        for gap, deflection, values in product(gaps, sizes, _combinations([_samples(symbol, law) for symbol in own])):
-            try:
-                found = function(gap, deflection, *values)
-            except (ZeroDivisionError, ValueError, OverflowError):
-                continue
-            if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
-                return gap, deflection, {s.name: value for s, value in zip(own, values, strict=True)}, found
+    if law.F_ela == oo:
+        return False
+    at = {**sample_values(law), R: 1, E: 1, eta: 1}
+    deflections = [-Rational(1, 10**6), -Rational(1, 1000), -Rational(1, 10), -Rational(1, 2)]
+    for quantity in (law.a, law.F_ela.subs(a, law.a)):
+        values = [quantity.subs({**at, h: Rational(1, 10), delta: deflection}).evalf() for deflection in deflections]
+        if all(value.is_real is False for value in values):
+            return True
+    return False
+
+
+def sign_on_domain(expr: Expr, law: ContactLaw, size: Symbol) -> Positivity:
+    """Whether an expression is positive for h > 0, a deflection of a size below R, and all own parameters allowed."""
+    from softdyn.derive.law import ranges_of
+
+    domain = [(h, ranges_of_positive("h")), (size, ranges_of_positive(size.name, Rational(1)))]
+    allowed = ranges_of(law)
+    for symbol in law.parameters:
+        if symbol in allowed:
+            low, high = Rational(allowed[symbol].start), Rational(allowed[symbol].end)
+            positive = Interval(0, high, True, allowed[symbol].right_open)
+            part = positive if symbol.is_positive and low <= 0 else allowed[symbol]
+            domain.append((symbol, ranges_between(symbol.name, part)))
+        else:
+            parts = ranges_of_positive(symbol.name) if symbol.is_positive else ranges_of_real(symbol.name)
+            domain.append(
+                (symbol, tuple(part for part in parts if part.expression.is_nonnegative or not symbol.is_nonnegative))
+            )
+    return positivity(expr.subs({R: 1, E: 1, eta: 1}), tuple(domain))
+
+
+def _witness_of_part(expr: Expr, law: ContactLaw, size: Symbol | None = None) -> Positivity | None:
+    """Where an expression of particles of any two sizes is not positive; None if that is not seen.
+
+    These are looked at in points: 11 gaps, 8 deflections, some size ratios and values of the law's own parameters.
+    """
+    for ratio in RATIOS if expr.has(size_ratio) else (None,):
+        value = tidy(expr if ratio is None else expr.subs(size_ratio, ratio))
+        own = [symbol for symbol in law.parameters if symbol in value.free_symbols]
+        variables = {h: GAPS, **({size: DEFLECTIONS} if size else {})}
+        free = [symbol for symbol in variables if symbol in value.free_symbols]
+        if value.is_positive or (rewritable(value) and value.factor().is_positive):
+            continue
+        function = lambdify([*free, *own], value.subs({R: 1, E: 1, eta: 1}), modules="mpmath", dummify=True)
+        with mpmath.workdps(40):
+            samples = [[mpmath.mpf(10) ** k for k in variables[symbol]] for symbol in free]
+            for point in product(product(*samples), _combinations([_samples(symbol, law) for symbol in own])):
+                numbers = [*point[0], *point[1]]
+                try:
+                    found = function(*numbers)
+                except (ZeroDivisionError, ValueError, OverflowError):
+                    continue
+                if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
+                    named = {symbol.name: number for symbol, number in zip([*free, *own], numbers, strict=True)}
+                    size_of = {} if ratio is None else {"size_ratio": mpmath.mpf(int(ratio.p)) / int(ratio.q)}
+                    return Positivity("witness", {**size_of, **named}, found)
     return None
 
 
 def _combinations(samples: list[list[mpmath.mpf]]) -> list[tuple[mpmath.mpf, ...]]:
-    """All combinations of values, or, of many parameters, those in which one differs from the middle values."""
-    if math.prod(map(len, samples)) <= MOST_COMBINATIONS:
-        return list(product(*samples))
+    """Values of the parameters, in which one at most differs from the middle ones."""
     middle = tuple(values[len(values) // 2] for values in samples)
     varied = ((*middle[:k], value, *middle[k + 1 :]) for k, values in enumerate(samples) for value in values)
     return list(dict.fromkeys([middle, *varied]))
+
+
+def _point(found: Positivity, side: int = 1) -> str:
+    """A witness in words."""
+    numbers = {name: side * number if name == "delta" else number for name, number in found.at.items()}
+    shown = ", ".join(f"{name}={_short(number)}" for name, number in numbers.items())
+    return f"{shown} (R = E = eta = 1)" if shown else "R = E = eta = 1"
+
+
+def _short(number: mpmath.mpf) -> str:
+    """A number to as few digits as it has."""
+    few = mpmath.nstr(number, 3)
+    return few if abs(mpmath.mpf(few) - number) <= abs(number) * 1e-15 else mpmath.nstr(number, 17)
 
 
 def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:

@@ -10,6 +10,7 @@ A law that is declared ``general`` has F_ela(a, delta, h) and F_adh(a, h, delta)
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
@@ -20,7 +21,7 @@ from typing import Any
 from sympy import Basic, Expr, Integer, Interval, Rational, S, Symbol, oo, pi, srepr
 
 from softdyn.derive.branches import in_plain_functions
-from softdyn.derive.checks import faults_of
+from softdyn.derive.checks import faults_of, undecided_signs
 from softdyn.derive.dimensions import Dimension
 from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, delta, eta, size_ratio
 from softdyn.errors import LawError
@@ -169,7 +170,8 @@ class ContactLaw:
     ------
     LawError
         Listing every fault: a wrong argument, a wrong dimension, a function that a target cannot print,
-        C <= 0 or zeta <= 0 within h > 0, abs(delta) < R.
+        C <= 0 or zeta <= 0 somewhere within h > 0, abs(delta) < R, with numbers that show it. C may vanish at delta = 0
+        alone. Where neither this nor the contrary can be proved, a warning names the box that is left.
     """
 
     name: str
@@ -203,6 +205,8 @@ class ContactLaw:
         faults = faults_of(self)
         if faults:
             raise LawError(str(self.name), tuple(faults))
+        for words in undecided_signs(self):
+            warnings.warn(f"law {self.name!r}: {words}", stacklevel=3)
 
     def _repr_latex_(self) -> str:
         from softdyn.derive.typeset import declaration_latex

@@ -42,8 +42,9 @@ PRESSED, PULLED = Dummy("delta", nonnegative=True), Dummy("delta", positive=True
 
 #: Rewriting a larger expression takes long, and its expanded form is unreadable.
 MOST_OPERATIONS = 120
-#: So does factoring a polynomial in more roots and functions than this.
+#: So does factoring a polynomial in more roots and functions than this, or of a higher degree.
 MOST_GENERATORS = 3
+HIGHEST_POWER = 24
 
 
 def sound(*candidates: Expr) -> Expr:
@@ -136,7 +137,10 @@ def rewritable(expr: Expr) -> bool:
     """Whether an expression is small enough for sympy's polynomials: they factor it, and give up on no large one."""
     roots = {node.base for node in expr.atoms(Pow) if not node.exp.is_Integer}
     functions = {node for node in expr.atoms(Function) if not isinstance(node, (Abs, sign))}
-    return expr.count_ops() < MOST_OPERATIONS and len(roots | functions) <= MOST_GENERATORS
+    powers = [node.exp for node in expr.atoms(Pow)]
+    powers += [term.as_coeff_Mul()[0] for node in expr.atoms(exp) for term in Add.make_args(node.args[0])]
+    high = any(power.is_Rational and abs(power.p) > HIGHEST_POWER for power in powers)
+    return expr.count_ops() < MOST_OPERATIONS and len(roots | functions) <= MOST_GENERATORS and not high
 
 
 def _factor_terms_of_fraction(expr: Expr) -> Expr:

@@ -132,7 +132,7 @@ def test_equal_spheres_have_no_lever() -> None:
         ({"k_t": E * (a - R)}, "tangential k_t must be positive"),
         ({"rolling": eta * R**3, "coupling": 9 * eta * R**2}, "coupling.2 must be positive"),
         ({"coupling": eta * R**2}, "coupling.2 must be positive"),
-        ({"sliding": eta * R * (1 - 8 * size_ratio)}, "at size_ratio=1/8"),
+        ({"sliding": eta * R * (1 - 8 * size_ratio)}, "at size_ratio=0.125"),
     ],
 )
 def test_faults_of_the_declaration_are_named(changes: dict[str, Any], words: str) -> None:
