@@ -54,3 +54,11 @@ def lacks_memory(words: object) -> bool:
         words = words.__cause__ or words.__context__
         said.append(str(words))
     return any(part in one.casefold() for one in said for part in _OF_MEMORY)
+
+
+def pressed_only_words(law: str) -> str:
+    """What ends a run where surfaces of a law that knows none that are pulled would be."""
+    return (
+        f"law {law!r} is defined for delta >= 0 alone, its elastic force being no real number for delta < 0, and here "
+        "the surfaces would be pulled: write abs(delta) where it is to hold in tension, too, or end the run earlier"
+    )

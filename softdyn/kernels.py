@@ -55,6 +55,8 @@ class Kernel:
     functions : Functions
     dry : bool
         Whether the law is that of a dry contact: no gap, no friction.
+    pressed_only : bool
+        Whether the law says nothing of surfaces that are pulled, delta < 0.
     kinked : bool
         Whether the law has kinks or jumps elsewhere than at delta = 0, where steps end anyway.
     ranges : mapping from str to (low, high, whether low is left out, whether high is)
@@ -74,6 +76,7 @@ class Kernel:
     functions: Functions
     positive: tuple[str, ...]
     dry: bool
+    pressed_only: bool
     kinked: bool
     ranges: Mapping[str, Range]
 
@@ -159,6 +162,7 @@ def get_kernel(
         functions=functions,
         positive=tuple(manifest["positive"]),
         dry=manifest["dry"],
+        pressed_only=manifest["pressed_only"],
         kinked=manifest["kinked"],
         ranges=manifest["ranges"],
     )
@@ -283,6 +287,7 @@ def _manifest_in(entry: Path) -> dict[str, Any]:
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
     """Derive a kernel, which takes the derivation stage, and so sympy."""
     from softdyn.derive.branches import has_kinks
+    from softdyn.derive.checks import pressed_only
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import expressions, is_dry, parameters_of, plain_ranges
@@ -301,6 +306,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "components": ir.components,
         "width": ir.width,
         "dry": is_dry(law),
+        "pressed_only": pressed_only(law),
         "kinked": has_kinks(*expressions(law).values()),
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": plain_ranges(law),

@@ -10,15 +10,20 @@ from typing import Any
 import mpmath
 import pytest
 import sympy
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from sympy import Abs, Expr, Interval, Piecewise, Rational, Symbol, cosh, exp, log, pi, sign, sin, sqrt, tanh
 
+import softdyn
+from softdyn import particles
 from softdyn.derive import DIMENSIONLESS, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.bound_programs import bound_program
 from softdyn.derive.bounds import OutOfReachError, unit_frame
 from softdyn.derive.checks import pressed_only, signs_of
 from softdyn.derive.positive import Positivity, positivity, ranges_between, ranges_of_positive
-from softdyn.errors import LawError
+from softdyn.errors import IntegrationError, LawError, SceneError
 from softdyn.laws import law_of, stock_laws
+from softdyn.particles import ParticleScene, Push
 
 hbar = R * h / (R + h)
 b, c, p, q, d = (Symbol(name, positive=True) for name in "bcpqd")
@@ -253,3 +258,72 @@ def test_many_parameters_cost_no_power_of_three() -> None:
             parameters=dict.fromkeys(lengths, LENGTH),
         )
     assert sum(sign_.found.boxes for sign_ in signs_of(law)) < 100
+
+
+def drained(law: ContactLaw, force: float, t: float) -> tuple[float, float]:
+    """Gap and deflection at a time under a constant force, from h = 0.05, integrated on its own."""
+    at = {R: 1, E: 1, eta: 1, n: Rational(3, 2)}
+    elastic = sympy.lambdify([h, delta], law.F_ela.subs(a, law.a).subs(at), "math")
+    resisting = sympy.lambdify([h, delta], law.zeta.subs(a, law.a).subs(at), "math")
+
+    def pressed(gap: float) -> float:
+        return float(brentq(lambda size: elastic(gap, size) - force, 1e-15, 1.0, xtol=1e-17, rtol=1e-14))
+
+    def rate(_: float, u: Any) -> list[float]:
+        gap = math.exp(u[0])
+        return [-force / resisting(gap, pressed(gap)) / gap]
+
+    solved = solve_ivp(rate, (0, t), [math.log(0.05)], method="Radau", rtol=1e-11, atol=1e-12)
+    gap = math.exp(solved.y[0, -1])
+    return gap, pressed(gap)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in ("Hertz", "Pogorelov") else pytest.param(name, marks=pytest.mark.slow) for name in SPRINGS],
+)
+def test_springs_that_start_without_stiffness_run_in_both_engines(name: str) -> None:
+    law, force, until = spring(name), 1e-4, 2e4
+    own = {"n": 1.5} if "any" in name else {}
+    gap, size = drained(law, force, until)
+    run = softdyn.simulate(
+        law=law, parameters={"R": 1.0, "E": 1.0, "eta": 1.0, **own}, h=0.05, force=force, until_t=until
+    )
+    assert run.h[-1] == pytest.approx(gap, rel=1e-8)
+    assert run.delta[-1] == pytest.approx(size, rel=1e-8)
+    _, first = drained(law, force, 1e-9)
+    push = [Push([0], [force, 0, 0]), Push([1], [-force, 0, 0])]
+    scene = ParticleScene(
+        law=law, parameters={"E": 1.0, "eta": 1.0, **own}, positions=[[0.0, 0, 0], [2.05 - 2 * first, 0, 0]],
+        radii=[1.0, 1.0], gap=0.05, pushes=push, until=until, rtol=1e-7,
+    )  # fmt: skip
+    contact = particles.simulate(scene).contacts(-1)
+    assert contact["h"][0] == pytest.approx(gap, rel=1e-5)
+    assert contact["delta"][0] == pytest.approx(size, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["Pogorelov", "any power, pressed"])
+def test_a_force_that_starts_from_zero_or_turns_is_followed_or_refused_by_name(name: str) -> None:
+    law, own = spring(name), {"n": 1.5} if "any" in name else {}
+    given: dict[str, Any] = {"law": law, "parameters": {"R": 1.0, "E": 1.0, "eta": 1.0, **own}, "h": 1.0}
+    turning: dict[str, Any] = {**given, "constants": {"w": 1e-3}}
+    rising = softdyn.simulate(**turning, force="1e-3*sin(w*t)", until_t=1500.0)
+    assert rising.delta[-1] > 0
+    if name.endswith("pressed"):
+        with pytest.raises(IntegrationError, match="is defined for delta >= 0 alone"):
+            softdyn.simulate(**turning, force="1e-3*cos(w*t)", until_t=3000.0)
+        with pytest.raises(SceneError, match="is defined for delta >= 0 alone"):
+            softdyn.simulate(**given, force=-1e-3, until_t=3000.0)
+    else:
+        turned = softdyn.simulate(**turning, force="1e-3*cos(w*t)", until_t=3000.0)
+        assert turned.delta[-1] < 0
+
+
+def test_particles_of_a_law_of_pressed_surfaces_end_by_name_where_they_part() -> None:
+    pushes = [Push([0], ["1e-4*cos(w*t)", 0, 0]), Push([1], ["-1e-4*cos(w*t)", 0, 0])]
+    scene = ParticleScene(
+        law=spring("Hertz, pressed"), parameters={"E": 1.0, "eta": 1.0}, positions=[[0.0, 0, 0], [2.046, 0, 0]],
+        radii=[1.0, 1.0], gap=0.05, pushes=pushes, constants={"w": 1e-3}, until=3e3, rtol=1e-6,
+    )  # fmt: skip
+    with pytest.raises(IntegrationError, match=r"defined for delta >= 0 alone.*particles 0 and 1"):
+        particles.simulate(scene)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.enclosure import Interval, intervals
-from softdyn.errors import IntegrationError, SceneError
+from softdyn.errors import IntegrationError, SceneError, pressed_only_words
 from softdyn.expression import pieces
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.quadrature import integrate_constant_force
@@ -51,6 +51,8 @@ SMALL_ERROR = 0.1
 #: Stands for an estimate that overflows.
 LARGEST_ERROR = 1e300
 
+#: Deflection over R below which surfaces that a law knows pressed alone are about to part.
+PARTED = 1e-6
 #: Deflection over R of a pulled surface, from which a result warns.
 PULLED = 0.1
 
@@ -300,7 +302,7 @@ def _integrate(
     steps, state = integrate_steps(kernel, drive, p, start, ends, rtol, scene.method, progress, most)
     status = int(state[-1])
     if status not in (0, 1):
-        raise IntegrationError(_what_happened(status, scene, rtol, state))
+        raise IntegrationError(_what_happened(status, scene, rtol, state, kernel))
     stats = {
         "method": _method(drive, int(state[4]), int(state[14])),
         "steps": int(state[4]),
@@ -388,10 +390,12 @@ def _stuck(state: Array, most: float) -> int:
     return 2 if abs(state[1]) < 690 else RUNAWAY
 
 
-def _what_happened(status: int, scene: Scene, rtol: float, state: Array) -> str:
+def _what_happened(status: int, scene: Scene, rtol: float, state: Array, kernel: Kernel) -> str:
     t, u, delta = state[:3]
     h = math.exp(min(max(u, -745.0), 709.0))
     where = f"at t={t:.6g}, h={h:.6g}, delta={delta:.6g}"
+    if status in (-1, -3) and kernel.pressed_only and abs(delta) < PARTED * scene.parameters["R"]:
+        return f"{pressed_only_words(kernel.law)} ({where})"
     toward = "" if scene.until_h is None else f" before the gap reached until.h = {scene.until_h:g}"
     away = _moves_away(scene, h)
     end_by_time = "end the run by a time, until.t"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import SceneError
+from softdyn.errors import SceneError, pressed_only_words
 from softdyn.kernels import Kernel
 from softdyn.scene import Drive, Scene
 
@@ -52,7 +52,8 @@ def initial_deflection(scene: Scene, kernel: Kernel, drive: Drive, p: Array, R: 
     if drive.control == "force":
         delta = float(deflection(kernel, np.array([h]), np.array([given]), p)[0])
         if not math.isfinite(delta):
-            raise SceneError(f"no deflection balances the initial force F={given:g} at h={h:g}")
+            why = f": {pressed_only_words(kernel.law)}" if kernel.pressed_only and given < 0 else ""
+            raise SceneError(f"no deflection balances the initial force F={given:g} at h={h:g}{why}")
         cause = f"the initial force F = {given:g}"
     elif drive.control == "position":
         delta = _known(scene, (2 * R + h - given) / 2, R, f"[drive] position, {given:.15g} at the start,")

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from softdyn.errors import IntegrationError
+from softdyn.errors import IntegrationError, pressed_only_words
 from softdyn.particles import linear, sliding
 from softdyn.particles.balance import Balance, pair_named
 from softdyn.particles.geometry import directions, lattice, some_of
-from softdyn.particles.state import State, free_positions
+from softdyn.particles.state import State, free_positions, overlaps
 from softdyn.particles.system import System, contact_state, gauge_axes, turns_freely
 from softdyn.particles.words import AXES, particles_named
 
@@ -25,6 +25,8 @@ UNBALANCED = 1e-9
 UNTURNED = 1e-4
 #: Part of it that may be taken away where particles have moved from the positions at which it balances.
 TURNED = 0.1
+#: Deflection over the smallest radius below which surfaces that a law knows pressed alone are about to part.
+PARTED = 1e-3
 #: Overlap over the smaller radius below which no contact is as wide as the smaller sphere.
 SHALLOW = 0.25
 
@@ -132,6 +134,13 @@ def _twisted(system: System, state: State) -> NDArray[np.int64]:
 
 def why(system: System, state: State, error: Exception) -> str:
     """Words for what a step failed of."""
+    if system.kernel.pressed_only:
+        contacts = state.contacts
+        delta = contact_state(system, contacts, overlaps(system, state), contacts.h)["delta"]
+        parting = np.flatnonzero(~(delta > PARTED * system.radii.min()) & (contacts.h < system.reach))
+        if len(parting):
+            named = pair_named(contacts, int(parting[0]), len(state.x))
+            return f"{pressed_only_words(system.kernel.law)} ({named})"
     twisted = _twisted(system, state)
     if len(twisted):
         return (

@@ -47,6 +47,8 @@ class ContactKernel:
         See the template ``contacts``; drag is None in a kernel without.
     bounded : bool
         Whether its friction has a limit far apart; in a kernel without drag it does not matter.
+    pressed_only : bool
+        Whether the law says nothing of surfaces that are pulled, delta < 0.
     positive : tuple of str
         Parameters that must be positive.
     ranges : mapping from str to (low, high, whether low is left out, whether high is)
@@ -67,12 +69,14 @@ class ContactKernel:
     energy: Callable[..., None]
     drag: Callable[..., None] | None
     bounded: bool
+    pressed_only: bool
     positive: tuple[str, ...]
     ranges: Mapping[str, Range]
 
 
 def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
     """Derive a contact kernel; imports the derivation stage."""
+    from softdyn.derive.checks import pressed_only
     from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
     from softdyn.derive.emit import suffix
     from softdyn.derive.emit_contacts import emit_contacts
@@ -90,6 +94,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "tangential": ir.tangential,
         "drag": ir.drag_outputs,
         "bounded": not needs["drag"] or is_bounded(law),
+        "pressed_only": pressed_only(law),
         "positive": [symbol.name for symbol in parameters_of(law, ir.tangential != (), True) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "source": emit_contacts(ir, target),
@@ -149,6 +154,7 @@ def get_contact_kernel(
         energy=energy,
         drag=resisting,
         bounded=bool(manifest["bounded"]),
+        pressed_only=bool(manifest["pressed_only"]),
         positive=tuple(manifest["positive"]),
         ranges=manifest["ranges"],
     )
