@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -85,3 +87,20 @@ def test_without_a_folder_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("SOFTDYN_CACHE_DIR", str(tmp_path / "file"))
     assert findings.regimes_of(rognon_gay).regimes
+
+
+@pytest.mark.slow
+def test_the_same_law_gets_the_same_bytes_in_any_process() -> None:
+    """However sets and dictionaries are ordered there."""
+    code = (
+        "from softdyn.derive.films import find_films; from softdyn.derive.regimes import discover;"
+        "from softdyn.laws import law_of; from softdyn.study.tables import regimes_text;"
+        "found = discover(law_of('soap_film')); print(regimes_text(found, find_films(found)))"
+    )
+    texts = {
+        subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}, check=True, capture_output=True
+        ).stdout
+        for seed in ("1", "77")
+    }
+    assert len(texts) == 1
