@@ -343,7 +343,7 @@ def test_a_browser_shows_it_without_anything_sticking_out(measured: dict[int, st
 @pytest.mark.slow
 def test_a_verdict_says_on_which_set_it_holds_and_a_refuted_one_where_it_fails() -> None:
     """On the page, in the text, and in a notebook."""
-    soap_film = load(find("soap_film"))
+    soap_film, _ = load(find("soap_film"))
     poiseuille = soap_film.limits[0]
     # without A exp(-h/ell) << F: it fails where the film still carries the force
     wider = Limit("too wide", poiseuille.order[:2], {"dh_dt": poiseuille.claims["dh_dt"]})
