@@ -403,6 +403,19 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
             strange = sorted(str(symbol) for symbol in form.free_symbols - allowed)
             if strange:
                 faults.append(f"{where}, {quantity}: unknown symbol {', '.join(strange)}")
+        faults += [f"{where}: {fault}" for fault in _within_faults(limit, allowed)]
+    return faults
+
+
+def _within_faults(limit: Limit, allowed: set[Symbol]) -> list[str]:
+    """An error belongs to a claim, and holds where ratios, independent of one another, are small."""
+    faults = [f"within: {quantity!r} is not claimed" for quantity in limit.within if quantity not in limit.claims]
+    faults += [f"within: {error} is no error between 0 and 1" for error in limit.within.values() if not 0 < error < 1]
+    faults += [
+        f"where: {ratio!r} must be a ratio, such as h/R, and below a positive number"
+        for ratio, bound in limit.where.items()
+        if not (isinstance(ratio, Expr) and _is_monomial(ratio) and ratio.free_symbols <= allowed - {F} and bound > 0)
+    ]
     return faults
 
 

@@ -51,15 +51,26 @@ class Limit:
     claims : mapping from str to Expr
         Leading form of any of ``a``, ``zeta``, ``delta``, ``F``, ``F_adh``, ``C``, ``D``, ``dh_dt``, ``dX_dt``, in h,
         delta, F (or kappa) and the parameters; ``dX_dt`` at constant force.
+    within : mapping from str to number
+        Claimed errors of some of them, relative to the form: ``{"zeta": 0.05}``, "within 5 %".
+    where : mapping from Expr to number
+        For which ratios, each below a number: ``{h/R: 1e-3, delta/h: 1e-2}``. Where it is left out the largest box is
+        found, all ratios of the order below one number. See :mod:`softdyn.derive.error_bounds`.
     """
 
     name: str
     order: tuple[Expr, ...] | tuple[tuple[Expr, ...], ...]
     claims: Mapping[str, Expr]
+    within: Mapping[str, Any] = field(default_factory=dict)
+    where: Mapping[Expr, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         exact = {name: _exact(form) for name, form in self.claims.items()}
         object.__setattr__(self, "claims", exact)
+        for name in ("within", "where"):
+            # a number as it is written, 0.05 being 1/20
+            numbers = {key: Rational(str(value)) for key, value in getattr(self, name).items()}
+            object.__setattr__(self, name, numbers)
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,7 +112,7 @@ Domain = tuple[tuple[Symbol, tuple[Range, ...]], ...]
 def ranges_of_positive(name: str, most: Rational | None = None) -> tuple[Range, ...]:
     """All positive numbers, or those below one."""
     variable = Dummy(name, positive=True)
-    return (Range(variable, variable, (-INF, INF if most is None else _log(most))),)
+    return (Range(variable, variable, (-INF, INF if most is None else logarithm_of(most))),)
 
 
 def ranges_between(name: str, allowed: Interval) -> tuple[Range, ...]:
@@ -122,8 +122,8 @@ def ranges_between(name: str, allowed: Interval) -> tuple[Range, ...]:
     ends = [(low, allowed.left_open), (high, allowed.right_open)]
     points = tuple(Range(end, None) for end, is_open in ends if not is_open)
     if not allowed.right_open:
-        return (*points, Range(low + one, one, (-INF, _log(high - low))))
-    half = (-INF, _log((high - low) / 2))
+        return (*points, Range(low + one, one, (-INF, logarithm_of(high - low))))
+    half = (-INF, logarithm_of((high - low) / 2))
     return (*points, Range(low + one, one, half), Range(high - other, other, half))
 
 
@@ -133,7 +133,8 @@ def ranges_of_real(name: str) -> tuple[Range, ...]:
     return Range(one, one), Range(-other, other), Range(S.Zero, None)
 
 
-def _log(number: Rational) -> float:
+def logarithm_of(number: Rational) -> float:
+    """Upper bound of the logarithm of a number."""
     exact = mpmath.log(mpmath.mpf(int(number.p)) / int(number.q))
     return up(float(exact)) if exact else 0.0
 

@@ -330,14 +330,16 @@ def _derive(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
         law = law_of(options.law)
+        from softdyn.derive.error_bounds import check_errors
         from softdyn.findings import limits_of
-        from softdyn.study.tables import limits_data, limits_text
+        from softdyn.study.tables import errors_data, errors_text, limits_data, limits_text, signs_text
 
         findings = limits_of(law)
+        errors = check_errors(law)
     if options.certificates is not None or options.lemmas is not None:
         _write_certificates(law, options.certificates, options.lemmas, findings)
-    proved = sum(finding.verdict == "proved" for finding in findings)
-    data = limits_data(law.name, findings)
+    proved = sum(finding.verdict == "proved" for finding in (*findings, *errors))
+    data = {**limits_data(law.name, findings), **({"errors": errors_data(errors)} if errors else {})}
     if options.json:
         print(json.dumps(data, indent=2))
     elif not findings:
@@ -345,7 +347,10 @@ def _check(options: argparse.Namespace) -> int:
     else:
         print(limits_text(law.name, findings), end="")
         print(", ".join(f"{data[v]} {v}" for v in ("proved", "disproved", "undecided") if data[v]))
-    return 0 if proved == len(findings) else 1
+        print(errors_text(errors), end="")
+    if not options.json:
+        print(signs_text(law), end="")
+    return 0 if proved == len(findings) + len(errors) else 1
 
 
 def _write_certificates(law: Any, path: Path | None, lemmas: Path | None, findings: Any) -> None:

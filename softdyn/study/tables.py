@@ -8,9 +8,10 @@ from typing import Any
 
 from sympy import Expr, S, latex
 
+from softdyn.derive.error_bounds import ErrorFinding
 from softdyn.derive.films import Films
 from softdyn.derive.forms import force, force_unit, plain
-from softdyn.derive.law import parameters_of
+from softdyn.derive.law import ContactLaw, parameters_of
 from softdyn.derive.limits import Finding
 from softdyn.derive.regimes import Condition, Diagram, Form, Regime, Side
 from softdyn.derive.symbols import E, R, eta, h
@@ -64,6 +65,32 @@ def limits_data(law: str, findings: Sequence[Finding]) -> dict[str, Any]:
     """Verdicts and evidence as plain data; expressions as text."""
     counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
     return {"law": law, **counts, "limits": [_plain_data(asdict(finding)) for finding in findings]}
+
+
+def errors_text(findings: Sequence[ErrorFinding]) -> str:
+    """Verdicts on claimed errors, a line each, and what stands against them."""
+    lines = []
+    for finding in findings:
+        found = "" if finding.given or finding.verdict != "proved" else " (found)"
+        lines.append(f"  {finding.verdict:10}{finding.limit}: {finding.quantity} {finding}{found}")
+        lines += [f"      {finding.reason}"] if finding.reason else []
+    return "".join(line + "\n" for line in lines)
+
+
+def errors_data(findings: Sequence[ErrorFinding]) -> list[Any]:
+    """Verdicts on claimed errors as plain data; expressions as text."""
+    return [_plain_data(asdict(finding)) for finding in findings]
+
+
+def signs_text(law: ContactLaw) -> str:
+    """What is proved of the signs of radius, stiffness and friction."""
+    from softdyn.derive.checks import signs_of, undecided_signs
+
+    proved = dict.fromkeys(sign.quantity for sign in signs_of(law) if sign.found.verdict == "positive")
+    open_ = undecided_signs(law)
+    whole = [name for name in proved if not any(words.startswith(f"{name} >") for words in open_)]
+    lines = [f"{', '.join(whole)} > 0: proved for h > 0, |delta| < R"] if whole else []
+    return "".join(line + "\n" for line in (*lines, *open_))
 
 
 def _plain_data(value: Any) -> Any:
