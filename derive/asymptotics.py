@@ -32,7 +32,9 @@ from sympy import (
     Rational,
     S,
     Symbol,
+    acos,
     acosh,
+    acoth,
     asin,
     asinh,
     atan,
@@ -40,6 +42,7 @@ from sympy import (
     binomial,
     cos,
     cosh,
+    coth,
     erf,
     erfc,
     exp,
@@ -60,7 +63,9 @@ from sympy.core.relational import Ge, Gt, Le, Lt
 from sympy.logic.boolalg import And, Boolean, Not, Or
 
 from softdyn.derive.cones import Cone, Normal, dot
+from softdyn.derive.identities import Tail, everywhere, far_out
 from softdyn.derive.patience import nodes, spend
+from softdyn.derive.regions import combination
 
 #: Powers of the ratios: whole ones as int, which is many times faster.
 Order = tuple[int | Fraction, ...]
@@ -69,7 +74,10 @@ Order = tuple[int | Fraction, ...]
 KEPT = 8
 
 #: Analytic functions, expanded about a finite argument.
-ANALYTIC = (exp, sin, cos, tan, asin, atan, sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc)
+ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc)
+
+#: Functions that are written in these.
+DERIVED = (acosh, acos, asin, atanh, acoth, coth)
 
 #: Operations that it takes to try to simplify something, for each of its nodes.
 REWRITTEN = 50
@@ -107,6 +115,51 @@ class SplitError(UndecidedError):
         self.values = values
 
 
+class AxisError(UndecidedError):
+    """An exponential or a logarithm varies in a region, and has no axis yet.
+
+    Attributes
+    ----------
+    kind : "exp" or "log"
+    argument : Expr
+        m, large and positive, of exp(-m); or M, a product of powers that vanishes, of log(1/M).
+    order : Order
+        That of the argument.
+    """
+
+    def __init__(self, kind: str, argument: Expr, order: Order) -> None:
+        super().__init__(f"{kind}({argument}) has no axis of its own")
+        self.kind, self.argument, self.order = kind, argument, order
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Exponentials and logarithms with an axis of their own: symbols that vary as others do.
+
+    Attributes
+    ----------
+    exponentials : mapping from Expr to Symbol
+        From m to the symbol that stands for exp(-m).
+    logarithms : mapping from Expr to Symbol
+        From M, a product of powers of symbols, to the symbol that stands for log(1/M).
+    """
+
+    exponentials: Mapping[Expr, Symbol] = field(default_factory=dict)
+    logarithms: Mapping[Expr, Symbol] = field(default_factory=dict)
+
+    def meanings(self) -> dict[Symbol, Expr]:
+        """Return what each symbol stands for."""
+        names = {X: exp(-m) for m, X in self.exponentials.items()}
+        return names | {Y: log(1 / M) for M, Y in self.logarithms.items()}
+
+    def written(self, form: Expr) -> Expr:
+        """A form in the law's own symbols."""
+        names = self.meanings()
+        while form.free_symbols & names.keys():
+            form = form.xreplace(names)
+        return form
+
+
 @dataclass(frozen=True)
 class Series:
     """A sum of terms of different orders in the ratios, up to terms of the order of the remainder.
@@ -134,6 +187,9 @@ class Scale:
         Terms kept in a series.
     imaginary : bool
         Whether the root of something negative is taken, and not refused.
+    axes : Axes or None
+        Exponentials and logarithms that are symbols here. None: the cone is one of powers alone; exponentials are
+        smaller, or larger, than any, and logarithms stay in the coefficients.
     """
 
     size: int
@@ -141,16 +197,25 @@ class Scale:
     orders: Mapping[Symbol, Order]
     kept: int = KEPT
     imaginary: bool = False
+    axes: Axes | None = None
+    #: What symbols that follow from others are in terms of these.
+    formulas: Mapping[Symbol, Expr] = field(default_factory=dict)
     #: Series found so far: the same sums stand in many places of a law.
     found: dict[Expr, Series] = field(default_factory=dict, compare=False, repr=False)
 
-    def knowing(self, symbol: Symbol, series: Series) -> Scale:
-        """The same, with one symbol more."""
+    def knowing(self, symbol: Symbol, series: Series, formula: Expr | None = None) -> Scale:
+        """The same, with one symbol more; with what it is in terms of others, if that is said."""
         found = {expr: value for expr, value in self.found.items() if symbol not in symbols_in(expr)}
-        return replace(self, known={**self.known, symbol: series}, found=found)
+        formulas = self.formulas if formula is None else {**self.formulas, symbol: formula}
+        return replace(self, known={**self.known, symbol: series}, found=found, formulas=formulas)
 
 
-def scale_of(cone: Cone, directions: Mapping[Symbol, Normal], kept: int = KEPT) -> Scale:
+def scale_of(
+    cone: Cone,
+    directions: Mapping[Symbol, Normal],
+    kept: int = KEPT,
+    axes: Axes | None = None,
+) -> Scale:
     """Return the scale of a cone.
 
     Parameters
@@ -159,10 +224,12 @@ def scale_of(cone: Cone, directions: Mapping[Symbol, Normal], kept: int = KEPT) 
         Over some axes.
     directions : mapping from Symbol to Normal
         The exponent of each symbol, as a linear form of the axes.
+    axes : Axes, optional
+        Those of the symbols that stand for exponentials and logarithms.
     """
     orders = {symbol: tuple(dot(direction, ray) for ray in cone) for symbol, direction in directions.items()}
     known = {symbol: Series({order: symbol}) for symbol, order in orders.items()}
-    return Scale(len(cone), known, orders, kept)
+    return Scale(len(cone), known, orders, kept, axes=axes)
 
 
 def zero(scale: Scale) -> Order:
@@ -231,7 +298,7 @@ def _expanded(expr: Expr, scale: Scale) -> Series:
         for factor in Mul.make_args(varying):
             product = multiplied(product, expand(factor, scale), scale.kept)
         return product
-    if isinstance(expr, Pow) and expr.exp.is_negative and _grows_exponentially(expr.base, scale):
+    if isinstance(expr, Pow) and scale.axes is None and expr.exp.is_negative and _grows_exponentially(expr.base, scale):
         return Series()  # smaller than any power of the ratios
     if isinstance(expr, Pow) and isinstance(expr.exp, Rational):
         return raised(expand(expr.base, scale), expr.exp, expr.base, scale)
@@ -247,7 +314,11 @@ def _expanded(expr: Expr, scale: Scale) -> Series:
         return expand(expr.expand(func=True), scale)
     if isinstance(expr, log):
         return _logarithm(expand(expr.args[0], scale), expr, scale)
-    if isinstance(expr, (exp, *ANALYTIC)):
+    if isinstance(expr, DERIVED):
+        return expand(everywhere(expr), scale)
+    if isinstance(expr, exp) and scale.axes is not None:
+        return _exponential(expr, expand(expr.args[0], scale), scale.axes, scale)
+    if isinstance(expr, ANALYTIC):
         return _analytic(expr, expand(expr.args[0], scale), scale)
     raise UndecidedError(f"{expr.func} is outside the method")
 
@@ -452,7 +523,9 @@ def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
     UndecidedError
         If it is not known.
     """
-    candidates: list[Callable[[], Expr]] = [lambda: coefficient, lambda: large_logarithms(coefficient, scale)]
+    candidates: list[Callable[[], Expr]] = [lambda: coefficient]
+    if scale.axes is None:
+        candidates.append(lambda: large_logarithms(coefficient, scale))
     if is_small(coefficient):
         candidates.append(lambda: simplify(coefficient))
     for candidate in candidates:
@@ -553,10 +626,117 @@ def _logarithm(argument: Series, what: Expr, scale: Scale) -> Series:
     _, coefficient = leading(argument, what)
     if sign_of(coefficient, what.args[0], scale) < 0:
         raise UndecidedError(f"{what} is the logarithm of a negative number")
-    slow = expand_log(log(coefficient))
+    if scale.axes is None:
+        written = expand_log(log(coefficient))
+        slow = Series({zero(scale): written} if not is_zero(written) else {})
+    else:
+        slow = _logarithm_of_term(coefficient, scale.axes, scale)
     series = (S.Zero, *(-((S.NegativeOne) ** k) / S(k) for k in range(1, KEPT + 1)))
     corrections = _compose(relative(argument, what), series, scale)
-    return _cut(added([Series({zero(scale): slow} if not is_zero(slow) else {}), corrections]), scale.kept)
+    return _cut(added([slow, corrections]), scale.kept)
+
+
+def _logarithm_of_term(term: Expr, axes: Axes, scale: Scale) -> Series:
+    """Series of the logarithm of a term: of exponentials their arguments, of powers a symbol, of the rest a number."""
+    powers: dict[Symbol, Rational] = {}
+    rest = S.One
+    for factor in Mul.make_args(factor_terms(term)):
+        base, power = factor.as_base_exp()
+        # a sum of terms of one order is as large as any of them
+        first = base.args[0] if base.is_Add else base
+        monomial = first.as_powers_dict() if power.is_Rational else {}
+        symbols = {x: n * power for x, n in monomial.items() if x.is_Symbol and n.is_Rational}
+        rest *= factor / Mul(*(x**n for x, n in symbols.items()))
+        for x, n in symbols.items():
+            powers[x] = powers.get(x, S.Zero) + n
+    arguments = {X: m for m, X in axes.exponentials.items()}
+    parts = [scaled(expand(arguments[x], scale), -powers.pop(x)) for x in list(powers) if x in arguments]
+    monomial = Mul(*(x**n for x, n in powers.items()))
+    order = order_of(monomial, scale)
+    if any(x > 0 for x in order) and any(x < 0 for x in order):
+        raise SplitError(order, term)
+    if any(order):
+        side = -1 if any(x > 0 for x in order) else 1
+        small = monomial**-side
+        known = dict(axes.logarithms)
+        forms = [order_of(M, scale) for M in known]
+        factors = combination(tuple(-side * x for x in order), tuple(forms), scale.size)
+        if factors is None:
+            raise AxisError("log", small, tuple(-side * x for x in order))
+        for k, factor in factors.items():
+            M, Y = list(known.items())[k]
+            parts.append(scaled(scale.known[Y], side * exact(_whole(factor))))
+            small /= M ** exact(_whole(factor))
+        monomial = small**-side
+    # what varies in the rest does not vary as a whole
+    rest *= monomial
+    logarithm = expand_log(log(rest)) if rest.is_number else log(rest)
+    if not is_zero(logarithm):
+        parts.append(Series({zero(scale): logarithm}))
+    return added(parts)
+
+
+def order_of(monomial: Expr, scale: Scale) -> Order:
+    """Order of a product of powers of symbols."""
+    total = zero(scale)
+    for x, n in monomial.as_powers_dict().items():
+        if x in scale.orders:
+            total = tuple(_whole(i + Fraction(n.p, n.q) * j) for i, j in zip(total, scale.orders[x], strict=True))
+    return total
+
+
+def _exponential(expr: Expr, argument: Series, axes: Axes, scale: Scale) -> Series:
+    """Series of exp(x): powers of the exponentials that have an axis, times that of what stays finite."""
+    unit = zero(scale)
+    known = all(negligible(order, unit) for order in argument.remainder)
+    growing = [order for order in argument.terms if order != unit and not negligible(order, unit)]
+    if not known and scale.kept < KEPT:
+        raise CancelError(f"{expr} has an argument that is not known well enough, to the order kept")
+    if not known or len(growing) > MOST_EXPONENTIALS:
+        return _whole_exponential(expr, argument, scale)
+    for order in growing:
+        if any(x > 0 for x in order):
+            raise SplitError(order, expr.args[0])
+    factor = Series({unit: S.One})
+    for order in growing:
+        coefficient = argument.terms[order]
+        for term in Add.make_args(multiplied_out(coefficient) if is_small(coefficient) else coefficient):
+            number, m = term.as_coeff_Mul()
+            if not number.is_Rational:
+                number, m = S.One, term
+            if sign_of(m, expr.args[0], scale) < 0:
+                number, m = -number, -m
+            factor = _shifted(factor, *_power_of_axis(m, order, -number, axes, scale))
+    finite = exp(argument.terms.get(unit, S.Zero))
+    small = Series({e: c for e, c in argument.terms.items() if negligible(e, unit)}, argument.remainder)
+    rest = _compose(small, (1 / factorial(k) for k in range(KEPT + 1)), scale)
+    return multiplied(factor, scaled(rest, finite), scale.kept)
+
+
+#: Growing terms of an argument, each of which has an axis; one of more terms has an axis as a whole.
+MOST_EXPONENTIALS = 2
+
+
+def _power_of_axis(m: Expr, order: Order, power: Rational, axes: Axes, scale: Scale) -> tuple[Order, Expr]:
+    """Return order and value of a power of exp(-m)."""
+    if m not in axes.exponentials:
+        raise AxisError("exp", m, order)
+    X = axes.exponentials[m]
+    number = Fraction(power.p, power.q)
+    return tuple(_whole(number * x) for x in scale.orders[X]), X**power
+
+
+def _whole_exponential(expr: Expr, argument: Series, scale: Scale) -> Series:
+    """Series of the exponential of an argument with terms without end that grow: it has an axis as a whole."""
+    assert scale.axes is not None
+    order, coefficient = _leading_or_unit(argument, expr.args[0])
+    if order == zero(scale) or negligible(order, zero(scale)):
+        raise CancelError(f"{expr} has an argument that is not known well enough, to the order kept")
+    m = expr.args[0]
+    while m.free_symbols & scale.formulas.keys():
+        m = m.xreplace(scale.formulas)
+    side = sign_of(coefficient, expr.args[0], scale)
+    return Series(dict([_power_of_axis(side * m, order, S(-side), scale.axes, scale)]))
 
 
 def _grows_exponentially(expr: Expr, scale: Scale) -> bool:
@@ -582,12 +762,7 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
     if argument.terms or argument.remainder:
         dominant, coefficient = _leading_or_unit(argument, expr.args[0])
         if negligible(unit, dominant):
-            if isinstance(expr, tanh):
-                # up to less than any power of the ratios
-                return Series({unit: S(sign_of(coefficient, expr.args[0], scale))})
-            if isinstance(expr, exp) and sign_of(coefficient, expr.args[0], scale) < 0:
-                return Series()  # smaller than any power of the ratios
-            raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")
+            return _saturated(expr, sign_of(coefficient, expr.args[0], scale), scale)
     centre = argument.terms.get(unit, S.Zero)
     if centre.has(log) and centre.free_symbols & scale.orders.keys():
         raise UndecidedError(f"{expr} has a logarithm in its argument")
@@ -604,6 +779,23 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
 
     small = Series({e: c for e, c in argument.terms.items() if e != unit}, argument.remainder)
     return _compose(small, derivatives(), scale)
+
+
+def _saturated(expr: Expr, side: int, scale: Scale) -> Series:
+    """Series of a function whose argument grows beyond all bounds, to the side given."""
+    if isinstance(expr, exp) and side < 0:
+        return Series()  # smaller than any power of the ratios
+    written = far_out(expr, side) if scale.axes is not None or not isinstance(expr, (sinh, cosh)) else None
+    if written is None:
+        raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")
+    if not isinstance(written, Tail):
+        return expand(written, scale)
+    factor = expand(written.factor, scale)
+    if factor.terms or factor.remainder:
+        known, (left_out, _) = expand(written.known, scale), leading(expand(written.rest, scale), expr)
+        known = Series(known.terms, known.remainder | {left_out})
+        factor = multiplied(factor, known, scale.kept)
+    return added([expand(written.whole, scale), factor])
 
 
 def exact(order: int | Fraction) -> Rational:

@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 from sympy import Expr, Symbol, diff
+from sympy import expand as multiplied_out
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
@@ -28,6 +29,7 @@ from softdyn.derive.asymptotics import (
 from softdyn.derive.cones import Cone, Normal, split
 from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.patience import within
+from softdyn.derive.soundness import at_side, cancelling_sums
 from softdyn.derive.symbols import E, F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -87,6 +89,28 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     }
 
 
+@lru_cache(maxsize=64)
+def definitions_at(law: ContactLaw, side: int) -> dict[Symbol, Expr]:
+    """The same on one side of delta = 0, without the branches of the other, in the size of delta.
+
+    A sum that cancels less with the radius written out has it so: a^2 - 2 R h is a series that cancels, 2 R delta is
+    one term.
+    """
+    found = {symbol: at_side(expr, side * size) for symbol, expr in definitions(law).items()}
+    return {symbol: expr if symbol == a else _with_radius(expr, found[a]) for symbol, expr in found.items()}
+
+
+def _with_radius(expr: Expr, radius: Expr) -> Expr:
+    if not expr.has(a):
+        return expr
+    expr = expr.func(*(_with_radius(part, radius) for part in expr.args)) if expr.args else expr
+    if expr.is_Add and expr.has(a) and cancelling_sums(expr):
+        written = multiplied_out(expr.xreplace({a: radius}), power_base=False, power_exp=False, log=False)
+        if cancelling_sums(written) < cancelling_sums(expr) and written.count_ops() <= expr.count_ops():
+            return written
+    return expr
+
+
 def series_of(
     law: ContactLaw, scale: Scale, side: int, wanted: Iterable[str] = QUANTITIES
 ) -> dict[str, Series | UndecidedError]:
@@ -98,10 +122,10 @@ def series_of(
         If the cone must be cut.
     """
     needed = _needed(definitions(law), set(wanted))
-    here = scale.knowing(delta, Series({order: side * c for order, c in scale.known[size].terms.items()}))
+    here = scale.knowing(delta, Series({order: side * c for order, c in scale.known[size].terms.items()}), side * size)
     found: dict[str, Series | UndecidedError] = {}
     unknown: dict[Symbol, UndecidedError] = {}
-    for symbol, expr in definitions(law).items():
+    for symbol, expr in definitions_at(law, side).items():
         if symbol not in needed:
             continue
         try:
@@ -115,7 +139,7 @@ def series_of(
         except UndecidedError as reason:
             found[symbol.name], unknown[symbol] = reason, reason
         else:
-            found[symbol.name], here = series, here.knowing(symbol, series)
+            found[symbol.name], here = series, here.knowing(symbol, series, expr)
     return found
 
 

@@ -28,6 +28,7 @@ from softdyn.derive.balance import definitions, size
 from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, cut, dot, orthants
 from softdyn.derive.law import ranges_of, sample_values
+from softdyn.derive.scalings import Path
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta, h
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ LARGEST = 10_000
 IN_VAIN = 60
 #: Decades by which ratios have fallen along a path; the last ones are asked only to confirm that a claim fails.
 LEVELS, CONFIRMED = (10, 40, 160), (10**4, 10**6, 10**8)
+#: The same for a path that a proof leads to.
+FAR_ALONG = (20, 60, 180)
 #: Digits beyond which a point is not computed, and those that do to confirm.
 MOST_DIGITS, ENOUGH_DIGITS = 6000, 600
 #: Binary digits of an argument before its point, beyond which an exponential is not told from 0.
@@ -78,15 +81,6 @@ class Point:
     def quantity(self, name: str) -> mpmath.mpf:
         """Value of a quantity, by its name."""
         return self.values[next(symbol for symbol in self.values if symbol.name == name and symbol != size)]
-
-
-@dataclass(frozen=True)
-class Path:
-    """A symbol at the level T is factor * 10**(-power T) * T**(-slow)."""
-
-    power: Mapping[Symbol, Fraction]
-    slow: Mapping[Symbol, Fraction]
-    factor: Mapping[Symbol, Fraction]
 
 
 @dataclass(frozen=True)
@@ -144,7 +138,7 @@ def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name
         further = [point for level in CONFIRMED if (point := _point(law, limit, sample.path, level)) is not None]
         off += [deviation(point, name, claim) for point in further]
         if _lasts(off[1:]):
-            return _told(limit, sample, name, claim)
+            return told(limit, sample, name, claim)
     return None
 
 
@@ -160,7 +154,8 @@ def _lasts(off: Sequence[mpmath.mpf | None]) -> bool:
     return len(known) == len(off) > 1 and known[-1] > FAR and known[-1] >= LASTING * known[-2]
 
 
-def _told(limit: Limit, sample: Sample, name: str, claim: Expr) -> Witness:
+def told(limit: Limit, sample: Sample, name: str, claim: Expr) -> Witness:
+    """Return what there is to tell of a claim on a path."""
     points = []
     for point in sample.points:
         varying = [delta if symbol == size else symbol for symbol in sample.path.power]
@@ -219,10 +214,21 @@ def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
     return found
 
 
-def _along(law: ContactLaw, limit: Limit, path: Path, first: Point) -> tuple[Point, ...]:
+def sample_along(law: ContactLaw, limit: Limit, path: Path) -> Sample | None:
+    """Return a path with its points, far along it; None if the ordering does not hold there, ever more sharply."""
+    first = _point(law, limit, path, FAR_ALONG[0])
+    if first is None or not _holds(limit, first):
+        return None
+    points = _along(law, limit, path, first, FAR_ALONG)
+    return Sample(path, points) if len(points) == len(FAR_ALONG) else None
+
+
+def _along(
+    law: ContactLaw, limit: Limit, path: Path, first: Point, levels: Sequence[int] = LEVELS
+) -> tuple[Point, ...]:
     """The points of a path, as long as each inequality sharpens along it."""
     points = [first]
-    for level in LEVELS[1:]:
+    for level in levels[1:]:
         point = _point(law, limit, path, level)
         if point is None or not _sharper(limit, points[-1], point):
             break

@@ -58,6 +58,21 @@ NEEDS_MORE: dict[str, tuple[ContactLaw, Order, str, Expr, Order]] = {
         claim_of(dlvo, "Poiseuille", "dh_dt"),
         next(x for x in dlvo.limits if x.name == "Poiseuille").order,
     ),
+    "DLVO, drawn together": (
+        dlvo,
+        next(x for x in dlvo.limits if x.name == "drawn together").order[:3],
+        "dh_dt",
+        claim_of(dlvo, "drawn together", "dh_dt"),
+        next(x for x in dlvo.limits if x.name == "drawn together").order,
+    ),
+    # an ordering that names Pi0 leaves it free: the rim's repulsion may be small, and the plane film's not
+    "a plane film": (
+        soap_film,
+        next(x for x in soap_film.limits if x.name == "Poiseuille").order[:3],
+        "dh_dt",
+        claim_of(soap_film, "Poiseuille", "dh_dt"),
+        next(x for x in soap_film.limits if x.name == "Poiseuille").order,
+    ),
     "what is left of a force": (FADING, ((ell, h, R), (B, A)), "F_adh", B, ((ell, h, R), (A * exp(-h / ell), B))),
     "a logarithm": (SWELLING, (h, delta, R), "F_adh", A, ((h, delta, R), (delta * log(R / h), R))),
 }
@@ -67,13 +82,30 @@ NEEDS_MORE: dict[str, tuple[ContactLaw, Order, str, Expr, Order]] = {
 def test_what_fails_in_an_exponentially_small_corner_is_disproved_with_numbers(name: str) -> None:
     law, order, quantity, claim, _ = NEEDS_MORE[name]
     found = finding(law, order, quantity, claim)
-    assert (found.verdict, found.ratio) == ("disproved", None)
+    assert found.verdict == "disproved"
     assert found.witness is not None
     assert "found/claimed" in found.reason
     # the numbers of the witness, computed anew: each inequality holds, and the claim is off by more than a percent
     at, ratio = found.witness.points[-1]
     assert all(mpmath.mpf(at[f"({small})/({large})"]) < 0.5 for small, large in inequalities(Limit("", order, {})))
     assert abs(mpmath.mpf(ratio) - 1) > 0.01
+
+
+@pytest.mark.parametrize("name", list(NEEDS_MORE))
+def test_the_algebra_alone_proves_nothing_false_and_finds_the_way_to_where_it_fails(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each exponential and each logarithm has an axis of its own: no random point is needed."""
+    monkeypatch.setattr("softdyn.derive.limits.samples_of", lambda *_: [])
+    law, order, quantity, claim, full = NEEDS_MORE[name]
+    wrong = finding(law, order, quantity, claim)
+    assert wrong.verdict == "disproved"
+    assert wrong.witness is not None
+    assert wrong.ratio is not None
+    # along the path that is told, the claim is off by ever more
+    off = [abs(mpmath.mpf(ratio) - 1) for _, ratio in wrong.witness.points]
+    assert off[-1] > max(off[0], 1)
+    assert finding(law, full, quantity, claim).verdict == "proved"
 
 
 @pytest.mark.parametrize("name", list(NEEDS_MORE))

@@ -45,7 +45,8 @@ law = ContactLaw(
     limits=(
         Limit(
             "Poiseuille",
-            order=((delta, h, R), (ell, h), (round_film * exp(-h / ell), F)),
+            # the rim's repulsion is less than the force, and the plane film's pressure less than Laplace's
+            order=((delta, h, R), (ell, h), (round_film * exp(-h / ell), F), (Pi0 * R * exp(-h / ell), sigma)),
             claims={"zeta": near, "delta": F / (4 * pi * sigma), "dh_dt": -F / near, "dX_dt": -F / near},
         ),
         Limit(
