@@ -127,12 +127,17 @@ def _any_of(region: Region) -> Ray:
 
 
 def form_with(values: Sequence[int | Fraction], generators: Sequence[Ray]) -> Normal:
-    """Return a linear form, up to a positive factor, that has given values at generators."""
+    """Return a linear form in whole numbers that has given values at generators, up to a positive factor."""
+    return primitive(exact_form(values, generators))
+
+
+def exact_form(values: Sequence[int | Fraction], generators: Sequence[Ray]) -> tuple[Fraction, ...]:
+    """Return a linear form that has given values at generators."""
     rows: list[list[int | Fraction]] = [[*ray, value] for ray, value in zip(generators, values, strict=True)]
     found = [Fraction(0)] * (len(rows[0]) - 1)
     for i, row in reduced(rows):
         found[i] = row[-1]
-    return primitive(found)
+    return tuple(found)
 
 
 def reduced(rows: Sequence[Sequence[int | Fraction]]) -> Iterator[tuple[int, list[Fraction]]]:

@@ -37,7 +37,7 @@ from softdyn.derive.asymptotics import (
 )
 from softdyn.derive.cones import Normal, dot, primitive
 from softdyn.derive.dimensions import Dimension, dimension_of
-from softdyn.derive.regions import Region, combination, cut_by, form_with, lifted, reduced, space
+from softdyn.derive.regions import Region, combination, cut_by, exact_form, form_with, lifted, reduced, space
 from softdyn.derive.symbols import E, R, eta
 
 Found = TypeVar("Found")
@@ -300,8 +300,8 @@ def _numbers(product: Expr) -> set[Expr]:
     return {base for base in product.as_powers_dict() if base.is_number}
 
 
-def _value(form: Normal, vector: Sequence[Fraction]) -> Fraction:
-    return sum((x * y for x, y in zip(form, vector, strict=True)), start=Fraction(0))
+def _value(form: Sequence[int | Fraction], vector: Sequence[int | Fraction]) -> Fraction:
+    return Fraction(sum(x * y for x, y in zip(form, vector, strict=True)))
 
 
 def _subsets(symbols: Iterable[Symbol]) -> Iterator[frozenset[Symbol]]:
@@ -323,7 +323,7 @@ def _path(
     unit = {symbol: tuple(int(i == place[symbol]) for i in range(dimension)) for symbol in part.of_axes}
     scale = part.scale(1)
     growing = {  # the form of log m
-        symbol: form_with([-x for x in leading(expand(m, scale), m)[0]], part.region.generators)
+        symbol: exact_form([-x for x in leading(expand(m, scale), m)[0]], part.region.generators)
         for m, symbol in part.axes.exponentials.items()
     }
     followed = {m: symbol for m, symbol in part.axes.exponentials.items() if symbol not in fast}
@@ -350,27 +350,27 @@ def _path(
     # then powers of the level T itself: an argument of an exponential grows as T, as do logarithms
     last = tuple(sum(unit[symbol][i] for symbol in slower) for i in range(dimension))
     tight = [normal for normal in strict if dot(normal, steep) == 0]
-    equations = [(growing[symbol], 1) for symbol in followed.values()]
+    equations: list[tuple[Sequence[int | Fraction], int]] = [(growing[symbol], 1) for symbol in followed.values()]
     equations += [(unit[symbol], 0) for symbol in (*followed.values(), *slower)]
     equations += [(unit[symbol], 1) for symbol in part.axes.logarithms.values() if symbol not in slower]
     slow = _solution(part, equations, [normal for normal in tight if dot(normal, last) <= 0], dimension)
     if slow is None or any(_value(normal, slow) < 0 for normal in tight):
         return None
-    if any(dot(growing[symbol], steep) <= 0 and _value(growing[symbol], slow) <= 1 for symbol in fast):
+    if any(_value(growing[symbol], steep) <= 0 and _value(growing[symbol], slow) <= 1 for symbol in fast):
         return None
     return _with_factors(part, _scaled(part, steep, speed), slow, followed, place, values)
 
 
-def _where_zero(region: Region, form: Normal) -> Region | None:
+def _where_zero(region: Region, form: Sequence[int | Fraction]) -> Region | None:
     """The face of a region's closure on which a form that is not negative there vanishes."""
-    rays = tuple(ray for ray in region.rays if dot(form, ray) == 0)
-    if any(dot(form, line) != 0 for line in region.lines):
+    rays = tuple(ray for ray in region.rays if _value(form, ray) == 0)
+    if any(_value(form, line) != 0 for line in region.lines):
         return None
     return Region(rays, region.lines, region.strict) if rays else None
 
 
 def _solution(
-    part: Part, equations: Sequence[tuple[Normal, int]], tight: Sequence[Normal], dimension: int
+    part: Part, equations: Sequence[tuple[Sequence[int | Fraction], int]], tight: Sequence[Normal], dimension: int
 ) -> list[Fraction] | None:
     """A vector in the span of a part on which forms have given values, and others are positive."""
     # homogeneous: one coordinate more, which is 1
@@ -381,8 +381,8 @@ def _solution(
         if above is None:
             return None
         region = above
-    for normal, value in equations:
-        _, on, _ = cut_by(region, (*normal, -value))
+    for form, value in equations:
+        _, on, _ = cut_by(region, primitive((*form, -value)))
         if on is None:
             return None
         region = on

@@ -25,7 +25,13 @@ from sympy import (
     Rational,
     S,
     Symbol,
+    acos,
+    acosh,
+    asinh,
+    atan,
     cosh,
+    erf,
+    erfc,
     exp,
     log,
     pi,
@@ -333,6 +339,40 @@ def test_what_the_series_cannot_tell_is_refuted_in_numbers(zeta: Expr) -> None:
     (finding,) = findings(variant(SIMPLE, zeta=eta * R * zeta), Limit("trial", STOKES, claimed)).values()
     assert finding.verdict == "disproved"
     assert finding.witness is not None
+
+
+x = h / R
+#: Functions that only exponentials and logarithms with axes of their own decide: zeta/(eta R), ordering, leading form.
+REACH: dict[str, tuple[Expr, Any, Expr]] = {
+    "atan": (atan(x), STOKES, pi / 2),
+    "erf": (erf(x), STOKES, S.One),
+    "erfc": (erfc(x), STOKES, exp(-(x**2)) / (x * sqrt(pi))),
+    "asinh": (asinh(x), STOKES, log(2 * x)),
+    "acosh": (acosh(1 + x), STOKES, log(2 * x)),
+    "acosh near 1": (acosh(1 + x), HERTZ, sqrt(2 * x)),
+    "acos": (acos(1 - x), HERTZ, sqrt(2 * x)),
+    "Bose": (1 / (exp(x) - 1), STOKES, exp(-x)),
+    "Bose near": (1 / (exp(x) - 1), HERTZ, 1 / x),
+    "cosh/sinh": (cosh(x) / sinh(x), STOKES, S.One),
+    "log cosh": (log(cosh(x)), STOKES, x),
+    "log log": (log(log(2 + x)), STOKES, log(log(x))),
+    "sqrt(log)": (sqrt(log(1 + x)), STOKES, sqrt(log(x))),
+    "exp(-sqrt(log))": (1 + exp(-sqrt(log(1 + x))), STOKES, S.One),
+    "1 - tanh": (1 - tanh(x), STOKES, 2 * exp(-2 * x)),
+    "log(1 - exp)": (-log(1 - exp(-2 * x)), STOKES, exp(-2 * x)),
+    "log(1 - exp) near": (-log(1 - exp(-2 * x)), HERTZ, log(R / h)),
+    "a small power": (1 + x ** Rational(-1, 50), STOKES, S.One),
+}
+
+
+@pytest.mark.parametrize("name", list(REACH))
+def test_exponentials_and_logarithms_reach_far(name: str) -> None:
+    zeta, order, form = REACH[name]
+    law = variant(SIMPLE, zeta=eta * R * zeta)
+    (right,) = findings(law, Limit("right", order, {"zeta": eta * R * form})).values()
+    assert (right.verdict, right.ratio) == ("proved", 1)
+    (wrong,) = findings(law, Limit("wrong", order, {"zeta": 2 * eta * R * form})).values()
+    assert wrong.verdict == "disproved"
 
 
 def test_an_ordering_in_which_either_of_two_terms_may_win_is_cut() -> None:

@@ -24,7 +24,6 @@ from sympy import (
     Rational,
     S,
     Symbol,
-    erf,
     exp,
     lambdify,
     log,
@@ -326,7 +325,6 @@ def nested(step: Any, depth: int) -> Expr:
 OUTSIDE: dict[str, tuple[dict[str, Any], str]] = {
     "oscillates": ({"zeta": eta * R * (2 + sin(x))}, "sin(h/R) has an argument that is neither small nor of order one"),
     "grows exponentially": ({"zeta": eta * R * exp(x)}, "exp(h/R) has an argument that is neither small"),
-    "error function": ({"zeta": eta * R * (1 + erf(x))}, "erf(h/R) has an argument that is neither small"),
     "a power that is a parameter": (
         {"zeta": eta * R * x**share, "parameters": {share: DIMENSIONLESS}},
         "is outside the method",
