@@ -4,8 +4,8 @@ Input: a law and its declared limits. Output: a verdict for each claim, *proved*
 evidence for it.
 
 A limit is an ordering of lengths, such as h << delta << R; it holds in a region of scalings, in which each exponential
-and each logarithm that varies has an axis of its own (:mod:`softdyn.derive.scalings`). Each quantity Q(h, delta) and its
-claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta), delta), so
+and each logarithm that varies has an axis of its own (:mod:`softdyn.derive.scalings`). Each quantity Q(h, delta) and
+its claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta), delta), so
 nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the region, which is cut where terms
 compete; otherwise that term is the ratio found, and where an axis is in play a path is given on which it shows. A
 verdict is also certified in numbers: along several scalings of powers, down to eps = 1e-30, where no axis is in play;
