@@ -181,10 +181,10 @@ def _solve_delta(h: float, F: float, guess: float, p: array, w: array, terms: ar
     _gap_terms(0, 1, h, p, terms)
     delta = guess
     if not (low < guess and guess < high):
-        # start from the linear response, or from R where that is beyond R
+        # start from the linear response, or from R where that is beyond R, or none, the stiffness having no bound
         _newton(0, 1, 0.0, F, terms, p, w)
         delta = -w[0]
-        if not fabs(delta) < p[0]:
+        if not fabs(delta) < p[0] or delta == 0.0:
             delta = p[0] if F > 0.0 else -p[0]
     for iteration in range(400):
         _newton(0, 1, delta, F, terms, p, w)

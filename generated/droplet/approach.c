@@ -404,10 +404,10 @@ static inline double _solve_delta(double h, double F, double guess, const double
     _gap_terms(0, 1, h, p, terms);
     double delta = guess;
     if (!(low < guess && guess < high)) {
-        /* start from the linear response, or from R where that is beyond R */
+        /* start from the linear response, or from R where that is beyond R, or none, the stiffness having no bound */
         _newton(0, 1, 0.0, F, terms, p, w);
         delta = -w[0];
-        if (!(fabs(delta) < p[0])) {
+        if (!(fabs(delta) < p[0]) || delta == 0.0) {
             delta = F > 0.0 ? p[0] : -p[0];
         }
     }
