@@ -368,7 +368,7 @@ def _write_certificates(law: Any, path: Path | None, lemmas: Path | None, findin
                 temporary.write_text(text, encoding="utf-8")
     print(f"{path or lemmas}: certificates of {len(made)} of {len(proved)} claims that are proved", file=sys.stderr)
     for claim, reason in without:
-        print(f"  none of {claim}: {reason}", file=sys.stderr)
+        print(f"  no certificate of {claim}: {reason}", file=sys.stderr)
 
 
 def _verify(options: argparse.Namespace) -> int:
@@ -376,8 +376,14 @@ def _verify(options: argparse.Namespace) -> int:
 
     try:
         entries = list(json.loads(options.certificates.read_text(encoding="utf-8"))["certificates"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise SceneError(f"{options.certificates} holds no certificates: {error}") from None
+    except OSError as error:
+        raise SceneError(f"cannot read {options.certificates}: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"{options.certificates} is no JSON file: {error}") from None
+    except (KeyError, TypeError):
+        raise SceneError(
+            f"{options.certificates} has no list of certificates, as softdyn check LAW --certificates FILE writes it"
+        ) from None
     hold = 0
     for entry in entries:
         said = str(entry.get("claim_of", "?")) if isinstance(entry, dict) else "?"

@@ -184,5 +184,11 @@ def test_the_command_writes_certificates_and_checks_them(tmp_path: Path, capsys:
     path.write_text(json.dumps(data), encoding="utf-8")
     assert main(["verify", str(path)]) == 1
     assert "refused" in capsys.readouterr().out
-    path.write_text("[" * 100_000, encoding="utf-8")
-    assert main(["verify", str(path)]) == 2
+    for text, told in (
+        ("[" * 100_000, "is no JSON file"),
+        ('{"a": 1}', "has no list of certificates"),
+        (None, "cannot read"),
+    ):
+        path.unlink() if text is None else path.write_text(text, encoding="utf-8")
+        assert main(["verify", str(path)]) == 2
+        assert told in capsys.readouterr().err

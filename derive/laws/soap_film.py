@@ -65,7 +65,7 @@ law = ContactLaw(
         ),
         Limit(
             "film, repelled",
-            order=((h, ell, delta, R), (sigma, E * R)),  # Pi0 being some E
+            order=((h, ell, delta, R), (sigma, Pi0 * R)),
             claims={"F_adh": 2 * pi * R * Pi0 * delta, "dh_dt": Pi0 * h**3 / (3 * eta * R * delta)},
         ),
     ),
