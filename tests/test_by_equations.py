@@ -117,7 +117,9 @@ def test_contacts_with_a_range_fade_as_their_equations_say() -> None:
     for rtol in (1e-3, 1e-5):
         result = by_the_engine(rtol)
         assert result.stats["made"] > 3
-        assert result.stats["warnings"] == []
+        # the forces pull one pair further apart than laws are meant for: told, and no error of the numbers
+        assert [text for text in result.stats["warnings"] if text not in result.stats["pulled"]] == []
+        assert len(result.stats["pulled"]) == 1
         assert np.abs(result.x[-1] - x).max() < 10 * rtol
         last = result.contacts(1)
         assert len(last["h"])

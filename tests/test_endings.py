@@ -336,6 +336,16 @@ def test_a_nul_in_a_scene_is_named(key: str, base: str, tmp_path: Path, capsys: 
     assert "\0" not in said
 
 
+def test_friction_beyond_the_largest_number_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An infinite friction times a rate of 0 is no power."""
+    (tmp_path / "scene.toml").write_text(
+        'law = "rognon_gay"\nparameters = {E = 1.0, eta = 1e99}\nuntil = {t = 1.0}\nflow = {drag = 1.0}\n'
+        "particles = {positions = [[0.0], [2.1e30]], radii = 1e30}\ncontacts = {gap = 1.0, range = 1e30}\n"
+    )
+    said = refused(capsys, ["run", str(tmp_path / "scene.toml")])
+    assert "the friction of the contact of particles 0 and 1 is beyond the largest number" in said
+
+
 SIZES = st.sampled_from([10.0**k for k in (-300, -200, -99, -30, -3, 0, 3, 30, 99, 200, 300)])
 
 

@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.errors import IntegrationError
 from softdyn.particles import sliding
-from softdyn.particles.balance import Balance, held_torque
+from softdyn.particles.balance import Balance, held_torque, pair_named
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.kernel import energies
 from softdyn.particles.portions import in_portions, portion
@@ -56,7 +57,7 @@ def powers(
     held = np.where(system.fixed, at.reaction, 0.0)
     # as the forces have it: in very short steps velocities, differences of positions, are little but rounding
     resisting = system.resistance * (v - u) - np.where(system.fixed | (system.resistance == 0), 0.0, at.reaction)
-    gaps, remote, U_h = _gap_powers(system, contacts, at, h_rate)
+    gaps, remote, U_h = _gap_powers(system, contacts, at, t, h_rate)
     return {
         "external": float(np.sum((external + held) * v)) + float(carried[~box].sum()),
         "flow": -float(np.sum(resisting * u)),
@@ -90,13 +91,22 @@ def net_power(powers: dict[str, float]) -> float:
     )
 
 
-def _gap_powers(system: System, contacts: Contacts, at: Balance, h_rate: Array) -> tuple[float, float, float]:
+def _gap_powers(
+    system: System, contacts: Contacts, at: Balance, when: float, h_rate: Array
+) -> tuple[float, float, float]:
     """Power lost in the gaps, and taken by remote forces and the U_h term."""
 
     def of(part: slice) -> tuple[float, float, float]:
         some = portion(contacts, part)
         overlap, h, rate = some.S - at.r[part], at.h[part], h_rate[part]
         values = contact_state(system, some, overlap, h)
+        beyond = np.flatnonzero(~np.isfinite(values["friction"]))
+        if len(beyond):
+            who = pair_named(some, int(beyond[0]), len(system.radii))
+            raise IntegrationError(
+                f"at t={when:.6g} the friction of {who} is beyond the largest number that there is: choose units in "
+                "which sizes, moduli and viscosities are nearer to 1"
+            )
         _, U_h = energies(system.kernel, system.reach, overlap, h, system.p, some.q.reshape(-1))
         lost, remote = np.sum(values["friction"] * rate**2), -np.sum(values["remote"] * rate)
         return float(lost), float(remote), -float(np.sum(U_h * rate))
