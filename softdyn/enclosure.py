@@ -89,7 +89,9 @@ def program_rows(shape: Shape) -> list[tuple[float, ...]]:
         elif kind == "power":
             places.append(build.add("power", those[0], parts[1]))
         elif kind == "**" and timed[parts[1]]:
-            places.append(build.add("exp", build.add("*", those[1], build.add("log", those[0]))))
+            power = build.add("exp", build.add("*", those[1], build.add("log", those[0])))
+            # a negative base has values where the exponent is whole, and no bound: log(-1) has none
+            places.append(build.add("select", those[0], build.add("log", build.number(-1.0)), power))
         elif kind == "choose":
             places.append(build.add("choose", parts[0], *those))
         else:

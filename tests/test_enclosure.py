@@ -8,7 +8,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from softdyn.enclosure import enclose, enclose_derivative, intervals, kinks, resolved, unseen
@@ -76,6 +76,7 @@ fractions = st.lists(st.floats(0, 1), min_size=3, max_size=6)
 
 
 @given(expressions, starts, lengths, fractions)
+@example("(-1.000)**t", 0.0, 1.0, [])
 @settings(deadline=None)
 def test_values_and_slopes_are_within_their_bounds(text: str, start: float, length: float, at: list[float]) -> None:
     """In 40 digits, at any time of the interval, wherever there are any."""
@@ -97,6 +98,7 @@ def test_values_and_slopes_are_within_their_bounds(text: str, start: float, leng
 
 
 @given(expressions, starts, lengths, st.integers(0, 8), fractions)
+@example("min(t, 0.500)", 0.001, 1.0, 0, [0.0])
 @settings(deadline=None)
 def test_no_expression_is_further_from_polynomials_than_told(
     text: str, start: float, length: float, degree: int, at: list[float]
