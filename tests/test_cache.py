@@ -671,6 +671,7 @@ def other_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forget_compi
     return use
 
 
+@pytest.mark.slow
 def test_another_compiler_makes_another_kernel(
     empty_cache: Path, tmp_path: Path, other_compiler: Callable[[str], None]
 ) -> None:

@@ -121,6 +121,7 @@ def test_a_position_and_its_velocity_are_one_drive() -> None:
     assert [event.t for event in by_table.events] == [500.0, 1000.0, 1500.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [name for name in LAWS if name != "rognon_gay"])
 def test_a_soft_spring_far_away_is_a_constant_force(law: str) -> None:
     """With base = X - F/k the force changes by k (X - X0), 1e-9 of it. Every invented law, remote forces included."""

@@ -341,7 +341,9 @@ def is_gcc() -> bool:
 
 @pytest.mark.skipif(not is_gcc(), reason="asks gcc which loops it has vectorised")
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names instruction sets of x86")
-@pytest.mark.parametrize("machine", ["x86-64", "haswell", "x86-64-v4"])
+@pytest.mark.parametrize(
+    "machine", ["haswell", *(pytest.param(one, marks=pytest.mark.slow) for one in ("x86-64", "x86-64-v4"))]
+)
 @pytest.mark.parametrize("law", STOCK, ids=lambda law: law.name)
 def test_gcc_vectorises_the_loops_over_lanes(law: ContactLaw, machine: str, tmp_path: Path) -> None:
     """Newton's step and the tangent, with two, four and eight numbers in a vector."""

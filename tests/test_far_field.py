@@ -75,7 +75,9 @@ GAPS = [1e-3, 1e-2, 0.1, 0.5, 1.0, 3.0, 10.0, 30.0, 99.0]
 
 
 @pytest.mark.parametrize("law", ["equal_spheres", "droplet"])
-@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize(
+    "gap", [pytest.param(gap, marks=() if gap in (0.1, 3.0) else pytest.mark.slow) for gap in GAPS]
+)
 def test_a_sphere_settles_on_a_wall_as_fast_as_in_brenners_solution(gap: float, law: str) -> None:
     parameters = {"sigma": 1e9, "eta": 1.0} if law == "droplet" else PARAMETERS[law]
     exact = two_spheres.friction(gap, math.inf)
@@ -90,6 +92,7 @@ def test_unequal_spheres_approach_as_fast_as_in_the_exact_solution(gap: float, r
     assert approaching(gap, ratio) == pytest.approx(exact, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [1e-3, 0.1, 1.0])
 def test_without_drag_the_contact_has_all_of_the_friction(gap: float) -> None:
     exact = two_spheres.friction(gap, math.inf)

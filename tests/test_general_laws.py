@@ -210,6 +210,7 @@ def test_a_range_needs_a_force_at_rest_that_has_faded() -> None:
     assert simulate_particles(replace(scene, reach=2.0)).stats["steps"] > 0
 
 
+@pytest.mark.slow
 def test_limits_and_regimes_of_a_layer_know_both_of_its_stiffnesses() -> None:
     """Thick against the gap it stiffens by 1 + softness; thin it is not there. U_h has its sign turned in between."""
     thickness, softness, work = (next(s for s in layered.parameters if s.name == name) for name in

@@ -52,6 +52,7 @@ def test_the_stock_limits_claim_what_is_proved(law: ContactLaw) -> None:
     assert {finding.verdict for finding in found} == {"proved"}
 
 
+@pytest.mark.slow
 def test_stiff_spheres_approach_as_rigid_ones() -> None:
     """At E = 1e10 the deflection, about F/E, changes the friction by as little: far less than the tolerance allows."""
     stiff = softdyn.simulate(law=equal_spheres, parameters={**UNITS, "E": 1e10, "nu": 0.5}, **APPROACH)

@@ -458,6 +458,7 @@ def test_an_end_a_rounding_after_a_row_of_the_table_is_reached() -> None:
     assert result.t[-1] == 0.1 + 0.2
 
 
+@pytest.mark.slow
 def test_the_name_of_a_parameter_does_not_matter() -> None:
     """Under a push abs(delta) is delta: the rule once used a symbol of the same name as this parameter."""
     found = []

@@ -209,6 +209,7 @@ def test_the_elastic_energy_is_the_integral_of_the_force() -> None:
     np.testing.assert_allclose(energies(system.kernel, math.inf, 2 * delta - h, h, system.p, none)[1], slope, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["rognon_gay", "equal_spheres"])
 def test_without_drag_pairs_beyond_their_range_may_be_near(law: str) -> None:
     """The two that are pushed towards one another are listed from the start, as they are just out of range."""

@@ -161,6 +161,7 @@ def bounds_hold(seed: int) -> bool | None:
     return looked
 
 
+@pytest.mark.slow
 def test_bounds_hold_every_value() -> None:
     """To 400 digits, on 150 random boxes, bounded and not."""
     verdicts = [bounds_hold(seed) for seed in range(150)]
@@ -239,6 +240,7 @@ def test_a_law_that_fails_in_a_narrow_place_is_refused(quantity: str, changes: d
         ContactLaw(**{**common, "F_ela": E * a * delta, **changes})
 
 
+@pytest.mark.slow
 def test_a_sign_that_is_not_known_is_told_with_its_box() -> None:
     touching = friction * (log(100 * h / (3 * R))) ** 2
     with warnings.catch_warnings(record=True) as told:
@@ -249,6 +251,7 @@ def test_a_sign_that_is_not_known_is_told_with_its_box() -> None:
     assert all("h near 0.03" in str(one.message) for one in told)
 
 
+@pytest.mark.slow
 def test_many_parameters_cost_no_power_of_three() -> None:
     """Seven lengths of slip, each of any size: one law, in seconds."""
     lengths = [Symbol(f"b{i}", positive=True) for i in range(7)]

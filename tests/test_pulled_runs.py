@@ -102,6 +102,7 @@ def test_a_look_costs_less_than_a_hundredth_of_a_step(monkeypatch: pytest.Monkey
     assert 0 < spent < 0.01 * (time.process_time() - began)
 
 
+@pytest.mark.slow
 def test_a_warning_of_a_pulled_film_excuses_no_wrong_number(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of what is compared with a reference: it tells of the physics alone."""
     case = random_case(10)

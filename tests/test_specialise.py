@@ -236,6 +236,7 @@ def test_inputs_are_those_that_the_outputs_need() -> None:
     assert ir_of("rognon_gay", drive="table", outputs=("dh_dt",)).inputs == ("F",)
 
 
+@pytest.mark.slow
 def test_what_is_not_the_laws_cannot_be_fixed_or_asked_for() -> None:
     with pytest.raises(LawError) as refused:
         kernel_ir(rognon_gay, Needs(fixed={"ell": "1"}, outputs=("a", "speed")))

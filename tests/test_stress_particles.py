@@ -35,6 +35,7 @@ def test_a_scene_is_what_its_equations_say(seed: int) -> None:
     assert verdict.error < 100 * verdict.rtol
 
 
+@pytest.mark.slow
 def test_another_friction_or_elasticity_is_seen() -> None:
     """The judge is not kind: a reference whose law is off by a tenth calls the engine wrong."""
     case = random_case(10)

@@ -459,6 +459,7 @@ def rhombus(**changes: Any) -> ParticleScene:
     return scene(**{"positions": positions, "pushes": pushes, "gap": 0.0202, "until": 2e4, "rtol": 1e-4, **changes})
 
 
+@pytest.mark.slow
 def test_without_drag_films_alone_resist() -> None:
     """Forces and torques balance at every step, energy too, and nothing drifts or turns as a whole."""
     result = simulate_particles(rhombus())

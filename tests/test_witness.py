@@ -91,6 +91,7 @@ def test_what_fails_in_an_exponentially_small_corner_is_disproved_with_numbers(n
     assert abs(mpmath.mpf(ratio) - 1) > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(NEEDS_MORE))
 def test_the_algebra_alone_proves_nothing_false_and_finds_the_way_to_where_it_fails(
     name: str, monkeypatch: pytest.MonkeyPatch
@@ -108,6 +109,7 @@ def test_the_algebra_alone_proves_nothing_false_and_finds_the_way_to_where_it_fa
     assert finding(law, full, quantity, claim).verdict == "proved"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(NEEDS_MORE))
 def test_an_ordering_may_say_what_a_claim_needs(name: str) -> None:
     law, _, quantity, claim, order = NEEDS_MORE[name]
