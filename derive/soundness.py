@@ -7,6 +7,8 @@ real), so the choice is exact, and the same on every machine.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from sympy import (
     Abs,
     Add,
@@ -47,6 +49,8 @@ MOST_GENERATORS = 3
 HIGHEST_POWER = 24
 
 
+# kernels of one law, whatever they leave out, ask for the same forms
+@lru_cache(maxsize=4096)
 def sound(*candidates: Expr) -> Expr:
     """Return the form of the candidates (equal expressions) with the fewest sums that may cancel.
 
@@ -76,6 +80,7 @@ def sound(*candidates: Expr) -> Expr:
     return best.replace(lambda node: isinstance(node, Add) and node.has(exp), _merge_exp_minus_one)
 
 
+@lru_cache(maxsize=512)
 def relative_slope(product: Expr, variable: Symbol) -> Expr:
     """Return the slope of a product relative to it, factor by factor: no power of a large factor stands in it."""
     sides = sides_of(product)
