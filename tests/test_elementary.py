@@ -344,7 +344,11 @@ def is_gcc() -> bool:
 @pytest.mark.parametrize(
     "machine", ["haswell", *(pytest.param(one, marks=pytest.mark.slow) for one in ("x86-64", "x86-64-v4"))]
 )
-@pytest.mark.parametrize("law", STOCK, ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law",
+    [pytest.param(law, marks=pytest.mark.slow if law in (dlvo, steric, soap_film) else ()) for law in STOCK],
+    ids=lambda law: law.name,
+)
 def test_gcc_vectorises_the_loops_over_lanes(law: ContactLaw, machine: str, tmp_path: Path) -> None:
     """Newton's step and the tangent, with two, four and eight numbers in a vector."""
     source = tmp_path / "kernel.c"

@@ -108,6 +108,7 @@ def test_exponents_are_differences_of_the_engines_output(paper: exponents.Measur
             assert 0 < np.max(np.abs(measured - exact[exponent])) < step**4
 
 
+@pytest.mark.slow
 def test_a_film_is_approached_from_both_sides_and_never_crossed(film: exponents.Measurement) -> None:
     assert film.failures == ()
     for kappa in (1e-7, 1e-6):

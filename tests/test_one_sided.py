@@ -148,6 +148,7 @@ def test_what_a_one_sided_law_has_not_cannot_be_asked_for() -> None:
         softdyn.simulate(law=hertz_dry, parameters={"R": 1.0, "E": 1.0, "nu": 0.5}, **APPROACH)
 
 
+@pytest.mark.slow
 def test_no_other_law_is_one_sided() -> None:
     for law in LAWS.values():
         assert {"C", "D", "zeta"} <= law_quantities(law).keys()

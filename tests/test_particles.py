@@ -89,6 +89,7 @@ def test_a_free_pair_in_space_may_lie_along_any_line(seed: int) -> None:
     np.testing.assert_allclose(aslant.contact_h, simulate_particles(scene()).contact_h, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_two_particles_under_a_varying_force_are_the_pair() -> None:
     """The force as an expression of t, with constants, through compression and tension."""
     text, constants = "F0*cos(w*t)", {"F0": 1e-2, "w": 1e-2}

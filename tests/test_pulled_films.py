@@ -150,6 +150,7 @@ def kernel_of(name: str) -> Any:
     return get_kernel_of(LAWS[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -210,6 +210,7 @@ def test_a_scene_file_asks_for_it(tmp_path: Any) -> None:
 # what must be conserved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [2, 3])
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
@@ -557,6 +558,7 @@ def test_the_iterative_solver_takes_the_same_way(monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(iterated.stress, direct.stress, atol=1e-4 * np.abs(direct.stress).max())
 
 
+@pytest.mark.slow
 def test_contacts_come_and_go_without_a_jump_in_tangential_force() -> None:
     """A particle driven past another, neither turning: the force starts from zero and ends at zero."""
     holds = [Hold([0], "xy", [1e-3, 0.0], [0.0]), Hold([1], "xy", None, [0.0])]

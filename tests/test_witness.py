@@ -78,6 +78,7 @@ NEEDS_MORE: dict[str, tuple[ContactLaw, Order, str, Expr, Order]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(NEEDS_MORE))
 def test_what_fails_in_an_exponentially_small_corner_is_disproved_with_numbers(name: str) -> None:
     law, order, quantity, claim, _ = NEEDS_MORE[name]
