@@ -13,10 +13,15 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
+from math import comb
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sympy import Basic
+
+
+#: Operations beyond all that any work is allowed.
+MOST_COUNTED = 10**9
 
 
 @dataclass
@@ -74,5 +79,12 @@ def spend(operations: int = 1) -> None:
 
 @lru_cache(maxsize=100_000)
 def nodes(expr: Basic) -> int:
-    """How many nodes an expression has, as a tree."""
-    return 1 + sum(map(nodes, expr.args))
+    """How many nodes an expression has, as a tree; a whole power of a sum as many as it has multiplied out, if more.
+
+    Whoever asks sympy for the sign of an expression may have it multiplied out.
+    """
+    found = 1 + sum(map(nodes, expr.args))
+    if expr.is_Pow and expr.args[0].is_Add and expr.args[1].is_Integer:
+        power, terms = abs(int(expr.args[1])), len(expr.args[0].args)
+        found = max(found, min(comb(power + terms - 1, terms - 1), MOST_COUNTED))
+    return found

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, islice, product
 from typing import TypeVar
 
 import numpy as np
@@ -264,6 +264,8 @@ def without_dimension_if_any(form: Expr, units: Mapping[Symbol, Dimension]) -> E
 
 #: Largest powers that paths are tried with.
 SPEEDS = (1, 4, 8)
+#: Paths that are tried at most in each part: many logarithms have as many subsets as there are.
+MOST_TRIED = 48
 
 
 @dataclass(frozen=True)
@@ -287,13 +289,13 @@ def paths_into(part: Part, values: Mapping[Symbol, float]) -> Iterator[Path]:
         Of what does not vary.
     """
     found: list[Path] = []
-    for speed in SPEEDS:
-        for fast in _subsets(part.axes.exponentials.values()):
-            for slower in _subsets(part.axes.logarithms.values()):
-                path = _path(part, fast, slower, values, speed)
-                if path is not None and path not in found:
-                    found.append(path)
-                    yield path
+    fast, slower = _subsets(part.axes.exponentials.values()), _subsets(part.axes.logarithms.values())
+    choices = product(SPEEDS, list(islice(fast, MOST_TRIED)), list(islice(slower, MOST_TRIED)))
+    for speed, swift, slow in islice(choices, MOST_TRIED):
+        path = _path(part, swift, slow, values, speed)
+        if path is not None and path not in found:
+            found.append(path)
+            yield path
 
 
 def _numbers(product: Expr) -> set[Expr]:
