@@ -113,10 +113,10 @@ def test_under_a_constant_pull_the_gap_opens_and_the_deflection_fades(kappa: flo
         ("droplet", {"R": 1.0, "eta": 1.0, "sigma": 1.0}),
     ],
 )
-def test_reversing_the_force_at_a_gap_reverses_its_rate_in_every_law_without_a_remote_force(
+def test_reversing_the_force_at_a_gap_reverses_its_rate_or_opens_faster_what_a_pull_narrows(
     law: str, parameters: dict[str, float]
 ) -> None:
-    """To the bit: friction is that of the size of the deflection."""
+    """To the bit, where friction is that of the size of the deflection; a film that narrows opens faster."""
     for gap, kappa in ((1e-6, 1e-3), (1e-2, 0.1), (1.0, 1e-8), (30.0, 1e-2)):
         rates = [
             softdyn.simulate(
@@ -125,7 +125,10 @@ def test_reversing_the_force_at_a_gap_reverses_its_rate_in_every_law_without_a_r
             ).dh_dt[0]
             for sign in (1, -1)
         ]  # fmt: skip
-        assert rates[0] == -rates[1] < 0
+        if law in ("equal_spheres", "droplet"):
+            assert rates[0] < 0 < -rates[0] < rates[1]
+        else:
+            assert rates[0] == -rates[1] < 0
 
 
 @given(start=decade(-2, 1), drive=SWINGS, periods=st.floats(0.1, 1.5), speed=st.floats(-0.3, 0.3), moved=st.booleans())

@@ -82,7 +82,10 @@ def _at_gaps(case: Case, reference: Reference, rtol: float) -> Cell:
 
 
 def law_cells() -> Iterable[Cell]:
-    """Laws that pass as declared, and whose parameters make them go wrong on the way: there is no solution beyond."""
+    """Laws whose parameters make them go wrong on the way: there is no solution beyond.
+
+    The proof of signs refuses such a law as it is declared; where it cannot decide, the engine must.
+    """
     t = np.linspace(0, 600.0, 13)[1:]
     h, delta = _moved_softening(t)
     zeta = {"law": _vanishing_zeta(), "parameters": {**UNIT, "q": -2.0}, "h": 10.0, "force": 1e-3}
@@ -112,16 +115,18 @@ def law_cells() -> Iterable[Cell]:
 
 
 def _vanishing_zeta() -> Any:
-    """Friction 6 pi eta R^2/h (1 + q R/(R + h)): where q = -2 it vanishes at h = R. As declared, q is of order 1."""
+    """Friction 6 pi eta R^2/h (1 + q R/(R + h)): where q = -2 it vanishes at h = R."""
     from sympy import Rational, Symbol, pi, sqrt
 
     from softdyn.derive import DIMENSIONLESS, ContactLaw, E, R, a, delta, eta, h
 
     q = Symbol("q", real=True)
-    return ContactLaw(
+    law = ContactLaw(
         name="vanishing", a=sqrt(R * (R + h)), F_ela=Rational(4, 9) * E * a * delta,
         zeta=6 * pi * eta * R**2 / h * (1 + q * R / (R + h)), parameters={q: DIMENSIONLESS}, typical={q: 1},
+        ranges={q: (0, 2)},
     )  # fmt: skip
+    return _beyond_its_range(law)
 
 
 def _softening() -> Any:
@@ -131,10 +136,17 @@ def _softening() -> Any:
     from softdyn.derive import DIMENSIONLESS, ContactLaw, E, R, delta, eta, h
 
     q = Symbol("q", real=True)
-    return ContactLaw(
+    law = ContactLaw(
         name="softening", a=R, F_ela=E * R * delta * (1 + q * delta**2 / (4 * R**2)), zeta=6 * pi * eta * R**2 / h,
-        parameters={q: DIMENSIONLESS}, typical={q: 1},
+        parameters={q: DIMENSIONLESS}, typical={q: 1}, ranges={q: (0, 2)},
     )  # fmt: skip
+    return _beyond_its_range(law)
+
+
+def _beyond_its_range(law: Any) -> Any:
+    """Take a law's ranges away after they were checked: as a law is whose signs nothing could decide."""
+    object.__setattr__(law, "ranges", {})
+    return law
 
 
 def _moved_softening(t: Array) -> tuple[Array, Array]:
