@@ -54,6 +54,7 @@ from softdyn.derive.cones import (
     shared_facets,
     simpler,
 )
+from softdyn.derive.dimensions import DIMENSIONLESS
 from softdyn.derive.forms import force, joined_logarithms
 from softdyn.derive.law import is_anchored, is_dry, is_rigid, sample_values, typical_values
 from softdyn.derive.patience import within
@@ -79,8 +80,9 @@ CORRECTION_TERMS = 4
 #: corrections, and of what follows from them; and the part of that which each cone may take.
 EFFORT, SHARE = 200_000, 10
 
-#: Decades by which a parameter must differ from 1, in units of R, E and eta, to count as small or large.
-SEPARATION = 0.5
+#: Decades by which a parameter must differ from 1, in units of R, E and eta, to count as small or large; and by which a
+#: pure number must, as a Poisson ratio of 0.3 does not.
+SEPARATION, OF_NUMBERS = 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -300,7 +302,8 @@ def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int
     A parameter scales if the law gives a typical value of it, in units of R, E and eta, that is far from 1.
     """
     decades = {s: -math.log10(abs(float(value))) for s, value in typical_values(law).items() if value}
-    apart = sorted((s for s in decades if abs(decades[s]) >= SEPARATION), key=lambda s: (decades[s], s.name))
+    least = {s: OF_NUMBERS if law.parameters.get(s) == DIMENSIONLESS else SEPARATION for s in decades}
+    apart = sorted((s for s in decades if abs(decades[s]) >= least[s]), key=lambda s: (decades[s], s.name))
     if not apart:
         return {h: (1, 0), size: (0, 1)}, {}
     # what differs by less than that is of one order: exp(s0/ell) is not infinite for s0 = 2 ell
@@ -338,10 +341,13 @@ def sign_within(law: ContactLaw, directions: Mapping[Symbol, Normal], cone: Cone
     arguments = sorted(state.free_symbols, key=str)
     function = lambdify(arguments, state, "mpmath", dummify=True)
     own = {symbol: mpmath.mpf(value.p) / value.q for symbol, value in sample_values(law).items()}
+    alike = _within_orders(own, directions)
     signs = set()
     with mpmath.workdps(50):
         for decades in SIGN_DECADES:
-            scaled = {s: mpmath.mpf(10) ** (-decades * dot(along, inner)) for s, along in directions.items()}
+            scaled = {
+                s: alike.get(s, 1) * mpmath.mpf(10) ** (-decades * dot(along, inner)) for s, along in directions.items()
+            }
             known = {**dict.fromkeys(COMMON_PARAMETERS, mpmath.mpf(1)), **own, **scaled}
             try:
                 value = mpmath.mpmathify(function(*(known[symbol] for symbol in arguments)))
@@ -351,6 +357,19 @@ def sign_within(law: ContactLaw, directions: Mapping[Symbol, Normal], cone: Cone
                 return None
             signs.add(1 if value > 0 else -1)
     return signs.pop() if len(signs) == 1 else None
+
+
+def _within_orders(own: Mapping[Symbol, mpmath.mpf], directions: Mapping[Symbol, Normal]) -> dict[Symbol, mpmath.mpf]:
+    """Size of each parameter that scales over the mean of those that scale alike: 2 sigma - Pi0 R has their sign."""
+    groups: dict[Normal, list[Symbol]] = {}
+    for symbol, along in directions.items():
+        if symbol in own:
+            groups.setdefault(along, []).append(symbol)
+    found: dict[Symbol, mpmath.mpf] = {}
+    for group in groups.values():
+        mean = mpmath.exp(sum(mpmath.log(abs(own[symbol])) for symbol in group) / len(group))
+        found |= {symbol: own[symbol] / mean for symbol in group}
+    return found
 
 
 def is_conservative(law: ContactLaw) -> bool | None:

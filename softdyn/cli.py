@@ -30,6 +30,7 @@ examples:
   softdyn derive rognon_gay                  C, D, dh/dt, dX/dt and the Jacobians, for any law and for this one
   softdyn check my_law.py                    prove or disprove the limits that a law claims
   softdyn regimes my_law.py --plot map.png   its asymptotic regimes, found from the four expressions, and their map
+  softdyn regimes soap_film --at R=50e-6,sigma=.03,Pi0=1e5,ell=5e-9   the same at real values, in SI units
   softdyn report my_law.py -o my_law.html    all of it on one page, to hand to a colleague
   softdyn generate rognon_gay --target c     the kernel's source, on the terminal
   softdyn run scene.toml -o result.npz       simulate a scene
@@ -153,6 +154,14 @@ def _parser() -> argparse.ArgumentParser:
 
     regimes = add("regimes", _regimes, "find the asymptotic regimes of a law, and the crossovers between them")
     regimes.add_argument("law", metavar="LAW", help=A_LAW)
+    regimes.add_argument(
+        "--at",
+        metavar="NAME=VALUE,...",
+        action="append",
+        default=[],
+        help="at real values of the law's parameters, in SI units, as R=50e-6,sigma=.03: all is told in numbers, and "
+        "drawn with units; what is not given is the law's typical value",
+    )
     regimes.add_argument("--json", action="store_true", help="one JSON object instead of text")
     regimes.add_argument("--plot", metavar="PICTURE", type=Path, help="draw them too: .png, .svg or .pdf")
     regimes.add_argument(
@@ -405,20 +414,25 @@ def _regimes(options: argparse.Namespace) -> int:
     with _patience(f"the regimes of {options.law}"):
         law = law_of(options.law)
         from softdyn.findings import films_of, regimes_of
+        from softdyn.study.presence import presence_of
         from softdyn.study.tables import regimes_data, regimes_text
+        from softdyn.study.values import RealValues, at_values, read_values
 
-        diagram = regimes_of(law)
+        at = at_values(law, read_values(options.at)) if options.at else law
+        real = at if isinstance(at, RealValues) else None
+        diagram = regimes_of(at.law if isinstance(at, RealValues) else at)
         films = films_of(diagram)
+        found = presence_of(diagram)
     measured = None
     if options.numeric:
         from softdyn.study.exponents import measure
 
         measured = measure(diagram)
     if options.json:
-        data = regimes_data(diagram, films)
+        data = regimes_data(diagram, films, found, real)
         print(json.dumps(data if measured is None else {**data, "numeric": measured.to_dict()}, indent=2))
     else:
-        print(regimes_text(diagram, films), end="")
+        print(regimes_text(diagram, films, found, real), end="")
         if measured is not None:
             print("\n" + measured.text(), end="")
     if options.plot is not None:

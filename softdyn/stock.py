@@ -51,6 +51,7 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.limits import check_limits
     from softdyn.derive.regimes import discover
     from softdyn.derive.typeset import as_text
+    from softdyn.study.presence import presence_of
     from softdyn.study.tables import limits_text, regimes_text
 
     files = {}
@@ -59,7 +60,7 @@ def generated_files() -> dict[str, str]:
         files[f"{name}/derivation.txt"] = as_text(law)
         files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
         diagram = discover(law)
-        files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram))
+        files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram), presence_of(diagram))
         for kind, needs in kinds().items():
             ir = kernel_ir(law, needs)
             for target in TARGETS:

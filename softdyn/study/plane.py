@@ -290,6 +290,23 @@ def holds(regime: Regime, plane: Plane, X: Array, Y: Array) -> NDArray[np.bool_]
     return _bounds(regime, plane, True).holds(X, Y)
 
 
+def margins(regime: Regime, plane: Plane, X: Array, Y: Array, within_model: bool = True) -> Array:
+    """By how many decades the regime's conditions hold at points, and delta < R if ``within_model``; < 0 where not."""
+    bounds = _bounds(regime, plane, within_model)
+    found = np.full(np.broadcast(X, Y).shape, np.inf)
+    # a window's edge is no condition
+    if bounds.low > plane.xlim[0]:
+        found = np.minimum(found, X - bounds.low)
+    if bounds.high < plane.xlim[1]:
+        found = np.minimum(found, bounds.high - X)
+    with np.errstate(all="ignore"):
+        for floor in bounds.floors:
+            found = np.minimum(found, np.nan_to_num(Y - floor(X, 0), nan=-np.inf))
+        for ceiling in bounds.ceilings:
+            found = np.minimum(found, np.nan_to_num(ceiling(X, 0) - Y, nan=-np.inf))
+    return found
+
+
 def line_points(crossover: Crossover, diagram: Diagram, plane: Plane) -> tuple[Array, Array]:
     """Where a crossover bounds its regimes, within the model and the window: log10(h/R) and log10(kappa)."""
     regimes = [diagram.regime(name, crossover.side) for name in (crossover.first, crossover.second)]
@@ -420,6 +437,7 @@ def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
         "elastic": lambdify((a, delta, h), number(law.F_ela), "numpy"),
         "partials": lambdify((a, h, delta), [number(expr) for expr in partials.values()], "numpy"),
         "stiffness": lambdify(tuple(partials), generic.stiffness, "numpy"),
+        "friction": lambdify((d.C, *partials), generic.friction, "numpy"),
         "dh_dt": lambdify((F, *partials), generic.dh_dt, "numpy"),
         "exponents": lambdify(known, [generic.lambda1, generic.lambda2], "numpy"),
     }
@@ -448,7 +466,7 @@ def deflections(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> Arra
 
 
 def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str, Array]:
-    """Exact states: ``delta`` (its size), ``dh_dt``, ``lambda1``, ``lambda2``, ``F_adh``, at given gaps and forces.
+    """Exact states at given gaps and forces.
 
     Parameters
     ----------
@@ -458,7 +476,8 @@ def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str,
     Returns
     -------
     dict of arrays
-        nan where the deflection is beyond R.
+        ``delta`` (its size), ``lambda1``, ``lambda2``, and those of :data:`softdyn.derive.regimes.FORMS` but U_h, dX_dt
+        at constant force; nan where the deflection is beyond R.
     """
     equations, sign = _equations(law), SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
@@ -472,7 +491,12 @@ def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str,
         # a rigid law has no delta, and its F_a = 0 leaves any stiffness out
         stiffness = 1.0 if rigid else equations["stiffness"](*partials)
         lambda1, lambda2 = equations["exponents"](gaps, deflection, sign * forces, stiffness, rate, *partials)
-    named = {"dh_dt": rate, "lambda1": lambda1, "lambda2": lambda2, "F_adh": partials[1]}
+        friction = partials[2] if rigid else equations["friction"](stiffness, *partials)
+        centres = -(sign * forces - partials[1]) / friction
+    named = {
+        "a": radius, "zeta": partials[2], "F_adh": partials[1], "C": stiffness, "D": friction, "dh_dt": rate,
+        "dX_dt": centres, "lambda1": lambda1, "lambda2": lambda2,
+    }  # fmt: skip
     if rigid:
         found, lambda1 = np.zeros(gaps.shape), np.nan
     solved = np.isfinite(found)

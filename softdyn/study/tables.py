@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from sympy import Expr, S, latex
+from sympy import S, latex
 
 from softdyn.derive.error_bounds import ErrorFinding
 from softdyn.derive.films import Films
-from softdyn.derive.forms import force, force_unit, plain
+from softdyn.derive.forms import force, force_unit
 from softdyn.derive.law import ContactLaw, parameters_of
 from softdyn.derive.limits import Finding
-from softdyn.derive.regimes import Condition, Diagram, Form, Regime, Side
-from softdyn.derive.symbols import E, R, eta, h
-from softdyn.derive.typeset import RATES
+from softdyn.derive.regimes import Diagram, Form, Regime, Side
+from softdyn.derive.symbols import E, R, h
+from softdyn.study.notation import Formulas, Numbers
+from softdyn.study.presence import Presence, Presences
+from softdyn.study.values import RealValues
 
 # ------------------------------------------------------------------------------------------------------------- limits
 
@@ -104,17 +107,31 @@ def _plain_data(value: Any) -> Any:
 # ------------------------------------------------------------------------------------------------------------ regimes
 
 
-def regimes_text(diagram: Diagram, films: Films | None = None) -> str:
-    """The regimes of a law, their crossovers and its films, to read on a terminal."""
-    law, unit = diagram.law, force_unit(diagram.law)
+def regimes_text(
+    diagram: Diagram, films: Films | None = None, found: Presences | None = None, real: RealValues | None = None
+) -> str:
+    """The regimes of a law, their crossovers and its films, to read on a terminal.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    films : Films, optional
+    found : mapping, optional
+        Of :func:`softdyn.study.presence.presence_of`: which regimes are there, and how far their forms are off.
+    real : RealValues, optional
+        Of the diagram's law: all is then told in numbers.
+    """
+    law = diagram.law
+    words: Formulas | Numbers = Formulas(law) if real is None else Numbers(real)
     inside = sum(regime.inside and regime.side == "compression" for regime in diagram.regimes)
     outside = sum(not regime.inside and regime.side == "compression" for regime in diagram.regimes)
     lines = [
         f"{law.name}: {inside} regime{'s' if inside > 1 else ''} of h and F in compression"
         + (f", and {outside} outside the model (delta > R)" if outside else ""),
-        f"kappa = F/({unit}), V = F/(eta R); F and delta stand for their sizes",
+        *words.about(),
     ]
-    if diagram.scales:
+    if diagram.scales and real is None:
+        unit = force_unit(law)
         own = {} if E in parameters_of(law) else {E: unit / R**2}
         scales = ", ".join(f"{symbol} = {S(law.typical[symbol]).subs(own)}" for symbol in diagram.scales)
         lines.append(f"own parameters scale as they do at {scales}")
@@ -125,13 +142,13 @@ def regimes_text(diagram: Diagram, films: Films | None = None) -> str:
     }
     lines.append(conservative[diagram.conservative])
     for side in ("compression", "tension"):
-        lines += ["", *_side_lines(diagram, side, unit)]
+        lines += ["", *_side_lines(diagram, side, words, found or {})]
     if films is not None:
-        lines += ["", *_film_lines(films, unit)]
+        lines += ["", *_film_lines(films, words)]
     return "\n".join(lines) + "\n"
 
 
-def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
+def _side_lines(diagram: Diagram, side: Side, words: Formulas | Numbers, found: Presences) -> Iterator[str]:
     yield {"compression": "compression, F > 0", "tension": "tension, F < 0"}[side]
     here = [regime for regime in diagram.regimes if regime.side == side]
     twins = {regime.name: twin(diagram, regime) for regime in here}
@@ -151,12 +168,18 @@ def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
         different = [
             name for name in regime.forms if other is None or not same_size(regime.forms[name], other.forms[name])
         ]
-        if other is not None and not different:
+        presence = found.get((side, regime.name))
+        alike = other is None or _is_there(presence) == _is_there(found.get((other.side, other.name)))
+        if other is not None and not different and alike:
             continue
-        conditions = ", ".join(_condition_text(condition, unit) for condition in regime.conditions) or "everywhere"
+        conditions = ", ".join(words.condition(condition) for condition in regime.conditions) or "everywhere"
         yield f"\n  {regime.name}{'' if regime.inside else ' (outside the model: delta > R)'}: {conditions}"
-        for name in different:
-            yield f"    {name:6} ~ {_form_text(name, regime.forms[name], unit)}"
+        if presence is not None:
+            yield f"    {presence_text(presence)}"
+        names = {name: words.name(name) for name in different}
+        width = max([6, *map(len, names.values())])
+        for name, written in names.items():
+            yield f"    {written:{width}} ~ {_form_text(name, regime.forms[name], words)}"
         for name, reason in regime.undecided.items():
             yield f"    {name:6} undecided: {reason}"
         if regime.lambda1 is not None and other is None:
@@ -164,37 +187,58 @@ def _side_lines(diagram: Diagram, side: Side, unit: Expr) -> Iterator[str]:
                 f", lambda2 = {regime.lambda2}" if regime.lambda2 is not None else ""
             )
         if regime.edge is not None and other is None:
-            yield f"    the model ends, at delta = R, where kappa = {plain(regime.edge / unit, unit)}"
+            yield f"    the model ends, at delta = R, where {words.line(force, regime.edge)}"
     lines = [crossover for crossover in diagram.crossovers if crossover.side == side]
     if mirrored:
         return
     if lines:
         yield "\n  crossovers"
     for crossover in lines:
-        line = f"{_left(crossover.line.lhs)} = {_right(crossover.line.lhs, crossover.line.rhs, unit)}"
-        others = ", ".join(f"{name}: {_right(crossover.line.lhs, rhs, unit)}" for name, rhs in crossover.others.items())
+        left = crossover.line.lhs
+        others = ", ".join(f"{name}: {words.value(left, rhs)}" for name, rhs in crossover.others.items())
         met = (
             f"    [{crossover.quantity}{'; others elsewhere, ' + others if others else ''}]"
             if crossover.quantity
             else ""
         )
-        yield f"    {crossover.first} | {crossover.second}: {line}{met}"
+        yield f"    {crossover.first} | {crossover.second}: {words.line(left, crossover.line.rhs)}{met}"
     for point in diagram.points:
         if point.side == side:
-            yield (
-                f"    {', '.join(point.regimes)} meet at h = {plain(point.h, unit)}, "
-                f"kappa = {_right(force, point.force, unit)}"
-            )
+            yield (f"    {', '.join(point.regimes)} meet at {words.line(h, point.h)}, {words.line(force, point.force)}")
 
 
-def _condition_text(condition: Condition, unit: Expr) -> str:
-    """An inequality between dimensionless sizes, h or F first."""
-    small, large = condition.small, condition.large
-    if (small / large).free_symbols - {h, force, R, E, eta} - unit.free_symbols:
-        return f"{small} << {large}" if small in (force, h) else f"{large} >> {small}"
-    over = unit if force in small.free_symbols | large.free_symbols else R
-    texts = (plain(small / over, unit), plain(large / over, unit))
-    return f"{texts[0]} << {texts[1]}" if small in (force, h) else f"{texts[1]} >> {texts[0]}"
+def _is_there(presence: Presence | None) -> bool:
+    return presence is None or presence.there
+
+
+def presence_text(presence: Presence) -> str:
+    """Whether a regime is there at the law's values, and how far its forms are off, in words."""
+    if not presence.there:
+        return f"absent there: {presence.reason}"
+    parts = [
+        f"within {100 * error:g} % where each << is a factor of {_rounded_up(factor)} or more"
+        + (", and delta << R too" if error in presence.shallow else "")
+        for error, factor in presence.factors.items()
+        if factor is not None
+    ]
+    if len(parts) < len(presence.factors):
+        parts = [f"off by {_rounded(100 * presence.off)} % at best", *parts]
+    if presence.share >= 0.005:
+        parts.append(f"off by more than their own size at {100 * presence.share:.0f} % of the points looked at")
+    return f"its forms are {'; '.join(parts)}"
+
+
+def _rounded_up(factor: float) -> str:
+    """To two digits, never less."""
+    if factor <= 1:
+        return "1"
+    step = 10.0 ** (math.floor(math.log10(factor)) - 1)
+    return f"{math.ceil(factor / step - 1e-9) * step:.4g}"
+
+
+def _rounded(number: float) -> str:
+    """To two digits, without a power of ten where that is not needed."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
 def twin(diagram: Diagram, regime: Regime) -> Regime | None:
@@ -216,24 +260,16 @@ def same_size(one: Form, other: Form) -> bool:
     return one.leading in (other.leading, -other.leading) and set(one.corrections) == set(other.corrections)
 
 
-def _left(symbol: Expr) -> str:
-    return "kappa" if symbol == force else "h"
-
-
-def _right(left: Expr, value: Expr, unit: Expr) -> str:
-    return plain(value / unit if left == force else value, unit)
-
-
-def _form_text(name: str, form: Form, unit: Expr) -> str:
-    text = plain(form.leading, unit, name in RATES)
+def _form_text(name: str, form: Form, words: Formulas | Numbers) -> str:
+    text = words.form(name, form.leading)
     if not form.corrections:
         return text
-    terms = [plain(term, unit) for term in form.corrections]
+    terms = [words.term(term) for term in form.corrections]
     signed = "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in terms)
     return f"{text}    (1{signed}{'' if form.resolved else ' + ...'})"
 
 
-def _film_lines(films: Films, unit: Expr) -> Iterator[str]:
+def _film_lines(films: Films, words: Formulas | Numbers) -> Iterator[str]:
     yield "films, where F_adh = F"
     if films.h_eq is not None:
         yield f"  h_eq = {films.h_eq}"
@@ -241,26 +277,48 @@ def _film_lines(films: Films, unit: Expr) -> Iterator[str]:
     for film in films.films:
         between = f"  {film.side}, {film.closing} (closing) | {film.opening} (opening): "
         if film.stable is None:
-            yield f"{between}no film beyond {'this line' if film.edge is None else f'F = {film.edge}'}"
+            exact = isinstance(words, Formulas)
+            edge = "this line" if film.edge is None else f"F = {film.edge if exact else words.value(force, film.edge)}"
+            yield f"{between}no film beyond {edge}"
             continue
-        gap = f", h_eq ~ {plain(film.h_eq, unit)}" if film.h_eq is not None and films.h_eq is None else ""
-        rate = f", rate ~ {plain(film.rate, unit)}" if film.rate is not None else ""
-        there = "; none such at the typical parameters" if film.found is False else ""
+        gap = f", h_eq ~ {words.value(h, film.h_eq)}" if film.h_eq is not None and films.h_eq is None else ""
+        rate = f", {words.name('rate')} ~ {words.form('rate', film.rate)}" if film.rate is not None else ""
+        there = f"; none such {_where(words)}" if film.found is False else ""
         yield f"{between}{'stable' if film.stable else 'unstable'}{gap}{rate}{there}"
     if films.branches is None:
         yield "  in numbers: unknown, since the law gives no typical values of all of its parameters"
     elif films.branches:
-        yield "  at typical parameters, in units of R, E and eta:"
+        units = "" if isinstance(words, Numbers) else ", in units of R, E and eta"
+        yield f"  {_where(words)}{units}:"
     for branch in films.branches or ():
+        gaps, forces, rates = (
+            _range(words, name, values)
+            for name, values in (("h", branch.h), ("F", branch.force), ("rate", branch.rate))
+        )
         yield (
-            f"    {'stable' if branch.stable else 'unstable':9} h_eq {branch.h[0]:.3g} to {branch.h[-1]:.3g}, "
-            f"F {branch.force[0]:.3g} to {branch.force[-1]:.3g}, rate {branch.rate[0]:.3g} to {branch.rate[-1]:.3g}"
+            f"    {'stable' if branch.stable else 'unstable':9} h_eq {gaps}, F {forces}, {words.name('rate')} {rates}"
             + ("; found in numbers only, no leading form is known" if branch in films.without_form() else "")
         )
 
 
-def regimes_data(diagram: Diagram, films: Films | None = None) -> dict[str, Any]:
-    """The regimes of a law as plain data; expressions as text, leading forms as LaTeX too."""
+def _where(words: Formulas | Numbers) -> str:
+    return "at these values" if isinstance(words, Numbers) else "at the typical parameters"
+
+
+def _range(words: Formulas | Numbers, name: str, values: Sequence[float]) -> str:
+    factor, unit = words.scale(name)
+    return f"{factor * values[0]:.3g} to {factor * values[-1]:.3g}{' ' + unit if unit else ''}"
+
+
+def regimes_data(
+    diagram: Diagram, films: Films | None = None, found: Presences | None = None, real: RealValues | None = None
+) -> dict[str, Any]:
+    """The regimes of a law as plain data; expressions as text, leading forms as LaTeX too.
+
+    With real values, ``at`` holds these, in SI units, and what R, E and eta are units of; ``numbers`` holds the leading
+    forms with numbers in their place, as text.
+    """
+    words = None if real is None else Numbers(real)
     regimes = [
         {
             "name": regime.name,
@@ -281,6 +339,8 @@ def regimes_data(diagram: Diagram, films: Films | None = None) -> dict[str, Any]
             "lambda1": _plain_data(regime.lambda1),
             "lambda2": _plain_data(regime.lambda2),
             "edge": _plain_data(regime.edge),
+            **_presence_data((found or {}).get((regime.side, regime.name))),
+            **({} if words is None else {"numbers": _numbers_data(regime, words)}),
         }
         for regime in diagram.regimes
     ]
@@ -290,7 +350,11 @@ def regimes_data(diagram: Diagram, films: Films | None = None) -> dict[str, Any]
             "second": c.second,
             "side": c.side,
             "quantity": c.quantity,
-            "line": {"of": str(c.line.lhs), "is": str(c.line.rhs)},
+            "line": {
+                "of": str(c.line.lhs),
+                "is": str(c.line.rhs),
+                **({} if words is None else {"numbers": words.value(c.line.lhs, c.line.rhs)}),
+            },
             "others": _plain_data(c.others),
         }
         for c in diagram.crossovers
@@ -303,4 +367,31 @@ def regimes_data(diagram: Diagram, films: Films | None = None) -> dict[str, Any]
         "crossovers": crossovers,
         "points": [_plain_data(asdict(point)) for point in diagram.points],
         "films": None if films is None else _plain_data(asdict(films)),
+        **({} if real is None else {"at": _values_data(real)}),
+    }
+
+
+def _presence_data(presence: Presence | None) -> dict[str, Any]:
+    if presence is None:
+        return {}
+    data = asdict(presence)
+    # JSON has no word for what is no number
+    numbers = {name: data[name] if math.isfinite(data[name]) else None for name in ("off", "share")}
+    numbers["shallow"] = sorted(data["shallow"])
+    return {"presence": {**data, **numbers, "factors": {str(e): factor for e, factor in presence.factors.items()}}}
+
+
+def _numbers_data(regime: Regime, words: Numbers) -> dict[str, Any]:
+    return {
+        "conditions": [words.condition(condition) for condition in regime.conditions],
+        "forms": {words.name(name): words.form(name, form.leading) for name, form in regime.forms.items()},
+        "edge": None if regime.edge is None else words.value(force, regime.edge),
+    }
+
+
+def _values_data(real: RealValues) -> dict[str, Any]:
+    return {
+        "values": {str(symbol): value for symbol, value in real.values.items()},
+        "taken": [str(symbol) for symbol in real.taken],
+        "units": {"R": real.length, "E": real.modulus, "eta": real.viscosity if real.timed else None},
     }

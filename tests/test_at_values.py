@@ -1,0 +1,260 @@
+"""Regimes at real values: in SI units, whatever these are; what is said of errors holds; what is absent is told."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sympy import Rational, Symbol, exp, lambdify, pi
+
+from softdyn.cli import main
+from softdyn.derive import FORCE, LENGTH, PRESSURE, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.laws.dlvo import law as dlvo
+from softdyn.derive.laws.droplet import law as droplet
+from softdyn.derive.laws.droplet import sigma
+from softdyn.derive.laws.rognon_gay import law as rognon_gay
+from softdyn.derive.regimes import Diagram
+from softdyn.errors import SceneError
+from softdyn.findings import films_of, regimes_of
+from softdyn.study import presence
+from softdyn.study.notation import Numbers
+from softdyn.study.plane import margins, plane_of, states
+from softdyn.study.presence import presence_of
+from softdyn.study.tables import regimes_data, regimes_text
+from softdyn.study.values import RealValues, at_values, read_values, si_unit
+
+Pi0, kD, s0 = (Symbol(name, positive=True) for name in ("Pi0", "kD", "s0"))
+BUBBLES = "R=50e-6,sigma=.03,Pi0=1e5,kD=5e-9"
+
+
+def bubbles(**changes: Any) -> ContactLaw:
+    """Droplets with a disjoining pressure, and nothing that is typical."""
+    about: dict[str, Any] = {
+        "name": "bubbles", "a": droplet.a, "F_ela": droplet.F_ela, "zeta": droplet.zeta,
+        "F_adh": pi * a**2 * Pi0 * exp(-h / kD),
+        "parameters": {sigma: FORCE / LENGTH, Pi0: PRESSURE, kD: LENGTH},
+    }  # fmt: skip
+    return ContactLaw(**{**about, **changes})
+
+
+bare = bubbles()
+
+
+def real(law: ContactLaw, text: str) -> RealValues:
+    found = at_values(law, read_values([text]))
+    assert isinstance(found, RealValues)
+    return found
+
+
+@cache
+def diagram_at(text: str) -> tuple[RealValues, Diagram]:
+    values = real(bare, text)
+    return values, regimes_of(values.law)
+
+
+# --------------------------------------------------------------------------------------------------------- the values
+
+
+@settings(deadline=None)
+@given(st.integers(-9, 9), st.integers(-9, 9), st.integers(-9, 9))
+def test_units_of_length_force_and_time_change_nothing_but_the_units(length: int, load: int, time: int) -> None:
+    """Values in micrometres and nanonewtons are the same values in units of R, E and eta."""
+    powers = {"R": (1, 0, 0), "E": (-2, 1, 0), "eta": (-2, 1, 1), "A": (1, 1, 0), "ell": (1, 0, 0), "Pi0": (-2, 1, 0)}
+    si = {"R": 1e-5, "E": 1e5, "eta": 1e-3, "A": 1e-20, "ell": 1e-8, "Pi0": 3e4}
+    unit = {n: Rational(10) ** (p * length + q * load + r * time) for n, (p, q, r) in powers.items()}
+    exact = read_values([",".join(f"{name}={value}" for name, value in si.items())])
+    one, other = at_values(dlvo, exact), at_values(dlvo, {name: exact[name] * unit[name] for name in exact})
+    assert isinstance(one, RealValues)
+    assert isinstance(other, RealValues)
+    assert one.law.typical == other.law.typical
+
+
+def test_what_is_not_given_is_typical_of_what_is() -> None:
+    """Without E in the law, typical values in E are over the one that sigma stands for."""
+    from softdyn.derive.laws.soap_film import law
+
+    found = real(law, "R=1e-4,sigma=.03")
+    assert found.values == pytest.approx(
+        {R: 1e-4, sigma: 0.03, **{s: {"Pi0": 333 * 300, "ell": 1e-8}[s.name] for s in found.taken}}
+    )
+    assert {s.name for s in found.taken} == {"Pi0", "ell"}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "NAME=VALUE is expected"),
+        ("R", "NAME=VALUE is expected"),
+        ("R=nan", "a decimal number is expected"),
+        ("R=inf", "a decimal number is expected"),
+        ("R=1e999", "must lie between"),
+        ("R=1_0", "a decimal number is expected"),
+        ("R=__import__('os').getpid()", "a decimal number is expected"),
+        ("R=" + "9" * 10_000, "a decimal number is expected"),
+        ("R=-1", "must be positive"),
+        ("R=0", "must be positive"),
+        ("R=1,R=2", "is given twice"),
+        ("sgima=.03", "did you mean 'sigma'"),
+        ("E=1e5", "has no such parameter: leave it out; there are R, eta, Pi0, kD, sigma"),
+        ("R=50e-6", r"Pi0 \(Pa\), kD \(m\), sigma \(N/m\) are not given"),
+        ("R=50e-6,sigma=.03,Pi0=1e5", r"kD \(m\) is not given.*write --at R=5e-05,sigma=0.03,Pi0=100000,kD=\.\.\."),
+        ("R=1,sigma=1,Pi0=1e90,kD=1", "are all values in SI units"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_refused_with_the_reason(text: str, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        at_values(bare, read_values([text]))
+
+
+def test_a_value_outside_its_range_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"--at nu=0.7 lies outside of its range, -1 < nu <= 1/2"):
+        at_values(dlvo, read_values(["nu=.7"]))
+
+
+def test_units_are_written_as_by_hand() -> None:
+    assert [si_unit(d) for d in (LENGTH, FORCE / LENGTH, PRESSURE, 1 / LENGTH, FORCE**2 / LENGTH)] == [
+        "m", "N/m", "Pa", "1/m", "N^2/m",
+    ]  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------- in numbers
+
+
+def number(text: str, x: float, kappa: float) -> float:
+    """Value of a form as it is written: a number, its unit, powers of kappa and x."""
+    value = float(text.split()[0])
+    for name, power in re.findall(r"\b(kappa|x)\b(?:\^\(?(-?\d+(?:/\d+)?)\)?)?", text):
+        value *= {"kappa": kappa, "x": x}[name] ** float(Rational(power or 1))
+    return value
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_forms_in_numbers_are_the_laws_own_in_SI_units(side: int) -> None:
+    """Deep in a regime, against the four expressions with all values in SI units."""
+    values, diagram = diagram_at(BUBBLES)
+    at = {**values.values, eta: 1.0}
+    words = Numbers(values)
+    exact = {name: lambdify((h, delta), form.subs(a, bare.a).subs(at)) for name, form in
+             {"zeta": bare.zeta, "F_adh": bare.F_adh, "F_ela": bare.F_ela, "a": bare.a}.items()}  # fmt: skip
+    gap, deflection = 1e-12, side * 1e-18
+    load = exact["F_ela"](gap, deflection)
+    x, kappa = gap / 50e-6, abs(load) / (50e-6 * 0.03)
+    shown = plane_of(diagram)
+    (regime,) = [
+        regime for regime in diagram.regimes
+        if (regime.side == "compression") == (side > 0) and regime.inside
+        and margins(regime, shown, np.array([math.log10(x)]), np.array([math.log10(kappa)]))[0] > 0
+    ]  # fmt: skip
+    for name in ("zeta", "F_adh", "a"):
+        written = number(words.form(name, regime.forms[name].leading), x, kappa)
+        assert written == pytest.approx(exact[name](gap, deflection), rel=2e-3)
+    assert number(words.form("delta", regime.forms["delta"].leading), x, kappa) == pytest.approx(
+        abs(deflection), rel=2e-3
+    )
+    rate = -(load - exact["F_adh"](gap, deflection)) / exact["zeta"](gap, deflection)
+    assert number(words.form("dh_dt", regime.forms["dh_dt"].leading), x, kappa) == pytest.approx(rate, rel=2e-3)
+
+
+def test_everything_is_told_in_numbers() -> None:
+    values, diagram = diagram_at(BUBBLES)
+    text = regimes_text(diagram, films_of(diagram), presence_of(diagram), values)
+    assert "at R = 5e-05 m, Pi0 = 100000 Pa, kD = 5e-09 m, sigma = 0.03 N/m" in text
+    assert "eta is not given: friction is told over eta, and rates times eta" in text
+    assert "1 | 2: h = 2.5e-05 m" in text
+    body = text[: text.index("films, where")]
+    assert not re.search(r"\b(sigma|Pi0|kD)\b", body[body.index("compression, F > 0") :])
+    assert " E " not in text
+
+
+def test_the_films_are_at_the_real_values() -> None:
+    """The disjoining pressure is Laplace's, 2 sigma/R: h = kD ln(Pi0 R/(2 sigma)), 22 nm."""
+    values, diagram = diagram_at(BUBBLES)
+    films = films_of(diagram)
+    assert films is not None
+    assert films.branches
+    thinnest = min(branch.h[0] for branch in films.branches if branch.stable) * values.length
+    assert thinnest == pytest.approx(5e-9 * math.log(1e5 * 50e-6 / (2 * 0.03)), rel=0.01)
+
+
+def test_json_holds_the_values_and_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["regimes", "rognon_gay", "--at", "R=1e-3,E=1e5,eta=1e-3", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+    assert data["at"]["values"] == {"R": 1e-3, "E": 1e5, "eta": 1e-3}
+    assert all(regime["numbers"]["forms"] for regime in data["regimes"])
+
+
+# ------------------------------------------------------------------------------------------------------ what is there
+
+
+@pytest.mark.parametrize("law", [rognon_gay, real(bare, BUBBLES).law], ids=["paper", "bubbles"])
+def test_forms_are_off_by_no_more_than_is_said(law: ContactLaw) -> None:
+    """At random points inside by the factor that is told, up to what lies between the points of its grid."""
+    diagram = regimes_of(law)
+    shown = plane_of(diagram)
+    rng = np.random.default_rng(5)
+    X, Y = rng.uniform(*shown.xlim, 4000), rng.uniform(*shown.ylim, 4000)
+    compared = 0
+    for (side, name), found in presence_of(diagram).items():
+        regime = diagram.regime(name, side)
+        exact = states(law, side, 10**X, shown.unit * 10**Y)
+        off = presence.errors_at(regime, shown, exact, X, Y)
+        for error, factor in found.factors.items():
+            if factor is not None:
+                margin = margins(regime, shown, X, Y, within_model=error in found.shallow)
+                inside = (margin > math.log10(factor) + 2 / presence.DENSITY) & np.isfinite(exact["delta"])
+                assert all(np.all(np.abs(values[inside]) < error) for values in off.values())
+                compared += int(inside.sum())
+    assert compared > 500
+
+
+def test_a_regime_that_real_values_leave_no_room_is_absent() -> None:
+    """The repulsion ends within the rim's own width: kD << h << R is not to be had at kD = R/4."""
+    wide = real(bare, "R=50e-6,sigma=.03,Pi0=1e5,kD=1.2e-5")
+    diagram = regimes_of(wide.law)
+    found = presence_of(diagram)
+    narrow = [
+        (side, name) for (side, name), one in found.items()
+        if not one.there or one.off > 0.3
+    ]  # fmt: skip
+    assert narrow
+    text = regimes_text(diagram, None, found, wide)
+    assert text.count("absent there: ") == sum(not one.there for one in found.values())
+
+
+def test_what_is_absent_is_told_with_how_far_it_is_off() -> None:
+    """In dlvo a film drawn together needs h >> ell where F << A R/(12 h^2) and F >> E sqrt(R) h^(3/2)."""
+    diagram = regimes_of(dlvo)
+    found = presence_of(diagram)
+    assert not found["compression", "drawn together"].there
+    text = regimes_text(diagram, None, found)
+    assert "absent there: its conditions hold nowhere together" in text
+    data = regimes_data(diagram, None, found)
+    there = {(r["side"], r["name"]): r["presence"]["there"] for r in data["regimes"] if "presence" in r}
+    assert there == {key: one.there for key, one in found.items()}
+
+
+def test_a_number_of_order_one_does_not_count_as_small() -> None:
+    """A Poisson ratio of 0.3 stays where it is: 1 - nu^2 is not 1."""
+    found = regimes_of(at_values(dlvo, read_values(["nu=.3"])))  # type: ignore[arg-type]
+    nu = next(symbol for symbol in dlvo.parameters if symbol.name == "nu")
+    assert nu not in found.scales
+    assert found.regimes[0].forms["C"].leading.has(nu)
+
+
+def test_values_alike_give_a_sum_of_them_its_sign() -> None:
+    """2 sigma - Pi0 R at Pi0 R = 4 sigma, and at sigma = 4 Pi0 R: thresholds are positive either way."""
+    for pressure, tension in ((2, 1), (1, 4)):
+        law = bubbles(typical={sigma: E * R * tension, Pi0: E * pressure, kD: R / 1000})
+        diagram = regimes_of(law)
+        shown = plane_of(diagram)
+        for regime in diagram.regimes:
+            for condition in regime.conditions:
+                threshold = condition.large if condition.small in (h, Symbol("F", positive=True)) else condition.small
+                assert threshold.subs({**shown.values, h: Rational(1, 7)}).evalf() > 0
