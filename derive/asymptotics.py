@@ -12,7 +12,8 @@ power; they stay in the coefficients, as sums of log(symbol).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -22,6 +23,7 @@ from sympy import (
     Add,
     Dummy,
     Expr,
+    Function,
     Integer,
     Max,
     Min,
@@ -50,12 +52,15 @@ from sympy import (
     factor_terms,
     factorial,
     log,
+    nan,
+    preorder_traversal,
     sign,
     simplify,
     sin,
     sinh,
     tan,
     tanh,
+    zoo,
 )
 from sympy import expand as multiplied_out
 from sympy.codegen.cfunctions import expm1, log1p
@@ -198,6 +203,8 @@ class Scale:
     kept: int = KEPT
     imaginary: bool = False
     axes: Axes | None = None
+    #: Whether sums may be given names where leading terms cancel.
+    names: bool = True
     #: What symbols that follow from others are in terms of these.
     formulas: Mapping[Symbol, Expr] = field(default_factory=dict)
     #: Series found so far: the same sums stand in many places of a law.
@@ -291,7 +298,8 @@ def _expanded(expr: Expr, scale: Scale) -> Series:
     if symbols_in(expr).isdisjoint(scale.known):
         return Series({} if is_zero(expr) else {zero(scale): expr})
     if isinstance(expr, Add):
-        return _cut(added(expand(term, scale) for term in expr.args), scale.kept)
+        series = _cut(added(expand(term, scale) for term in expr.args), scale.kept)
+        return _with_names(expr, series, scale) if scale.names and _is_cut_off(series) else series
     if isinstance(expr, Mul):
         fixed, varying = expr.as_independent(*scale.known, as_Add=False)
         product = Series({} if is_zero(fixed) else {zero(scale): fixed})
@@ -321,6 +329,81 @@ def _expanded(expr: Expr, scale: Scale) -> Series:
     if isinstance(expr, ANALYTIC):
         return _analytic(expr, expand(expr.args[0], scale), scale)
     raise UndecidedError(f"{expr.func} is outside the method")
+
+
+def _is_cut_off(series: Series) -> bool:
+    """Whether something that was cut off may be as large as all that is known."""
+    return any(order not in series.terms for order in minimal([*series.terms, *series.remainder]))
+
+
+#: Choices of names that are tried, each for one sum or more.
+MOST_NAMED = 6
+
+
+def _with_names(expr: Expr, cut_off: Series, scale: Scale) -> Series:
+    """Series of a sum whose leading terms cancel, with names for what occurs in it more than once.
+
+    In (1 + x) log(1 + 1/x) - 1 with x = h/(b (1 + h/R)) the leading terms cancel at every power of h/R; with a name for
+    1 + h/R they cancel once and for all. What is named is as large as its leading term, so it is a symbol that varies.
+    Names are written out again in the terms that are left, each of which is then expanded.
+    """
+    written = expr
+    while written.free_symbols & scale.formulas.keys():
+        written = written.xreplace(scale.formulas)
+    if nodes(written) > MOST_NODES:
+        return cut_off
+    missing: SplitError | AxisError | None = None
+    plain = replace(scale, names=False, found={})
+    for sums in _choices_of_names(written, scale):
+        meanings: dict[Symbol, Expr] = {}
+        try:
+            here, meanings = _naming(sums, plain)
+            series = expand(written.xreplace({total: name for name, total in meanings.items()}), here)
+            terms = [coefficient.xreplace(meanings) for coefficient in series.terms.values()]
+            if any(term.has(nan, zoo) for term in terms):
+                continue
+            found = _cut(added([Series({}, series.remainder), *(expand(x, plain) for x in terms)]), scale.kept)
+        except OutOfEffortError:
+            raise
+        except SplitError as competing:
+            missing = missing or competing
+        except AxisError as axis:
+            missing = missing if missing or symbols_in(axis.argument) & meanings.keys() else axis
+        except UndecidedError:
+            continue
+        else:
+            if not _is_cut_off(found):
+                return found
+    if missing is not None:
+        raise missing
+    return cut_off
+
+
+#: Nodes beyond which an expression is not written out.
+MOST_NODES = 400
+
+
+def _choices_of_names(expr: Expr, scale: Scale) -> Iterator[list[Expr]]:
+    """Sums and functions to be named: all that hold no other, then each alone, the largest first."""
+    spend(nodes(expr))
+    count = Counter(node for node in preorder_traversal(expr) if isinstance(node, (Add, Function)) and node != expr)
+    repeated = [node for node, times in count.items() if times > 1 and not symbols_in(node).isdisjoint(scale.known)]
+    inner = [node for node in repeated if not any(part.has(*repeated) for part in node.args)]
+    if len(inner) > 1:
+        yield inner
+    yield from ([node] for node in sorted(repeated, key=lambda x: (-nodes(x), str(x)))[:MOST_NAMED])
+
+
+def _naming(sums: Iterable[Expr], scale: Scale) -> tuple[Scale, dict[Symbol, Expr]]:
+    """Return a scale in which sums, or functions, are symbols of their own, and what these stand for."""
+    meanings: dict[Symbol, Expr] = {}
+    known, orders = dict(scale.known), dict(scale.orders)
+    for total in sums:
+        order, coefficient = leading(expand(total, scale), total)
+        name = Dummy("s", positive=True) if sign_of(coefficient, total, scale) > 0 else Dummy("s", negative=True)
+        meanings[name] = total
+        known[name], orders[name] = Series({order: name}), order
+    return replace(scale, known=known, orders=orders, found={}), meanings
 
 
 def added(parts: Iterable[Series]) -> Series:
@@ -486,6 +569,11 @@ def _compose(small: Series, coefficients: Iterable[Expr], scale: Scale) -> Serie
     return _cut(Series(total.terms, total.remainder | cut_off), scale.kept)
 
 
+def _depth(scale: Scale) -> int:
+    """Powers of a small series that are taken: as many as terms are kept, where leading ones cancel."""
+    return max(KEPT, scale.kept)
+
+
 def _beyond(series: Series, remainder: Iterable[Order]) -> Series:
     """What of a series is not lost in a remainder."""
 
@@ -507,7 +595,7 @@ def raised(base: Series, power: Rational, what: object, scale: Scale) -> Series:
     factor = Series({tuple(_whole(exponent * x) for x in dominant): coefficient**power})
     if len(base.terms) == 1 and not base.remainder:
         return factor
-    unit = _compose(relative(base, what), (binomial(power, k) for k in range(KEPT + 1)), scale)
+    unit = _compose(relative(base, what), (binomial(power, k) for k in range(_depth(scale) + 1)), scale)
     return multiplied(factor, unit, scale.kept)
 
 
@@ -631,7 +719,7 @@ def _logarithm(argument: Series, what: Expr, scale: Scale) -> Series:
         slow = Series({zero(scale): written} if not is_zero(written) else {})
     else:
         slow = _logarithm_of_term(coefficient, scale.axes, scale)
-    series = (S.Zero, *(-((S.NegativeOne) ** k) / S(k) for k in range(1, KEPT + 1)))
+    series = (S.Zero, *(-((S.NegativeOne) ** k) / S(k) for k in range(1, _depth(scale) + 1)))
     corrections = _compose(relative(argument, what), series, scale)
     return _cut(added([slow, corrections]), scale.kept)
 
@@ -709,7 +797,7 @@ def _exponential(expr: Expr, argument: Series, axes: Axes, scale: Scale) -> Seri
             factor = _shifted(factor, *_power_of_axis(m, order, -number, axes, scale))
     finite = exp(argument.terms.get(unit, S.Zero))
     small = Series({e: c for e, c in argument.terms.items() if negligible(e, unit)}, argument.remainder)
-    rest = _compose(small, (1 / factorial(k) for k in range(KEPT + 1)), scale)
+    rest = _compose(small, (1 / factorial(k) for k in range(_depth(scale) + 1)), scale)
     return multiplied(factor, scaled(rest, finite), scale.kept)
 
 
@@ -770,7 +858,7 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
 
     def derivatives() -> Iterable[Expr]:
         function = expr.func(x)
-        for k in range(KEPT + 1):
+        for k in range(_depth(scale) + 1):
             value = function.subs(x, centre)
             if not value.is_finite:
                 raise UndecidedError(f"{expr} is singular where its argument tends to {centre}")

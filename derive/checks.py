@@ -590,10 +590,13 @@ def signs_of(law: ContactLaw) -> tuple[Sign, ...]:
 
 def undecided_signs(law: ContactLaw) -> list[str]:
     """Words for each sign that is not proved: where it is not known."""
+    sides: dict[tuple[str, str], list[str]] = {}
+    for sign_ in signs_of(law):
+        if sign_.found.verdict == "unknown":
+            sides.setdefault((sign_.quantity, box_words(sign_)), []).append(sign_.side)
     return [
-        f"{sign_.quantity} > 0 is not proved for {sign_.side}, at {box_words(sign_)}; a run there may go wrong"
-        for sign_ in signs_of(law)
-        if sign_.found.verdict == "unknown"
+        f"{quantity} > 0 is not proved for {', '.join(where)}, at {box}; a run there may go wrong"
+        for (quantity, box), where in sides.items()
     ]
 
 

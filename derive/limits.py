@@ -369,11 +369,13 @@ def _compared(
         assert isinstance(found, Series)
         return found, claim, series
 
-    return with_more_terms(series_with, (CLAIM_TERMS, KEPT, 3 * KEPT))
+    return with_more_terms(series_with, MORE_TERMS)
 
 
 #: Terms kept of the series of a claim: the leading one and some of the next, to tell the rate.
 CLAIM_TERMS = 4
+#: Then more, until one is left where the leading ones cancel; the effort allowed ends it.
+MORE_TERMS = (CLAIM_TERMS, KEPT, 3 * KEPT, 9 * KEPT)
 
 
 def with_more_terms(find: Callable[[int], Found], kept: Sequence[int] = (1, KEPT, 3 * KEPT)) -> Found:

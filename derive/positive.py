@@ -109,12 +109,14 @@ class Range:
 Domain = tuple[tuple[Symbol, tuple[Range, ...]], ...]
 
 
+@lru_cache(maxsize=128)
 def ranges_of_positive(name: str, most: Rational | None = None) -> tuple[Range, ...]:
     """All positive numbers, or those below one."""
     variable = Dummy(name, positive=True)
     return (Range(variable, variable, (-INF, INF if most is None else logarithm_of(most))),)
 
 
+@lru_cache(maxsize=128)
 def ranges_between(name: str, allowed: Interval) -> tuple[Range, ...]:
     """The numbers of an interval: ends that belong to it, and distances from an end that is left out."""
     low, high = Rational(allowed.start), Rational(allowed.end)
@@ -127,6 +129,7 @@ def ranges_between(name: str, allowed: Interval) -> tuple[Range, ...]:
     return (*points, Range(low + one, one, half), Range(high - other, other, half))
 
 
+@lru_cache(maxsize=128)
 def ranges_of_real(name: str) -> tuple[Range, ...]:
     """All real numbers."""
     one, other = Dummy(name, positive=True), Dummy(name, positive=True)
@@ -139,7 +142,6 @@ def logarithm_of(number: Rational) -> float:
     return up(float(exact)) if exact else 0.0
 
 
-@lru_cache(maxsize=512)
 def positivity(expr: Expr, domain: Domain, most: int = MOST) -> Positivity:
     """Prove that an expression is positive, or show where it is not.
 
@@ -151,6 +153,14 @@ def positivity(expr: Expr, domain: Domain, most: int = MOST) -> Positivity:
     most : int
         Boxes looked at, at most, in each part of the domain.
     """
+    # factors that are positive by themselves do not matter, nor do symbols that are in these alone
+    rest = Mul(*(factor for factor in Mul.make_args(expr) if not factor.is_positive))
+    found = _positivity(rest, tuple((s, ranges) for s, ranges in domain if s in rest.free_symbols), most)
+    return _positivity(expr, domain, most) if found.verdict == "witness" and rest != expr else found
+
+
+@lru_cache(maxsize=512)
+def _positivity(expr: Expr, domain: Domain, most: int) -> Positivity:
     found = _on_domain(expr, domain, most)
     if found.verdict != "unknown":
         return found

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
-from math import lcm
+from math import lcm, log10
 from random import Random
 from typing import TYPE_CHECKING, Any
 
@@ -42,12 +42,14 @@ OPERATIONS, OPERATIONS_DRAWN, FEWEST_PATHS = 17_600, 550_000, 6
 LARGEST = 10_000
 #: Paths of the ordering that may follow each other without one that is new.
 IN_VAIN = 60
-#: Decades by which ratios have fallen along a path; the last ones are asked only to confirm that a claim fails.
-LEVELS, CONFIRMED = (10, 40, 160), (10**4, 10**6, 10**8)
+#: Decades by which ratios have fallen along a path.
+LEVELS = (10, 40, 160)
+#: Those at which a claim must still fail, of powers, and of what falls by a logarithm only.
+CONFIRMED = ((320, 10**4), (480, 10**6), (640, 10**8))
 #: The same for a path that a proof leads to.
 FAR_ALONG = (20, 60, 180)
-#: Digits beyond which a point is not computed, and those that do to confirm.
-MOST_DIGITS, ENOUGH_DIGITS = 6000, 600
+#: Digits beyond which a point is not computed.
+MOST_DIGITS = 6000
 #: Binary digits of an argument before its point, beyond which an exponential is not told from 0.
 HUGE = 4000
 #: Speeds of a ratio along a path: a power of eps, or of its logarithm.
@@ -135,11 +137,26 @@ def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name
         off = [deviation(point, name, claim) for point in sample.points]
         if not _lasts(off):
             continue
-        further = [point for level in CONFIRMED if (point := _point(law, limit, sample.path, level)) is not None]
+        further = _further(law, limit, sample.path)
         off += [deviation(point, name, claim) for point in further]
-        if _lasts(off[1:]):
+        if _lasts(off[1:]) and (further or _is_steady(off)):
             return told(limit, sample, name, claim)
     return None
+
+
+def _further(law: ContactLaw, limit: Limit, path: Path) -> list[Point]:
+    """Points of a path beyond those that it was first looked at, the nearest first.
+
+    None has fewer digits than it needs: in log(1 + h/R) a small h/R would be lost, and with it what the claim is about.
+    """
+    points = (_point(law, limit, path, level, slowly) for level, slowly in CONFIRMED)
+    return [point for point in points if point is not None]
+
+
+def _is_steady(off: Sequence[mpmath.mpf | None]) -> bool:
+    """Whether deviations are the same at the last two levels."""
+    one, other = (mpmath.mpf(x or 0) for x in off[-2:])
+    return bool(abs(one - other) <= (1 - LASTING) * abs(other))
 
 
 def deviation(point: Point, name: str, claim: Expr) -> mpmath.mpf | None:
@@ -332,12 +349,14 @@ def _drawn(
     )
 
 
-def _point(law: ContactLaw, limit: Limit, path: Path, level: int) -> Point | None:
-    """All quantities of a law at a level of a path, in units R = E = eta = 1; None where they have no value."""
-    decades = max(abs(float(path.power[s]) * level + float(path.slow[s]) * 4) for s in path.power)
+def _point(law: ContactLaw, limit: Limit, path: Path, level: int, slowly: int | None = None) -> Point | None:
+    """All quantities of a law at a level of a path, in units R = E = eta = 1; None where they have no value.
+
+    Another level of what varies by a logarithm only may be given.
+    """
+    slowly = level if slowly is None else slowly
+    decades = max(abs(float(path.power[s]) * level + float(path.slow[s]) * log10(slowly)) for s in path.power)
     digits = 40 + int(3 * decades)
-    if level in CONFIRMED:
-        digits = min(digits, ENOUGH_DIGITS)
     if digits > MOST_DIGITS:
         return None
     with mpmath.workdps(digits):
@@ -349,7 +368,7 @@ def _point(law: ContactLaw, limit: Limit, path: Path, level: int) -> Point | Non
         for symbol, power in path.power.items():
             slow = path.slow[symbol]
             fallen = mpmath.mpf(10) ** (mpmath.mpf(-power.numerator * level) / power.denominator)
-            values[symbol] *= fallen * mpmath.mpf(level) ** (mpmath.mpf(-slow.numerator) / slow.denominator)
+            values[symbol] *= fallen * mpmath.mpf(slowly) ** (mpmath.mpf(-slow.numerator) / slow.denominator)
         values[delta] = side_of(limit) * values[size]
         try:
             for symbol, (arguments, function) in functions(law).items():

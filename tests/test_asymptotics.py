@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import mpmath
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
@@ -18,7 +20,9 @@ from sympy import (
     S,
     Symbol,
     cosh,
+    coth,
     exp,
+    factorial,
     lambdify,
     log,
     simplify,
@@ -226,6 +230,53 @@ def test_a_cut_decides_which_of_two_terms_dominates() -> None:
 )
 def test_what_is_left_of_a_difference_is_found(expr: Expr, expected: Expr) -> None:
     assert simplify(leading(expand(expr, scale_in(QUARTER)))[1] - expected) == 0
+
+
+#: Functions less the start of their series, and the first term that is left.
+REMAINDERS = {
+    "log": (lambda x: log(1 + x) - x, lambda x: -(x**2) / 2),
+    "product": (lambda x: (1 + 1 / x) * log(1 + x) - 1, lambda x: x / 2),
+    "exp": (lambda x: exp(x) - 1 - x - x**2 / 2, lambda x: x**3 / 6),
+    "sinh": (lambda x: sinh(x) / x - 1, lambda x: x**2 / 6),
+    "Langevin": (lambda x: coth(x) - 1 / x, lambda x: x / 3),
+    "root": (lambda x: sqrt(1 + x) - 1 - x / 2 + x**2 / 8, lambda x: x**3 / 16),
+    "quotient": (lambda x: 1 / (1 + x) - 1 + x - x**2, lambda x: -(x**3)),
+}
+#: Small ratios that hold another, of which every power cancels.
+INNER = (
+    1 / (1 + r2), 1 + r2, sqrt(1 + r2**2), 1 + r2 + r2**2, (1 + 2 * r2) / (1 + r2), 1 / (1 + sqrt(r2)), exp(-r2) + r2,
+)  # fmt: skip
+
+
+@relaxed
+@given(
+    st.sampled_from(sorted(REMAINDERS)),
+    st.sampled_from(INNER),
+    st.fractions(Fraction(1, 4), 4, max_denominator=4),
+    st.sampled_from((QUARTER, WEDGE, SIDE)),
+)
+def test_what_cancels_at_every_power_of_another_ratio_cancels(
+    name: str, inner: Expr, number: Fraction, cone: Cone
+) -> None:
+    """Of log(1 + x) - x with x = r1/(1 + r2), -x^2/2 is left, however small r1 is beside all powers of r2."""
+    function, left = REMAINDERS[name]
+    x = Rational(number.numerator, number.denominator) * r1 * inner
+    found = leading(expand(function(x), scale_in(cone)))[1]
+    expected = leading(expand(left(x), scale_in(cone)))[1]
+    assert simplify(found / expected) == 1
+
+
+def test_terms_are_taken_until_one_is_left() -> None:
+    """Of sin x less the first twelve terms of its series, the thirteenth."""
+    start = sum((-1) ** k * r1 ** (2 * k + 1) / factorial(2 * k + 1) for k in range(12))
+    assert leading(expand(sin(r1) - start, scale_in(QUARTER, 30)))[1] == r1**25 / factorial(25)
+
+
+def test_a_name_does_not_hide_what_cancels_with_it() -> None:
+    """With s = 1 + r2, s - 1 is no term of order one."""
+    s = 1 + r2
+    found = leading(expand((s * log(1 + r1 / s) - r1) / r1 + (s**3 - 3 * s + 2), scale_in(((1, 0), (2, 1)))))
+    assert found[1] == 3 * r2**2
 
 
 @pytest.mark.parametrize(

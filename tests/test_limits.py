@@ -375,6 +375,30 @@ def test_exponentials_and_logarithms_reach_far(name: str) -> None:
     assert wrong.verdict == "disproved"
 
 
+slip_length = Symbol("b", positive=True)
+
+
+@pytest.mark.parametrize(
+    "gap",
+    [h, hbar, 1 / (1 / h + 1 / R), h / sqrt(1 + x**2), R * log(1 + x), R * tanh(x)],
+    ids=str,
+)
+def test_friction_with_slip_is_without_it_where_the_slip_length_is_small(gap: Expr) -> None:
+    """The leading terms of Vinogradova's factor cancel at every power of h/R, and of delta/h."""
+    b = slip_length
+    factor = gap / (3 * b) * ((1 + gap / (6 * b)) * log(1 + 6 * b / gap) - 1)
+    law = variant(rognon_gay, zeta=rognon_gay.zeta * factor, parameters={b: LENGTH}, typical={b: R / 1000})
+    small = (delta, b, h, R)
+    right, wrong, large = findings(
+        law,
+        Limit("no slip", small, {"zeta": 6 * pi * eta * R**2 / h}),
+        Limit("wrong", small, {"zeta": 5 * pi * eta * R**2 / h}),
+        Limit("slip", (delta, h, b, R), {"zeta": 2 * pi * eta * R**2 / b * log(6 * b / h)}),
+    ).values()
+    assert (right.verdict, right.ratio, large.verdict) == ("proved", 1, "proved")
+    assert (wrong.verdict, wrong.ratio) == ("disproved", Rational(6, 5))
+
+
 def test_an_ordering_in_which_either_of_two_terms_may_win_is_cut() -> None:
     """In delta << R << h, delta^2 h may be small or large against R^3."""
     law = variant(SIMPLE, a=R + delta**2 * h / R**2)
