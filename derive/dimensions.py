@@ -79,6 +79,15 @@ NAMED = {
 }
 
 
+def powers_of_units(dimension: Dimension) -> tuple[Fraction, Fraction, Fraction]:
+    """Return the powers of R, E and eta whose product has a dimension."""
+    return (
+        dimension.length + dimension.mass,
+        -(dimension.time + dimension.mass),
+        2 * dimension.mass + dimension.time,
+    )
+
+
 class DimensionMismatchError(Exception):
     """An expression has no dimension: it adds unlike things, or takes a function of a dimensional one."""
 

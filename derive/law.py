@@ -11,18 +11,18 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from hashlib import sha256
 from typing import Any
 
-from sympy import Basic, Expr, Integer, Interval, Rational, S, Symbol, oo, pi, srepr
+from sympy import Basic, Expr, Integer, Interval, Matrix, Rational, S, Symbol, oo, pi, srepr
 
 from softdyn.derive.branches import in_plain_functions
 from softdyn.derive.checks import faults_of, undecided_signs
-from softdyn.derive.dimensions import Dimension
+from softdyn.derive.dimensions import DIMENSIONLESS, Dimension
 from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, delta, eta, size_ratio
 from softdyn.errors import LawError
 
@@ -329,6 +329,23 @@ def typical_values(law: ContactLaw) -> dict[Symbol, Rational]:
 def without_typical(law: ContactLaw) -> tuple[Symbol, ...]:
     """Own parameters that the law uses, and gives no typical value of."""
     return tuple(symbol for symbol in parameters_of(law) if symbol not in (*law.typical, *COMMON_PARAMETERS))
+
+
+def sizes_asked(law: ContactLaw) -> tuple[Symbol, ...]:
+    """Own parameters without a typical value that are small or large against others: regimes depend on their sizes.
+
+    A pure number counts as of order one; so does a surface tension that no other force or pressure can be compared
+    with.
+    """
+    used = parameters_of(law)
+    dimensions = dimensions_for(law)
+    asked = tuple(symbol for symbol in without_typical(law) if dimensions[symbol] != DIMENSIONLESS)
+
+    def ratios(symbols: Iterable[Symbol]) -> int:
+        rows = [[dimensions[s].mass, dimensions[s].length, dimensions[s].time] for s in symbols]
+        return len(rows) - Matrix([[Rational(p.numerator, p.denominator) for p in row] for row in rows]).rank()
+
+    return asked if ratios(used) > ratios(symbol for symbol in used if symbol not in asked) else ()
 
 
 def sample_values(law: ContactLaw) -> dict[Symbol, Rational]:

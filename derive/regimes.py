@@ -54,11 +54,11 @@ from softdyn.derive.cones import (
     shared_facets,
     simpler,
 )
-from softdyn.derive.dimensions import DIMENSIONLESS
-from softdyn.derive.forms import force, joined_logarithms
-from softdyn.derive.law import is_anchored, is_dry, is_rigid, sample_values, typical_values
+from softdyn.derive.dimensions import DIMENSIONLESS, powers_of_units
+from softdyn.derive.forms import force, force_unit, joined_logarithms
+from softdyn.derive.law import is_anchored, is_dry, is_rigid, parameters_of, sample_values, sizes_asked, typical_values
 from softdyn.derive.patience import within
-from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
+from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, eta, h
 from softdyn.derive.witness import inequalities, side_of
 
 if TYPE_CHECKING:
@@ -110,7 +110,10 @@ class Form:
 
 @dataclass(frozen=True)
 class Condition:
-    """One of a regime's defining inequalities: ``small`` << ``large``, lengths or forces, in h and F."""
+    """One of a regime's defining inequalities: ``small`` << ``large``, lengths or forces, in h and F.
+
+    In h and the size of delta, where the force is undecided.
+    """
 
     small: Expr
     large: Expr
@@ -246,6 +249,12 @@ class Diagram:
 UNANCHORED = "F_ela is not 0 at delta = 0, so that force and deflection may have opposite signs"
 
 
+def sizes_words(asked: Sequence[Symbol]) -> str:
+    """Why a law has no diagram that gives no typical values of some parameters."""
+    names = ", ".join(map(str, asked))
+    return f"the law gives no typical value of {names}; which regimes there are depends on whether these are small"
+
+
 def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
     """Find every regime of a law, the crossovers between them and the points where several meet.
 
@@ -263,6 +272,8 @@ def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
     directions, scales = _directions(law)
     if not is_anchored(law):
         return _nothing_found(law, directions, scales, UNANCHORED)
+    if asked := sizes_asked(law):
+        return _nothing_found(law, directions, scales, sizes_words(asked))
     try:
         return _discovered(law, directions, scales, effort)
     except UndecidedError as reason:
@@ -290,7 +301,7 @@ def _discovered(
         here = _regimes(law, side, directions, effort, bool(conservative), found)
         with within(effort, OutOfEffortError):
             met = list(_crossovers(law, here, directions))
-            found += [replace(regime, conditions=_conditions(regime, met, directions)) for regime in here]
+            found += [replace(regime, conditions=_conditions(law, regime, here, met, directions)) for regime in here]
             crossovers += met
             points += _points(here, met)
     return Diagram(law, tuple(found), tuple(crossovers), tuple(points), conservative, scales)
@@ -755,9 +766,13 @@ def _line_of(normal: Normal, directions: Mapping[Symbol, Normal]) -> Eq | None:
 
 
 def _conditions(
-    regime: Regime, crossovers: Sequence[Crossover], directions: Mapping[Symbol, Normal]
+    law: ContactLaw, regime: Regime, regimes: Sequence[Regime], crossovers: Sequence[Crossover], directions: Mapping[Symbol, Normal]
 ) -> tuple[Condition, ...]:
-    """Defining inequalities of a regime: on which side of each of its crossovers it lies."""
+    """Defining inequalities of a regime: on which side of each of its crossovers it lies.
+
+    Where nothing is known to cross over, as against an undecided neighbour, the face between them is the border, up to
+    a number of order one: whatever lies beyond it is not this regime's.
+    """
     found: dict[Condition, None] = {}
     for crossover in crossovers:
         if regime.name not in (crossover.first, crossover.second):
@@ -767,7 +782,49 @@ def _conditions(
         if order is None or order == 0:
             continue
         found[Condition(line.lhs, line.rhs) if order > 0 else Condition(line.rhs, line.lhs)] = None
+    crossed = {(c.first, c.second) for c in crossovers} | {(c.second, c.first) for c in crossovers}
+    borders = [
+        normal
+        for other in regimes
+        if other is not regime and (regime.name, other.name) not in crossed
+        for normal in shared_facets(regime.cones, other.cones)
+    ]
+    for normal in borders:
+        border = _border(law, normal, regime, directions)
+        if border is not None:
+            found[border] = None
     return tuple(found)
+
+
+def _border(law: ContactLaw, normal: Normal, regime: Regime, directions: Mapping[Symbol, Normal]) -> Condition | None:
+    """On which side of a face a regime lies, up to a number of order one: in h and F, or in h and delta if undecided."""
+    # along the face h^p delta^s eps^q = 1, over R; a parameter over its unit stands for eps
+    rest, p, s = S.One, normal[0], normal[1]
+    if len(normal) > 2 and normal[2]:
+        scaled, power = _parameter_scale(law, directions)
+        rest = scaled ** Rational(normal[2], power)
+    line = _line_of(normal, directions)
+    if line is None and s == 0 and p == 0:
+        return None
+    if line is not None or s == 0:
+        gap = line.rhs if line is not None else _tidy(R * rest ** Rational(-1, p))
+        return Condition(h, gap) if p > 0 else Condition(gap, h)
+    deflection = _tidy(R * (rest * (h / R) ** p) ** Rational(-1, s))
+    if regime.balance is None:
+        return Condition(size, deflection) if s > 0 else Condition(deflection, size)
+    load = _tidy(regime.balance.subs(size, deflection))
+    if not regime.balance.has(size):
+        return None
+    # the force grows with the deflection
+    return Condition(force, load) if s > 0 else Condition(load, force)
+
+
+def _parameter_scale(law: ContactLaw, directions: Mapping[Symbol, Normal]) -> tuple[Expr, int]:
+    """A parameter that scales, over its unit, and the power of eps that it scales with."""
+    symbol = min((s for s in directions if s not in (h, size)), key=lambda s: (abs(directions[s][2]), s.name))
+    x, y, z = (Rational(p.numerator, p.denominator) for p in powers_of_units(law.parameters[symbol]))
+    modulus = E if E in parameters_of(law) else force_unit(law) / R**2
+    return symbol / (R**x * modulus**y * eta**z), directions[symbol][2]
 
 
 def _points(regimes: Sequence[Regime], crossovers: Sequence[Crossover]) -> list[Meeting]:

@@ -37,7 +37,9 @@ from sympy.printing.conventions import split_super_sub
 from sympy.printing.latex import LatexPrinter, greek_letters_set
 
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, law_jacobians, law_quantities, partials
+from softdyn.derive.balance import size
 from softdyn.derive.forms import V, as_product, force, force_unit, kappa
+from softdyn.derive.balance import size
 from softdyn.derive.forms import x as gap_ratio
 from softdyn.derive.law import Drag, drag_expressions, expressions, tangential_expressions
 from softdyn.derive.symbols import R, eta, h
@@ -426,7 +428,7 @@ def _collected(number: Expr) -> Expr:
 
 def condition_latex(small: Expr, large: Expr, law: ContactLaw) -> str:
     """One inequality between sizes, h, F or kappa first."""
-    first, other, relation = (small, large, r"\ll") if small in (force, h) else (large, small, r"\gg")
+    first, other, relation = (small, large, r"\ll") if small in (force, h, size) else (large, small, r"\gg")
     left, right = line_latex(first, other, law)
     return f"{left} {relation} {right}"
 

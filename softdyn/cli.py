@@ -416,10 +416,12 @@ def _regimes(options: argparse.Namespace) -> int:
         from softdyn.findings import films_of, regimes_of
         from softdyn.study.presence import presence_of
         from softdyn.study.tables import regimes_data, regimes_text
-        from softdyn.study.values import RealValues, at_values, read_values
+        from softdyn.study.values import RealValues, at_values, read_values, require_sizes
 
         at = at_values(law, read_values(options.at)) if options.at else law
         real = at if isinstance(at, RealValues) else None
+        if real is None:
+            require_sizes(law)
         diagram = regimes_of(at.law if isinstance(at, RealValues) else at)
         films = films_of(diagram)
         found = presence_of(diagram)
@@ -439,7 +441,7 @@ def _regimes(options: argparse.Namespace) -> int:
         from softdyn.study import figures, phases
 
         with figures.paper_style():
-            figures.save(phases.draw(diagram, measured), options.plot)
+            figures.save(phases.draw(diagram, measured, found, real), options.plot)
         print(f"wrote {options.plot}", file=sys.stderr if options.json else sys.stdout)
     return 0
 

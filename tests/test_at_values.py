@@ -5,30 +5,34 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import Rational, Symbol, exp, lambdify, pi
+from sympy import Rational, Symbol, exp, lambdify, log, pi, sin
 
 from softdyn.cli import main
 from softdyn.derive import FORCE, LENGTH, PRESSURE, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.cones import shared_facets
+from softdyn.derive.law import sizes_asked
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.derive.laws.droplet import law as droplet
 from softdyn.derive.laws.droplet import sigma
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
-from softdyn.derive.regimes import Diagram
+from softdyn.derive.regimes import Diagram, discover
 from softdyn.errors import SceneError
 from softdyn.findings import films_of, regimes_of
-from softdyn.study import presence
+from softdyn.study import phases, presence
 from softdyn.study.notation import Numbers
 from softdyn.study.plane import margins, plane_of, states
 from softdyn.study.presence import presence_of
 from softdyn.study.tables import regimes_data, regimes_text
-from softdyn.study.values import RealValues, at_values, read_values, si_unit
+from softdyn.study.values import RealValues, at_values, read_values, require_sizes, si_unit
 
 Pi0, kD, s0 = (Symbol(name, positive=True) for name in ("Pi0", "kD", "s0"))
 BUBBLES = "R=50e-6,sigma=.03,Pi0=1e5,kD=5e-9"
@@ -258,3 +262,88 @@ def test_values_alike_give_a_sum_of_them_its_sign() -> None:
             for condition in regime.conditions:
                 threshold = condition.large if condition.small in (h, Symbol("F", positive=True)) else condition.small
                 assert threshold.subs({**shown.values, h: Rational(1, 7)}).evalf() > 0
+
+
+# -------------------------------------------------------------------------------------- what is not known is not drawn
+
+
+def test_a_law_whose_sizes_are_not_known_is_asked_for_them(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Thresholds such as 2 sigma - Pi0 R have no sign without them."""
+    with pytest.raises(
+        SceneError, match=r"no typical value of Pi0, kD, sigma.*--at R=\.\.\.,Pi0=\.\.\..*Pi0: number\*E"
+    ):
+        require_sizes(bare)
+    diagram = regimes_of(bare)
+    assert not any(regime.forms for regime in diagram.regimes)
+    assert all("no typical value of Pi0, kD, sigma" in regime.undecided["delta"] for regime in diagram.regimes)
+    file = tmp_path / "bare.py"
+    file.write_text(
+        "from sympy import Symbol, exp\nfrom softdyn.derive import E, R, LENGTH, ContactLaw, h\n"
+        "from softdyn.derive.laws.rognon_gay import law as paper\nell = Symbol('ell', positive=True)\n"
+        "law = ContactLaw(name='bare', a=paper.a, F_ela=paper.F_ela, zeta=paper.zeta,\n"
+        "                 F_adh=E*R**2*exp(-h/ell), parameters={ell: LENGTH})\n"
+    )
+    assert main(["regimes", str(file)]) == 2
+    assert "--at R=...,E=...,ell=..." in capsys.readouterr().err
+
+
+def test_a_tension_that_nothing_is_compared_with_is_not_asked_for() -> None:
+    assert not sizes_asked(replace(droplet, typical={}))
+    assert not sizes_asked(rognon_gay)
+    assert sizes_asked(replace(dlvo, typical={Symbol("nu", real=True): Rational(1, 3)}, limits=()))
+
+
+def doubtful(**changes: Any) -> ContactLaw:
+    return replace(rognon_gay, **{"name": "doubtful", "limits": (), **changes})
+
+
+HALF_DECIDED = {"F_ela": E * a * delta * (2 + sin(log(1 + R / a)))}
+
+
+def test_no_condition_is_dropped_against_an_undecided_neighbour() -> None:
+    """Every face of a regime is among its conditions."""
+    diagram = discover(doubtful(**HALF_DECIDED))
+    for side in ("compression", "tension"):
+        here = [regime for regime in diagram.regimes if regime.side == side]
+        assert any(regime.forms for regime in here)
+        assert any(not regime.forms for regime in here)
+        for regime in here:
+            faces = [
+                normal for other in here if other is not regime for normal in shared_facets(regime.cones, other.cones)
+            ]
+            assert len(regime.conditions) >= len(set(faces))
+
+
+def test_what_is_undecided_is_hatched_and_named() -> None:
+    diagram = discover(doubtful(**HALF_DECIDED))
+    figure = phases.phase_diagram(diagram)
+    axes = figure.axes[0]
+    hatched = [one for one in axes.collections if getattr(one, "hatches", None)]
+    assert hatched
+    words = " ".join(text.get_text() for text in axes.texts)
+    assert "undecided: 2, 3" in words
+    assert "has a logarithm" in words
+
+
+def test_a_regime_without_a_rate_is_hatched_and_says_so() -> None:
+    diagram = discover(doubtful(zeta=eta * R * (2 + sin(h / R))))
+    axes = phases.phase_diagram(diagram).axes[0]
+    assert [one for one in axes.collections if getattr(one, "hatches", None)]
+    assert any("undecided" in text.get_text() and "dh/dt" in text.get_text() for text in axes.texts)
+
+
+def test_the_axes_have_units(tmp_path: Path) -> None:
+    values, diagram = diagram_at(BUBBLES)
+    figure = phases.draw(diagram, None, presence_of(diagram), values)
+    labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes]
+    assert labels[0] == ("$h$ (m)", "$F$ (N)")
+    assert all(x == "$h$ (m)" for x, _ in labels)
+    shown = plane_of(diagram, values)
+    # a tick that says 1e-8 m is at log10(1e-8/R)
+    axes = figure.axes[0]
+    ticks = {text.get_text(): at for at, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)}
+    assert ticks["$10^{-8}$"] == pytest.approx(math.log10(1e-8 / 50e-6))
+    ticks = {text.get_text(): at for at, text in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)}
+    assert ticks["$10^{-8}$"] == pytest.approx(math.log10(1e-8 / (0.03 * 50e-6)))
+    assert shown.unit == pytest.approx(1)
+    assert "at real values" in figure.get_suptitle()

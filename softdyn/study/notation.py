@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from sympy import Expr, Float, Mul, Rational, Symbol, sstr
 
+from softdyn.derive.balance import size
 from softdyn.derive.dimensions import DIMENSIONLESS, FORCE, FRICTION, LENGTH, TIME, Dimension
 from softdyn.derive.forms import force, force_unit, kappa, plain
 from softdyn.derive.law import parameters_of
@@ -65,10 +66,10 @@ class Formulas:
         """Return an inequality between dimensionless sizes, h or F first."""
         small, large = condition.small, condition.large
         if (small / large).free_symbols - {h, force, R, E, eta} - self.unit.free_symbols:
-            return f"{small} << {large}" if small in (force, h) else f"{large} >> {small}"
+            return f"{small} << {large}" if small in (force, h, size) else f"{large} >> {small}"
         over = self.unit if force in small.free_symbols | large.free_symbols else R
         texts = (plain(small / over, self.unit), plain(large / over, self.unit))
-        return f"{texts[0]} << {texts[1]}" if small in (force, h) else f"{texts[1]} >> {texts[0]}"
+        return f"{texts[0]} << {texts[1]}" if small in (force, h, size) else f"{texts[1]} >> {texts[0]}"
 
     def line(self, left: Expr, value: Expr) -> str:
         """Return an equation for a force or a gap."""
@@ -144,8 +145,8 @@ class Numbers:
     def condition(self, condition: Condition) -> str:
         """Return an inequality, h or F first."""
         small, large = condition.small, condition.large
-        left, right, sign = (small, large, "<<") if small in (force, h) else (large, small, ">>")
-        return f"{'F' if left == force else 'h'} {sign} {self.value(left, right)}"
+        left, right, sign = (small, large, "<<") if small in (force, h, size) else (large, small, ">>")
+        return f"{'F' if left == force else left} {sign} {self.value(left, right)}"
 
     def line(self, left: Expr, value: Expr) -> str:
         """Return an equation for a force or a gap."""

@@ -7,6 +7,8 @@ come from the leading forms; the curves are the law's own equations, solved; the
 from __future__ import annotations
 
 import math
+import re
+import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -20,27 +22,32 @@ from numpy.typing import NDArray
 from sympy import Expr, S, diff, latex, powsimp, simplify
 
 from softdyn.colours import BLUE
-from softdyn.derive.dimensions import DIMENSIONLESS
+from softdyn.derive.dimensions import DIMENSIONLESS, FORCE, LENGTH
 from softdyn.derive.films import branches
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.law import is_dry, is_rigid
-from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
+from softdyn.derive.law import dimensions_for, is_dry, is_rigid
+from softdyn.derive.regimes import FORMS, SIGN, Crossover, Diagram, Regime, Side
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
 from softdyn.mathtext import literal
 from softdyn.study.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, mathtext, paper_style
+from softdyn.study.notation import Numbers
 from softdyn.study.plane import (
     Plane,
     boundaries,
     holds,
     largest_forces,
     logarithm,
+    margins,
+    parameter_values,
     plane_of,
     region,
     shown_forces,
     sides_of,
     states,
 )
+from softdyn.study.presence import ANYWHERE, MOST, Presence, Presences, misfit, presence_of
+from softdyn.study.values import RealValues, si_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,6 +64,12 @@ DENSITY = 40
 POLE = 30.0
 #: Typical values in a line of the caption.
 PER_LINE = 5
+#: Points along each side of a map at which forms are looked at, to be hatched.
+HATCHED = 240
+#: What is drawn of a regime: where it is undecided, it is hatched.
+DRAWN = {"delta", "dh_dt"}
+#: How quantities are named in a map, where not by their names.
+UNDECIDED_NAMES = {"dh_dt": "dh/dt", "dX_dt": "dX/dt"}
 #: One of so many measured points is drawn.
 EVERY = 3
 #: Inches above the axes, and for each further line of the caption.
@@ -66,7 +79,12 @@ FILM = BLUE
 TITLES = {"compression": "compression, $F > 0$", "tension": "tension, $F < 0$"}
 
 
-def draw(diagram: Diagram, measured: Measurement | None = None) -> Figure:
+def draw(
+    diagram: Diagram,
+    measured: Measurement | None = None,
+    found: Presences | None = None,
+    real: RealValues | None = None,
+) -> Figure:
     """Draw the regimes of a law, and deflection, gap rate and their local exponents along lines of constant force.
 
     Parameters
@@ -74,6 +92,10 @@ def draw(diagram: Diagram, measured: Measurement | None = None) -> Figure:
     diagram : Diagram
     measured : Measurement, optional
         Of :func:`softdyn.study.exponents.measure`: its points are laid over the exponents.
+    found : mapping, optional
+        Of :func:`softdyn.study.presence.presence_of`, if it is known already.
+    real : RealValues, optional
+        Of the diagram's law: axes then have SI units.
 
     Returns
     -------
@@ -85,13 +107,14 @@ def draw(diagram: Diagram, measured: Measurement | None = None) -> Figure:
     SceneError
         If the law gives no typical value of one of its own parameters.
     """
-    sides, plane = sides_of(diagram), plane_of(diagram)
+    sides, plane = sides_of(diagram), plane_of(diagram, real)
+    found = presence_of(diagram) if found is None else found
     with paper_style():
-        figure, margins = _captioned(diagram, 14, 6.4 * len(sides), left=0.05)
+        figure, margins = _captioned(diagram, plane, 14, 6.4 * len(sides), left=0.05)
         grids = figure.add_gridspec(len(sides), 1, **margins, right=0.985, hspace=0.2)
         for i, side in enumerate(sides):
             grid = grids[i].subgridspec(2, 3, width_ratios=(1.5, 1, 1), wspace=0.24, hspace=0.3)
-            draw_map(figure.add_subplot(grid[:, 0]), diagram, plane, side, len(sides) == 1)
+            draw_map(figure.add_subplot(grid[:, 0]), diagram, plane, side, len(sides) == 1, found)
             panels = [figure.add_subplot(grid[k // 2, 1 + k % 2]) for k in range(4)]
             draw_curves(panels, diagram, plane, side, measured)
         force_key(figure, diagram, plane)
@@ -109,10 +132,10 @@ def phase_diagram(diagram: Diagram) -> Figure:
     sides, plane = sides_of(diagram), plane_of(diagram)
     width = 0.9 + 6.1 * len(sides)
     with paper_style():
-        figure, margins = _captioned(diagram, width, 5.8, left=0.7 / width)
+        figure, margins = _captioned(diagram, plane, width, 5.8, left=0.7 / width)
         grid = figure.add_gridspec(1, len(sides), **margins, right=1 - 0.2 / width, wspace=0.15)
         for i, side in enumerate(sides):
-            draw_map(figure.add_subplot(grid[i]), diagram, plane, side, len(sides) == 1)
+            draw_map(figure.add_subplot(grid[i]), diagram, plane, side, len(sides) == 1, presence_of(diagram))
     return figure
 
 
@@ -126,7 +149,7 @@ def exponent_plots(diagram: Diagram) -> Figure:
     """
     sides, plane = sides_of(diagram), plane_of(diagram)
     with paper_style():
-        figure, margins = _captioned(diagram, 11, 6.4 * len(sides), left=0.065)
+        figure, margins = _captioned(diagram, plane, 11, 6.4 * len(sides), left=0.065)
         grids = figure.add_gridspec(len(sides), 1, **margins, right=0.985, hspace=0.2)
         for i, side in enumerate(sides):
             grid = grids[i].subgridspec(2, 2, wspace=0.18, hspace=0.28)
@@ -136,9 +159,11 @@ def exponent_plots(diagram: Diagram) -> Figure:
     return figure
 
 
-def _captioned(diagram: Diagram, width: float, below: float, left: float) -> tuple[Figure, dict[str, float]]:
+def _captioned(
+    diagram: Diagram, plane: Plane, width: float, below: float, left: float
+) -> tuple[Figure, dict[str, float]]:
     """Figure with its caption, and the margins of what comes below it; in inches, but for the left one."""
-    title = caption(diagram)
+    title = caption(diagram, plane.real)
     head = HEAD + LINE * title.count("\n")
     height = head + below
     figure = Figure(figsize=(width, height))
@@ -147,8 +172,16 @@ def _captioned(diagram: Diagram, width: float, below: float, left: float) -> tup
     return figure, {"left": left, "top": 1 - head / height, "bottom": 0.5 / height}
 
 
-def caption(diagram: Diagram) -> str:
+def caption(diagram: Diagram, real: RealValues | None = None) -> str:
     """Title: the law, the parameters that it is drawn for, and what the axes are in."""
+    if real is not None:
+        units = {symbol: _upright(si_unit(dimensions_for(real.law)[symbol])) for symbol in real.values}
+        own = [
+            rf"${mathtext(symbol)} = {_number(value)}\,\mathrm{{{units[symbol]}}}$"
+            for symbol, value in real.values.items()
+        ]
+        lines = [",  ".join(own[i : i + PER_LINE]) for i in range(0, len(own), PER_LINE)]
+        return f"{diagram.law.name}, at real values:\n" + ",\n".join(lines)
     text = f"{diagram.law.name}:  $\\kappa = {_over('F', force_unit(diagram.law))}$"
     own = [rf"${mathtext(symbol)} = {_folded(S(value))}$" for symbol, value in diagram.law.typical.items()]
     for i in range(0, len(own), PER_LINE):
@@ -165,6 +198,19 @@ def _folded(value: Expr) -> str:
     mantissa = float(number / S(10) ** power)
     parts = [f"{mantissa:.4g}" + r"\cdot"] if abs(mantissa - 1) > 1e-9 else []
     return "".join([*parts, rf"10^{{{power}}}", *([r"\," + mathtext(rest)] if rest != 1 else [])])
+
+
+def _number(value: float) -> str:
+    """Mathtext of a number to four digits."""
+    mantissa, _, power = f"{value:.4g}".partition("e")
+    if not power:
+        return mantissa
+    return rf"10^{{{int(power)}}}" if mantissa == "1" else rf"{mantissa}\cdot10^{{{int(power)}}}"
+
+
+def _upright(unit: str) -> str:
+    """Mathtext of a unit, as N/m^2."""
+    return re.sub(r"\^\(?(-?[\d/]+)\)?", r"^{\1}", unit).replace(" ", r"\,")
 
 
 def _over(top: str, unit: Expr) -> str:
@@ -190,15 +236,16 @@ def force_colour(kappa: float, plane: Plane) -> Any:
 # ------------------------------------------------------------------------------------------------------------ the map
 
 
-def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool) -> None:
+def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool, found: Presences) -> None:
     """Regions, crossovers, points where several meet, the edge of the model, films; with no text over another."""
     axes.set(xlim=plane.xlim, ylim=plane.ylim)
     title = TITLES[side] if not alone else "compression; in tension the same"
     axes.set_title(f"regimes: {title}")
-    axes.set_xlabel("$h/R$")
-    axes.set_ylabel(r"$\kappa$" if side == "compression" else r"$-\kappa$", labelpad=1)
-    decade_ticks(axes.xaxis, plane.xlim)
-    decade_ticks(axes.yaxis, plane.ylim)
+    sign = "" if side == "compression" else "-"
+    axes.set_xlabel(_gap_label(plane))
+    axes.set_ylabel(rf"${sign}\kappa$" if plane.real is None else f"${sign}F$ (N)", labelpad=1)
+    decade_ticks(axes.xaxis, plane.xlim, plane.shift[0])
+    decade_ticks(axes.yaxis, plane.ylim, plane.shift[1])
     regimes = [regime for regime in diagram.regimes if regime.side == side]
     X = np.linspace(*plane.xlim, 200)
     edge = np.log10(largest_forces(diagram.law, 10**X, side) / plane.unit)
@@ -215,6 +262,7 @@ def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool
             axes.add_patch(
                 Polygon(corners, facecolor=colour, alpha=strength, edgecolor="none", zorder=0.6005 + i / 1000)
             )
+    doubts = hatch_doubts(axes, diagram, plane, side, shown)
     lines = list(boundaries(diagram, side, plane))
     for crossover, X, Y in lines:
         axes.plot(X, Y, color=INK, lw=1.1 if crossover is not None else 2.0, zorder=2)
@@ -226,35 +274,110 @@ def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool
             axes.plot(*map(float, at), "o", color=INK, ms=4.5, zorder=4)
     longest_film = draw_films(axes, diagram, plane, side)
     labels = Labels(axes)
-    _name_regions(labels, shown, plane)
+    names = {name: _said(diagram.regime(name, side), found.get((side, name))) for name in shown}
+    _name_regions(labels, shown, names, plane)
+    _name_undecided(labels, diagram, side, doubts.undecided, plane)
     _label_outside(labels, regimes, plane)
     if longest_film:
         labels.along(*longest_film, r"$h_\mathrm{eq}(F)$", FILM, 1.4)
     said: set[str] = set()
     for crossover, X, Y in sorted(lines, key=lambda line: -float(np.hypot(np.ptp(line[1]), np.ptp(line[2])))):
-        text = "" if crossover is None else f"${line_text(crossover, diagram)}$"
+        text = "" if crossover is None else f"${line_text(crossover, diagram, plane.real)}$"
         # a line that bounds several regimes is told once
         if text and text not in said and labels.along(X, Y, text, INK):
             said.add(text)
-    undecided = sum(not regime.forms for regime in regimes)
-    if undecided:
-        axes.text(
-            1, 1.01, f"undecided, not drawn: {undecided}", transform=axes.transAxes, ha="right", va="bottom", fontsize=8
-        )
+    unseen = [name for name, polygons in shown.items() if not polygons and not found.get((side, name), ANYWHERE).there]
+    notes = [f"absent there: {', '.join(map(literal, unseen))}"] if unseen else []
+    notes += ["hatched: a form is off by more than its own size"] if doubts.off else []
+    axes.text(1, 1.01, "\n".join(notes), transform=axes.transAxes, ha="right", va="bottom", fontsize=7.5)
 
 
-def decade_ticks(axis: Any, limits: tuple[float, float]) -> None:
-    """Ticks at powers of ten on an axis of logarithms."""
-    first, last = math.ceil(limits[0] - 1e-9), math.floor(limits[1] + 1e-9)
+@dataclass(frozen=True)
+class Doubts:
+    """What is hatched in a map: whether forms are off anywhere, and the points where nothing is decided."""
+
+    off: bool
+    undecided: Array
+
+
+def hatch_doubts(axes: Axes, diagram: Diagram, plane: Plane, side: Side, shown: dict[str, list[Array]]) -> Doubts:
+    """Hatch where a regime's forms are off by more than their own size, and where nothing, or not all, is decided."""
+    X, Y = np.meshgrid(np.linspace(*plane.xlim, HATCHED), np.linspace(*plane.ylim, HATCHED))
+    regimes = [regime for regime in diagram.regimes if regime.side == side]
+    exact = {} if is_dry(diagram.law) else states(diagram.law, side, 10**X, plane.unit * 10**Y)
+    off, partly, known = (np.zeros(X.shape, bool) for _ in range(3))
+    for regime in regimes:
+        if not regime.forms:
+            continue
+        inside = margins(regime, plane, X, Y, within_model=regime.inside) >= 0
+        known |= inside
+        if regime.inside and DRAWN & regime.undecided.keys():
+            partly |= inside
+        elif regime.inside and exact:
+            with np.errstate(invalid="ignore"):
+                off |= misfit(regime, plane, exact, X, Y) > MOST
+    # where constants do not agree on a point, some of the plane is no regime's; that is no doubt
+    undecided = ~known if any(not regime.forms for regime in regimes) else np.zeros(X.shape, bool)
+    if exact:
+        undecided &= np.isfinite(exact["delta"])
+    for where, hatch, colour in ((off, "////", "#777777"), (partly, "xx", "#999999"), (undecided, "xxx", "#555555")):
+        if where.any():
+            filled = axes.contourf(
+                X, Y, where.astype(float), levels=[0.5, 1.5], colors="none", hatches=[hatch], zorder=1.1
+            )
+            filled.set_edgecolor(colour)
+            filled.set_linewidth(0.0)
+    return Doubts(bool(off.any()), np.c_[X[undecided], Y[undecided]])
+
+
+def _said(regime: Regime, presence: Presence | None) -> str:
+    """Name of a regime in the map, with what is doubtful of it."""
+    if presence is not None and not presence.there:
+        return f"{regime.name}, absent there"
+    missing = [UNDECIDED_NAMES.get(name, name) for name in FORMS if name in regime.undecided]
+    return regime.name if not DRAWN & regime.undecided.keys() else f"{regime.name}, undecided: {', '.join(missing)}"
+
+
+def _name_undecided(labels: Labels, diagram: Diagram, side: Side, points: Array, plane: Plane) -> None:
+    """Write the names of undecided regimes, and why, where nothing is decided."""
+    undecided = [regime for regime in diagram.regimes if regime.side == side and not regime.forms]
+    if not undecided or not len(points):
+        return
+    undecided = [regime for regime in undecided if regime.inside] or undecided
+    names = ", ".join(literal(regime.name) for regime in undecided)
+    reasons = dict.fromkeys(reason for regime in undecided for reason in regime.undecided.values())
+    why = "\n".join(textwrap.wrap(next(iter(reasons), ""), 34)[:4])
+    middle = np.median(points, axis=0)
+    near = points[np.argsort(np.hypot(*((points - middle) / [np.ptp(plane.xlim), np.ptp(plane.ylim)]).T))]
+    style: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 6}
+    style["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    for text, size in ((f"undecided: {names}\n{literal(why)}", 8.0), (f"undecided: {names}", 8.0), ("undecided", 7.0)):
+        for at in near[:: max(1, len(near) // 40)]:
+            if labels.place(labels.axes.text(float(at[0]), float(at[1]), text, fontsize=size, **style)):
+                return
+
+
+def _gap_label(plane: Plane) -> str:
+    return "$h/R$" if plane.real is None else "$h$ (m)"
+
+
+def decade_ticks(axis: Any, limits: tuple[float, float], shift: float = 0.0) -> None:
+    """Ticks at powers of ten on an axis of logarithms, of what is greater by ``shift`` than the axis' own numbers."""
+    first, last = math.ceil(limits[0] + shift - 1e-9), math.floor(limits[1] + shift + 1e-9)
     step = max(1, math.ceil((last - first) / 8))
     at = [n for n in range(first, last + 1) if n % step == 0]
-    axis.set_ticks(at, [_power_of_ten(n) for n in at])
+    axis.set_ticks([n - shift for n in at], [_power_of_ten(n) for n in at])
     axis.set_tick_params(length=2.5)
 
 
-def line_text(crossover: Crossover, diagram: Diagram) -> str:
-    """Mathtext of a crossover, on one line: kappa = c (h/R)^p, or F = ... where c would not be a pure number."""
+def line_text(crossover: Crossover, diagram: Diagram, real: RealValues | None = None) -> str:
+    """Mathtext of a crossover, on one line: kappa = c (h/R)^p, or F = ... where c would not be a pure number.
+
+    In numbers, with real values: F = 3e-7 N (h/R)^p.
+    """
     law, value, sign = diagram.law, crossover.line.rhs, "-" if crossover.side == "tension" else ""
+    if real is not None and (said := _line_in_numbers(value, real, crossover.line.lhs == h)):
+        return f"{'h' if crossover.line.lhs == h else sign + 'F'} = {said}"
     if crossover.line.lhs == h:
         return f"h = {_inline(value)}"
     power = simplify(h * diff(value, h) / value)
@@ -265,6 +388,18 @@ def line_text(crossover: Crossover, diagram: Diagram) -> str:
     parts = [rf"({number})" if power != 0 and "/" in number else number] if factor != 1 or power == 0 else []
     parts += [r"(h/R)" + (f"^{{{_inline(power)}}}" if power != 1 else "")] if power != 0 else []
     return rf"{sign}\kappa = " + r"\,".join(parts)
+
+
+def _line_in_numbers(value: Expr, real: RealValues, gap: bool) -> str:
+    """Mathtext of a gap, or of a force that is a power of it; empty, if it is none."""
+    dimension = LENGTH if gap else FORCE
+    power = simplify(h * diff(value, h) / value)
+    if not power.is_number:
+        return ""
+    at = {**parameter_values(real.law), h: 1.0}
+    number = _number(float(f"{abs(float(value.subs(at))) * real.unit(dimension):.3g}"))
+    after = "" if power == 0 else rf"\,(h/R)^{{{_inline(power)}}}" if power != 1 else r"\,h/R"
+    return rf"{number}\,\mathrm{{{si_unit(dimension)}}}{after}"
 
 
 def _inline(expr: Expr) -> str:
@@ -383,13 +518,13 @@ def contains(polygon: Array, points: Array) -> bool:
     return bool(np.all(turns >= -1e-6) or np.all(turns <= 1e-6))
 
 
-def _name_regions(labels: Labels, shown: dict[str, list[Array]], plane: Plane) -> None:
+def _name_regions(labels: Labels, shown: dict[str, list[Array]], names: dict[str, str], plane: Plane) -> None:
     """Write the name of each regime into its region; beside it, with a line, where it is too small."""
     axes = labels.axes
     for name, polygons in sorted(shown.items(), key=lambda item: sum(map(_area, item[1]))):
         if not polygons:
             continue
-        name = literal(name)
+        name = literal(names[name])
         largest = max(polygons, key=_area)
         style: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "path_effects": HALO, "zorder": 6}
         if any(
@@ -464,9 +599,17 @@ def draw_curves(
     rates = np.abs(exact["dh_dt"]) / (plane.unit * kappas[:, None])
     sign = "" if side == "compression" else "-"
     rate = rf"$\left|\dot{{h}}\right|/V,\;\; V = {sign}F/(\eta R)$"
-    sizes = [("delta", exact["delta"], rf"${sign}\delta/R$"), ("dh_dt", rates, rate)]
-    for axes, (quantity, values, label) in zip(panels, sizes, strict=False):
-        _draw_sizes(axes, X, kappas, values, quantity, regimes, plane)
+    sizes = [("delta", exact["delta"], rf"${sign}\delta/R$", 1.0), ("dh_dt", rates, rate, 1.0)]
+    if plane.real is not None:
+        words = Numbers(plane.real)
+        (length, _), (speed, unit) = words.scale("delta"), words.scale("dh_dt")
+        timed = "" if plane.real.timed else r"\eta\,"
+        sizes = [
+            ("delta", exact["delta"], rf"${sign}\delta$ (m)", length),
+            ("dh_dt", np.abs(exact["dh_dt"]), rf"${timed}\left|\dot{{h}}\right|$ ({unit})", speed),
+        ]
+    for axes, (quantity, values, label, factor) in zip(panels, sizes, strict=False):
+        _draw_sizes(axes, X, kappas, values, quantity, regimes, plane, factor)
         axes.set_title(f"{label}: exact; dotted: leading forms")
     exponents = [
         ("lambda1", r"$\lambda_1 = d\,\ln\delta\,/\,d\,\ln h$"),
@@ -481,8 +624,8 @@ def draw_curves(
             axes.set_yticks([])
             axes.text(0.5, 0.5, f"none: {_one_sided(diagram.law)}", transform=axes.transAxes, ha="center", va="center")
         axes.set_xlim(plane.xlim)
-        axes.set_xlabel("$h/R$", labelpad=1)
-        decade_ticks(axes.xaxis, plane.xlim)
+        axes.set_xlabel(_gap_label(plane), labelpad=1)
+        decade_ticks(axes.xaxis, plane.xlim, plane.shift[0])
 
 
 def _one_sided(law: ContactLaw) -> str:
@@ -494,12 +637,19 @@ def _one_sided(law: ContactLaw) -> str:
 def force_key(figure: Figure, diagram: Diagram, plane: Plane) -> None:
     """Colours of the forces, in the upper right corner of a figure."""
     handles = [
-        Line2D([], [], color=force_colour(kappa, plane), lw=2, label=_power_of_ten(round(math.log10(kappa))))
+        Line2D(
+            [],
+            [],
+            color=force_colour(kappa, plane),
+            lw=2,
+            label=_power_of_ten(round(math.log10(kappa) + plane.shift[1])),
+        )
         for kappa in shown_forces(diagram, plane)
     ]
     sign = "" if len(sides_of(diagram)) == 1 else r"\pm"
+    what = rf"${sign}\kappa$" if plane.real is None else rf"${sign} F$ (N)"
     figure.legend(
-        handles=handles, title=rf"${sign}\kappa$ of the curves", ncols=len(handles), fontsize=8, title_fontsize=8,
+        handles=handles, title=f"{what} of the curves", ncols=len(handles), fontsize=8, title_fontsize=8,
         loc="upper right", bbox_to_anchor=(0.99, 1 - 0.05 / figure.get_figheight()), handlelength=1.2,
         columnspacing=1.2, frameon=False, borderaxespad=0,
     )  # fmt: skip
@@ -510,8 +660,16 @@ def _power_of_ten(n: int) -> str:
 
 
 def _draw_sizes(
-    axes: Axes, X: Array, kappas: Array, values: Array, quantity: str, regimes: Sequence[Regime], plane: Plane
+    axes: Axes,
+    X: Array,
+    kappas: Array,
+    values: Array,
+    quantity: str,
+    regimes: Sequence[Regime],
+    plane: Plane,
+    factor: float,
 ) -> None:
+    values, shift = factor * values, math.log10(factor)
     for kappa, row in zip(kappas, values, strict=True):
         with np.errstate(divide="ignore"):
             axes.plot(X, np.log10(row), color=force_colour(kappa, plane), lw=1.3, zorder=2)
@@ -520,9 +678,10 @@ def _draw_sizes(
             if quantity not in regime.forms:
                 continue
             leading = regime.forms[quantity].leading
-            form = logarithm(leading / R if quantity == "delta" else leading * eta * R / force, plane)
+            over_force = quantity == "dh_dt" and plane.real is None
+            form = logarithm(leading * eta * R / force if over_force else leading / R, plane)
             inside = holds(regime, plane, X, Y)
-            Z = np.where(inside, np.broadcast_to(form(X, Y), X.shape), np.nan)
+            Z = np.where(inside, np.broadcast_to(form(X, Y), X.shape) + shift, np.nan)
             axes.plot(X, Z, color=INK, lw=0.8, ls=(0, (1, 1.5)), zorder=3)
     seen = values[np.isfinite(values) & (values > 0)]
     if len(seen):

@@ -20,6 +20,7 @@ from sympy import Expr, S, Symbol, diff, lambdify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.cones import cut, dot, primitive
+from softdyn.derive.dimensions import FORCE, LENGTH
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
 from softdyn.derive.law import is_rigid, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
@@ -28,6 +29,7 @@ from softdyn.errors import SceneError
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
+    from softdyn.study.values import RealValues
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -57,6 +59,8 @@ class Plane:
         The force that kappa = 1 stands for.
     xlim, ylim : (low, high)
         Of log10(h/R) and log10(kappa).
+    real : RealValues or None
+        The law's values in SI units, if they are known.
     """
 
     law: ContactLaw
@@ -64,10 +68,24 @@ class Plane:
     unit: float
     xlim: Interval
     ylim: Interval
+    real: RealValues | None = None
+
+    @property
+    def shift(self) -> tuple[float, float]:
+        """What is added to the plane's coordinates to have log10 of a gap in m and a force in N; 0 if unknown."""
+        if self.real is None:
+            return 0.0, 0.0
+        return math.log10(self.real.unit(LENGTH)), math.log10(self.real.unit(FORCE) * self.unit)
 
 
-def plane_of(diagram: Diagram) -> Plane:
+def plane_of(diagram: Diagram, real: RealValues | None = None) -> Plane:
     """Return the plane of a law, with a window that holds the points where its regimes meet, and the model's edge.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    real : RealValues, optional
+        Of the diagram's law.
 
     Raises
     ------
@@ -90,7 +108,7 @@ def plane_of(diagram: Diagram) -> Plane:
     slanted = [logarithm(c.line.rhs, whole)(xlim[0], 0) - math.log10(unit) for c in crossovers if c.line.lhs == force]
     low = [float(y) - 0.4 for y in slanted] + [float(y) - MARGIN for _, y in at]
     lowest = min((y for y in low if math.isfinite(y)), default=top - 6)
-    return Plane(diagram.law, values, unit, xlim, (max(min(lowest, top - 6), top - MOST_DECADES), top))
+    return Plane(diagram.law, values, unit, xlim, (max(min(lowest, top - 6), top - MOST_DECADES), top), real)
 
 
 def _within_model(diagram: Diagram, crossover: Crossover) -> bool:
@@ -135,11 +153,16 @@ def _seen(diagram: Diagram, side: Side) -> set[Any]:
 
 
 def shown_forces(diagram: Diagram, plane: Plane) -> Array:
-    """Forces, over the unit, that curves are drawn for: powers of ten within the window, below the model's edge."""
+    """Forces, over the unit, that curves are drawn for: powers of ten within the window, below the model's edge.
+
+    Powers of ten of the force itself, where it is known in N.
+    """
+    shift = plane.shift[1]
     edges = [Y.max() for side in sides_of(diagram) for line, X, Y in boundaries(diagram, side, plane) if line is None]
-    first, last = math.ceil(plane.ylim[0] + 0.1), math.floor(max(edges, default=plane.ylim[1]) - 0.1)
+    first = math.ceil(plane.ylim[0] + shift + 0.1)
+    last = math.floor(max(edges, default=plane.ylim[1]) + shift - 0.1)
     step = max(1, math.ceil((last - first) / MOST_CURVES))
-    return 10.0 ** np.arange(last, first - 1, -step, dtype=float)[::-1]
+    return 10.0 ** (np.arange(last, first - 1, -step, dtype=float)[::-1] - shift)
 
 
 # -------------------------------------------------------------------------------------------------------------- forms

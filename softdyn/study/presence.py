@@ -69,6 +69,8 @@ class Presence:
     points: int
 
 
+#: Of a regime that nothing is known of.
+ANYWHERE = Presence(True, "", math.nan, math.nan, {}, frozenset(), 0)
 #: Presence of regimes, by side and name.
 Presences = Mapping[tuple[Side, str], Presence]
 
@@ -103,6 +105,18 @@ def errors_at(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array
     return errors
 
 
+def misfit(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array, Y: Array) -> Array:
+    """Return the largest error of a form at points of the plane; nan outside of the regime, and of the model."""
+    sizes = _sizes(errors_at(regime, plane, exact, X, Y))
+    worst = np.max(list(sizes.values()), axis=0) if sizes else np.zeros(X.shape)
+    return np.where((margins(regime, plane, X, Y) >= 0) & np.isfinite(exact["delta"]), worst, np.nan)
+
+
+def _sizes(errors: Mapping[str, Array]) -> dict[str, Array]:
+    """Sizes of errors; what has no value in floating point says nothing."""
+    return {name: np.nan_to_num(np.abs(error), nan=0.0, posinf=np.inf) for name, error in errors.items()}
+
+
 def in_numbers(form: Expr, values: tuple[tuple[Any, float], ...]) -> Callable[[Array, Array], Array]:
     """Return a form as a function of h and F; a product of powers without a detour through code."""
     number = form.subs(dict(values)).evalf()
@@ -134,8 +148,7 @@ def _presence(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array
             False, "its conditions hold nowhere together", math.nan, math.nan, dict.fromkeys(ERRORS), frozenset(), 0
         )
     errors = errors_at(regime, plane, {name: values[inside] for name, values in exact.items()}, X[inside], Y[inside])
-    # what has no value in floating point says nothing
-    sizes = {name: np.nan_to_num(np.abs(error), nan=0.0, posinf=np.inf) for name, error in errors.items()}
+    sizes = _sizes(errors)
     worst = np.max(list(sizes.values()), axis=0) if sizes else np.zeros(int(inside.sum()))
     best = int(np.argmin(worst))
     conditions = margins(regime, plane, X[inside], Y[inside], within_model=False)

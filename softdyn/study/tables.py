@@ -283,7 +283,7 @@ def _film_lines(films: Films, words: Formulas | Numbers) -> Iterator[str]:
             continue
         gap = f", h_eq ~ {words.value(h, film.h_eq)}" if film.h_eq is not None and films.h_eq is None else ""
         rate = f", {words.name('rate')} ~ {words.form('rate', film.rate)}" if film.rate is not None else ""
-        there = f"; none such {_where(words)}" if film.found is False else ""
+        there = f"; none such {_where(words).replace('at typ', 'at the typ')}" if film.found is False else ""
         yield f"{between}{'stable' if film.stable else 'unstable'}{gap}{rate}{there}"
     if films.branches is None:
         yield "  in numbers: unknown, since the law gives no typical values of all of its parameters"
@@ -302,7 +302,7 @@ def _film_lines(films: Films, words: Formulas | Numbers) -> Iterator[str]:
 
 
 def _where(words: Formulas | Numbers) -> str:
-    return "at these values" if isinstance(words, Numbers) else "at the typical parameters"
+    return "at these values" if isinstance(words, Numbers) else "at typical parameters"
 
 
 def _range(words: Formulas | Numbers, name: str, values: Sequence[float]) -> str:

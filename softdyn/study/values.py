@@ -14,14 +14,14 @@ import re
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from sympy import Expr, Mul, Rational, S, Symbol
 
-from softdyn.derive.dimensions import DIMENSIONLESS, VISCOSITY, Dimension
+from softdyn.derive.dimensions import DIMENSIONLESS, VISCOSITY, Dimension, powers_of_units
 from softdyn.derive.forms import force_unit
-from softdyn.derive.law import dimensions_for, parameters_of, range_text, ranges_of
+from softdyn.derive.law import dimensions_for, parameters_of, range_text, ranges_of, sizes_asked
+from softdyn.derive.regimes import sizes_words
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, R, eta
 from softdyn.errors import SceneError
 from softdyn.words import listed, suggestion
@@ -68,7 +68,7 @@ class RealValues:
 
     def unit(self, dimension: Dimension) -> float:
         """Return what 1 in units of R, E and eta is in SI units, for a quantity of a dimension."""
-        x, y, z = _powers(dimension)
+        x, y, z = powers_of_units(dimension)
         return float(self.length ** float(x) * self.modulus ** float(y) * self.viscosity ** float(z))
 
     def words(self) -> str:
@@ -167,6 +167,32 @@ def at_values(law: ContactLaw, given: Mapping[str, Rational]) -> RealValues | Co
     return _in_units(law, whole, tuple(taken))
 
 
+def require_sizes(law: ContactLaw) -> None:
+    """Ask for the sizes of parameters that a law gives no typical values of, where its regimes depend on them.
+
+    Raises
+    ------
+    SceneError
+        If they do.
+    """
+    asked = sizes_asked(law)
+    if not asked:
+        return
+    dimensions = dimensions_for(law)
+    real = [symbol for symbol in parameters_of(law) if symbol != eta and dimensions[symbol] != DIMENSIONLESS]
+    units = {symbol: R**x * E**y * eta**z for symbol in asked for x, y, z in [_rational_powers(dimensions[symbol])]}
+    raise SceneError(
+        f"law {law.name!r}: {sizes_words(asked)}. Give real values, in SI units: "
+        f"--at {','.join(f'{symbol}=...' for symbol in real)}; or their orders of magnitude in the law: "
+        f"typical={{{', '.join(f'{symbol}: number*{unit}' for symbol, unit in units.items())}}}"
+    )
+
+
+def _rational_powers(dimension: Dimension) -> tuple[Rational, Rational, Rational]:
+    x, y, z = (Rational(p.numerator, p.denominator) for p in powers_of_units(dimension))
+    return x, y, z
+
+
 def _in_units(law: ContactLaw, whole: dict[Symbol, Rational], taken: tuple[Symbol, ...]) -> RealValues:
     """The law with typical values that are real ones, in units of R, a modulus and eta."""
     dimensions = dimensions_for(law)
@@ -176,7 +202,7 @@ def _in_units(law: ContactLaw, whole: dict[Symbol, Rational], taken: tuple[Symbo
     for symbol, value in whole.items():
         if symbol in COMMON_PARAMETERS:
             continue
-        x, y, z = (Rational(p.numerator, p.denominator) for p in _powers(dimensions[symbol]))
+        x, y, z = _rational_powers(dimensions[symbol])
         if z != 0 and eta not in whole:
             raise SceneError(
                 f"--at: {symbol} is a {dimensions[symbol]}, and is small or large against eta: give eta too"
@@ -209,22 +235,13 @@ def _exact(value: Expr) -> Rational:
     return value if value.is_Rational else Rational(str(float(value)))
 
 
-def _powers(dimension: Dimension) -> tuple[Fraction, Fraction, Fraction]:
-    """Powers of R, E and eta that have a dimension."""
-    return (
-        dimension.length + dimension.mass,
-        -(dimension.time + dimension.mass),
-        2 * dimension.mass + dimension.time,
-    )
-
-
 def _modulus(law: ContactLaw, values: Mapping[Symbol, Rational]) -> Rational:
     """What stands for E in a law without it: of its own elastic parameter; else of any that holds a force."""
     unit = force_unit(law)
     if not unit.has(E):
         return _exact(unit.subs(values) / values[R] ** 2)
     for symbol in values:
-        x, y, z = (Rational(p.numerator, p.denominator) for p in _powers(dimensions_for(law)[symbol]))
+        x, y, z = _rational_powers(dimensions_for(law)[symbol])
         if y != 0 and z == 0:
             return _exact((abs(values[symbol]) / values[R] ** x) ** (1 / y))
     return S.One
