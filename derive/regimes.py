@@ -766,7 +766,11 @@ def _line_of(normal: Normal, directions: Mapping[Symbol, Normal]) -> Eq | None:
 
 
 def _conditions(
-    law: ContactLaw, regime: Regime, regimes: Sequence[Regime], crossovers: Sequence[Crossover], directions: Mapping[Symbol, Normal]
+    law: ContactLaw,
+    regime: Regime,
+    regimes: Sequence[Regime],
+    crossovers: Sequence[Crossover],
+    directions: Mapping[Symbol, Normal],
 ) -> tuple[Condition, ...]:
     """Defining inequalities of a regime: on which side of each of its crossovers it lies.
 
@@ -797,7 +801,7 @@ def _conditions(
 
 
 def _border(law: ContactLaw, normal: Normal, regime: Regime, directions: Mapping[Symbol, Normal]) -> Condition | None:
-    """On which side of a face a regime lies, up to a number of order one: in h and F, or in h and delta if undecided."""
+    """On which side of a face a regime lies, up to a number of order one: in h and F; in h and delta, if undecided."""
     # along the face h^p delta^s eps^q = 1, over R; a parameter over its unit stands for eps
     rest, p, s = S.One, normal[0], normal[1]
     if len(normal) > 2 and normal[2]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import Rational, Symbol, exp, lambdify, log, pi, sin
+from sympy import Rational, Symbol, erf, erfc, exp, lambdify, log, pi, sin
 
 from softdyn.cli import main
 from softdyn.derive import FORCE, LENGTH, PRESSURE, ContactLaw, E, R, a, delta, eta, h
@@ -31,6 +31,7 @@ from softdyn.study import phases, presence
 from softdyn.study.notation import Numbers
 from softdyn.study.plane import margins, plane_of, states
 from softdyn.study.presence import presence_of
+from softdyn.study.report import page
 from softdyn.study.tables import regimes_data, regimes_text
 from softdyn.study.values import RealValues, at_values, read_values, require_sizes, si_unit
 
@@ -347,3 +348,21 @@ def test_the_axes_have_units(tmp_path: Path) -> None:
     assert ticks["$10^{-8}$"] == pytest.approx(math.log10(1e-8 / (0.03 * 50e-6)))
     assert shown.unit == pytest.approx(1)
     assert "at real values" in figure.get_suptitle()
+
+
+@pytest.mark.parametrize("function", [erf, erfc], ids=["erf", "erfc"])
+def test_functions_that_numpy_has_not_are_evaluated(function: Any) -> None:
+    """States of a law with a special function, against its own expression in 30 digits."""
+    law = bubbles(F_adh=pi * R * kD * Pi0 * function(h / kD), typical={sigma: E * R, Pi0: 100 * E, kD: R / 1000})
+    gaps = np.array([1e-5, 1e-3, 3e-3])
+    found = states(law, "compression", gaps, np.full(3, 1e-4))["F_adh"]
+    exact = [(pi * Rational(100, 1000) * function(Rational(str(gap)) * 1000)).evalf(30) for gap in gaps]
+    assert found == pytest.approx([float(value) for value in exact], rel=1e-12)
+
+
+@pytest.mark.slow
+def test_a_law_with_erfc_has_a_report() -> None:
+    law = bubbles(F_adh=pi * R * kD * Pi0 * erfc(h / kD), typical={sigma: E * R, Pi0: 100 * E, kD: R / 1000})
+    text = page(law)
+    assert "Not drawn" not in text
+    assert text.count("data:image/svg+xml") >= 2

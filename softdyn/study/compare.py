@@ -241,11 +241,10 @@ def _of_the_model(regimes: Sequence[Regime]) -> list[Regime]:
 
 def _holds(law: ContactLaw, regime: Regime, gaps: Array, forces: Array) -> NDArray[np.bool_]:
     """Where a regime's conditions hold, and delta < R, at the law's typical parameters."""
-    from sympy import lambdify
-
     from softdyn.derive.forms import force
     from softdyn.derive.law import typical_values
     from softdyn.derive.symbols import COMMON_PARAMETERS, h
+    from softdyn.study.plane import vectorised
 
     units = {**dict.fromkeys(COMMON_PARAMETERS, 1), **typical_values(law)}
     ratios = [condition.ratio for condition in regime.conditions]
@@ -253,7 +252,7 @@ def _holds(law: ContactLaw, regime: Regime, gaps: Array, forces: Array) -> NDArr
         ratios.append(regime.delta)
     holds = np.ones(gaps.shape, dtype=bool)
     for ratio in ratios:
-        holds &= lambdify((h, force), ratio.subs(units), "numpy")(gaps, forces) < WITHIN
+        holds &= vectorised((h, force), ratio.subs(units))(gaps, forces) < WITHIN
     return holds
 
 

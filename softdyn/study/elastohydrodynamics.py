@@ -19,14 +19,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from sympy import Expr, lambdify
+from sympy import Expr
 
 from softdyn.colours import BLUE, ORANGE
 from softdyn.derive.law import is_dry, is_rigid, without_typical
 from softdyn.derive.symbols import a, delta, h
 from softdyn.mathtext import literal
 from softdyn.study.figures import INK, paper_style
-from softdyn.study.plane import deflections, parameter_values
+from softdyn.study.plane import deflections, parameter_values, vectorised
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +84,7 @@ def _goes_as(law: ContactLaw, quantity: Expr, state: float, power: float) -> boo
 
 def _at(law: ContactLaw, quantity: Expr, gap: float, states: Array) -> Array:
     """An expression of a law at a gap and at some w/h, in units of R, E and eta."""
-    function = lambdify((h, delta), quantity.subs(a, law.a).subs(parameter_values(law)), "numpy")
+    function = vectorised((h, delta), quantity.subs(a, law.a).subs(parameter_values(law)))
     with np.errstate(all="ignore"):
         return np.broadcast_to(function(np.full(states.shape, gap), gap * states / 2), states.shape).astype(float)
 
@@ -122,7 +122,7 @@ def reversal(law: ContactLaw) -> tuple[Array, Array]:
     first, last = kept["centre"][[0, -1]]
     # the force that deflects the law at the start as the reference is
     start = _at(law, law.F_ela, GAP, np.array([kept["deflection"][0] / first]))[0]
-    zeta = lambdify((h, delta), law.zeta.subs(a, law.a).subs(parameter_values(law)), "numpy")
+    zeta = vectorised((h, delta), law.zeta.subs(a, law.a).subs(parameter_values(law)))
     rigid = _at(law, law.zeta, GAP, np.zeros(1))[0] * GAP
 
     def rate(t: float, growth: Array) -> Array:

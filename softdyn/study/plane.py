@@ -16,7 +16,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import Expr, S, Symbol, diff, lambdify
+from sympy import (
+    Abs,
+    Expr,
+    Max,
+    Min,
+    Piecewise,
+    S,
+    Symbol,
+    acos,
+    acosh,
+    asin,
+    asinh,
+    atan,
+    atanh,
+    cos,
+    cosh,
+    diff,
+    exp,
+    lambdify,
+    log,
+    sign,
+    sin,
+    sinh,
+    tan,
+    tanh,
+)
+from sympy.codegen.cfunctions import expm1, log1p
+from sympy.core.function import Application
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.cones import cut, dot, primitive
@@ -216,7 +243,7 @@ def evaluate(form: Expr, plane: Plane, X: Array, Y: Array) -> Array:
 
 @lru_cache(maxsize=1000)
 def _function(form: Expr, values: tuple[tuple[Symbol, float], ...]) -> Callable[..., Any]:
-    return lambdify((h, force), form.subs(dict(values)), "numpy")
+    return vectorised((h, force), form.subs(dict(values)))
 
 
 def ordering(regime: Regime) -> tuple[Expr, ...] | None:
@@ -438,6 +465,20 @@ def _simplified(corners: Array) -> Array:
 # ------------------------------------------------------------------------------------------------------- exact states
 
 
+#: Functions that numpy has; others, as erfc and Bessel's, are scipy's.
+OF_NUMPY = (
+    Abs, Max, Min, Piecewise, acos, acosh, asin, asinh, atan, atanh, cos, cosh, exp, expm1, log, log1p, sign, sin, sinh,
+    tan, tanh,
+)  # fmt: skip
+
+
+def vectorised(arguments: Sequence[Symbol], what: Expr | list[Expr]) -> Callable[..., Any]:
+    """Return one or several expressions as a function of arrays."""
+    parts = what if isinstance(what, list) else [what]
+    plain = all(isinstance(one, OF_NUMPY) for part in parts for one in part.atoms(Application))
+    return lambdify(arguments, what, "numpy" if plain else ["scipy", "numpy"])
+
+
 @lru_cache(maxsize=16)
 def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
     """The law's equations in numbers: radius(h, delta), elastic(a, delta, h), and exponents and rate of a state."""
@@ -456,13 +497,13 @@ def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
     generic = d.generic_dynamics(law.general)
     known = (h, delta, F, d.C, d.dh_dt, *partials)
     return {
-        "radius": lambdify((h, delta), number(law.a), "numpy"),
-        "elastic": lambdify((a, delta, h), number(law.F_ela), "numpy"),
-        "partials": lambdify((a, h, delta), [number(expr) for expr in partials.values()], "numpy"),
-        "stiffness": lambdify(tuple(partials), generic.stiffness, "numpy"),
-        "friction": lambdify((d.C, *partials), generic.friction, "numpy"),
-        "dh_dt": lambdify((F, *partials), generic.dh_dt, "numpy"),
-        "exponents": lambdify(known, [generic.lambda1, generic.lambda2], "numpy"),
+        "radius": vectorised((h, delta), number(law.a)),
+        "elastic": vectorised((a, delta, h), number(law.F_ela)),
+        "partials": vectorised((a, h, delta), [number(expr) for expr in partials.values()]),
+        "stiffness": vectorised(tuple(partials), generic.stiffness),
+        "friction": vectorised((d.C, *partials), generic.friction),
+        "dh_dt": vectorised((F, *partials), generic.dh_dt),
+        "exponents": vectorised(known, [generic.lambda1, generic.lambda2]),
     }
 
 

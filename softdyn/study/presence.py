@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import Expr, Mul, lambdify
+from sympy import Expr, Mul
 
 from softdyn.derive.forms import force
 from softdyn.derive.law import is_dry, without_typical
 from softdyn.derive.regimes import Diagram, Regime, Side
 from softdyn.derive.symbols import h
-from softdyn.study.plane import Plane, margins, plane_of, states
+from softdyn.study.plane import Plane, margins, plane_of, states, vectorised
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def in_numbers(form: Expr, values: tuple[tuple[Any, float], ...]) -> Callable[[A
         powers = {base: float(p) for base, p in factors if not base.is_number}
         p, q = powers.get(h, 0.0), powers.get(force, 0.0)
         return lambda gap, load: c * gap**p * load**q
-    function = lambdify((h, force), number, "numpy")
+    function = vectorised((h, force), number)
     return lambda gap, load: np.broadcast_to(function(gap, load), np.broadcast(gap, load).shape).astype(float)
 
 
