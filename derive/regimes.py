@@ -348,6 +348,11 @@ def sign_within(law: ContactLaw, directions: Mapping[Symbol, Normal], cone: Cone
 
     A logarithm has the sign that it has along an inner ray of the cone, not that of any numbers.
     """
+    # most forms are products of what is positive, once the parameters that do not scale are numbers
+    fixed = {symbol: value for symbol, value in sample_values(law).items() if symbol not in directions}
+    simple = state.xreplace(fixed)
+    if (simple.is_Mul or simple.is_Pow or simple.is_Symbol) and (simple.is_positive or simple.is_negative):
+        return 1 if simple.is_positive else -1
     inner = [sum(parts) for parts in zip(*cone, strict=True)]
     arguments = sorted(state.free_symbols, key=str)
     function = lambdify(arguments, state, "mpmath", dummify=True)
@@ -746,11 +751,29 @@ def _meeting(
 
 def _order_at(form: Expr, regime: Regime, ray: tuple[int, ...], directions: Mapping[Symbol, Normal]) -> Rational | None:
     """Power of eps with which a form in h and F goes along one scaling of a regime."""
+    direct = _powers_along(form, ray, directions)
+    balance = None if regime.balance is None else _powers_along(regime.balance, ray, directions)
+    if direct is not None and balance is not None:
+        return direct[0] + direct[1] * balance[0]
     try:
         order, _ = leading(expand(form.subs(force, regime.balance), scale_of((ray,), directions, 1)))
     except UndecidedError:
         return None
     return order[0]
+
+
+def _powers_along(form: Expr, ray: tuple[int, ...], directions: Mapping[Symbol, Normal]) -> tuple[Expr, Expr] | None:
+    """Power of eps of a product of powers along a scaling, and its power of F; None if it is no such product."""
+    order, by_force = S.Zero, S.Zero
+    for factor in Mul.make_args(form):
+        base, power = factor.as_base_exp()
+        if base == force and power.is_Rational:
+            by_force += power
+        elif base in directions and power.is_Rational:
+            order += power * dot(directions[base], ray)
+        elif factor.free_symbols & {force, *directions}:
+            return None
+    return order, by_force
 
 
 def _line_of(normal: Normal, directions: Mapping[Symbol, Normal]) -> Eq | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Literal
 
 from sympy import Abs, Dummy, Expr, Max, Min, Rational, S, Symbol, sign
@@ -32,7 +33,7 @@ from softdyn.derive.dynamics import (
     rates_by_slopes,
     zeta,
 )
-from softdyn.derive.law import is_dry, is_rigid
+from softdyn.derive.law import in_code, is_dry, is_rigid
 from softdyn.derive.soundness import sound
 from softdyn.derive.symbols import F, R, a, delta, h
 from softdyn.errors import LawError
@@ -96,6 +97,7 @@ class Equations:
     wanted: frozenset[Symbol]
 
 
+@lru_cache(maxsize=32)
 def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     """Everything there is to say about a contact, before any specialisation.
 
@@ -109,6 +111,7 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     rates = rates_by_slopes()
     slope = sound(2 * generic.stiffness.subs(values))
 
+    @cache
     def relative(symbol: Symbol, variable: Symbol) -> Expr:
         """Logarithmic derivative of zeta, through a."""
         return sound((d.total(symbol, variable) / values[symbol]).subs(values))
@@ -117,6 +120,7 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
         """Derivative by h along delta(h) at constant force."""
         return of(h) - dF_dh / dF_ddelta * of(delta)
 
+    @cache
     def remote(variable: Symbol) -> Expr:
         return sound(d.total(F_adh, variable).subs(values))
 
@@ -243,7 +247,8 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
 
 def outputs_of(law: ContactLaw) -> tuple[str, ...]:
     """Those of OUTPUTS that a law has: rigid particles have no stiffness, a dry contact has no friction."""
-    named = {output_name(symbol) for symbol in contact_equations(law).definitions}
+    # the equations that the kernels are made of, so that they are derived once
+    named = {output_name(symbol) for symbol in contact_equations(in_code(law)).definitions}
     return tuple(name for name in OUTPUTS if name in named)
 
 
