@@ -166,7 +166,7 @@ def _coordinates(
     order = [*(symbol for symbol in variables if symbol not in free)]
     rows = Matrix([[key.as_powers_dict().get(symbol, 0) for symbol in order] for key in where])
     scales = [Mul(*(b**e for b, e in key.as_powers_dict().items() if b.is_number)) for key in where]
-    ratios = [Symbol(f"ratio_{i}", positive=True) for i in range(len(where))]
+    ratios = [Symbol(f"ratio {i}", positive=True) for i in range(len(where))]
     _, pivots = rows.rref()
     solved = {}
     if pivots:

@@ -45,6 +45,8 @@ from softdyn.errors import LawError
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
 
+#: R/h. No parameter of a law can have this name, which is no identifier.
+NEARNESS = Symbol("R/h", positive=True)
 #: Gaps, in radii, at which the derived excess is compared with the law in many digits.
 GAPS = tuple(10.0**power for power in range(-8, 17))
 #: Relative error of x in double precision there.
@@ -64,14 +66,14 @@ def undeflected_friction(law: ContactLaw, unequal: bool = False) -> Expr:
 @cache
 def far_friction(law: ContactLaw) -> Expr:
     """Limit of zeta at delta = 0 as h -> oo: 0, oo, a positive expression, or ``nan`` where none is found."""
-    nearness = Symbol("u", positive=True)  # R/h
-    by_nearness = undeflected_friction(law).subs(h, R / nearness)
-    for form in (factor(simplify(by_nearness)), by_nearness):
+    # what the gap does not enter is kept from sympy's polynomials: with hundreds of parameters they recurse too deeply
+    constant, varying = undeflected_friction(law).subs(h, R / NEARNESS).as_independent(NEARNESS, as_Add=False)
+    for rewritten in (lambda form: factor(simplify(form)), lambda form: form):
         try:
-            found = limit(form, nearness, 0, "+")
+            found = constant * limit(rewritten(varying), NEARNESS, 0, "+")
         except (NotImplementedError, ValueError, TypeError, AttributeError, RecursionError):
             continue
-        if found in (S.Zero, oo) or (found.is_finite is not False and not found.has(nearness, S.NaN, oo)):
+        if found in (S.Zero, oo) or (found.is_finite is not False and not found.has(NEARNESS, S.NaN, oo)):
             return found
     return S.NaN
 
@@ -85,17 +87,16 @@ def relative_excess(law: ContactLaw, unequal: bool = False) -> Expr:
     LawError
         If there is no such form, or x is not positive.
     """
-    nearness = Symbol("u", positive=True)
-    ratio = (undeflected_friction(law, unequal) / far_friction(law)).subs(h, R / nearness)
+    ratio = (undeflected_friction(law, unequal) / far_friction(law)).subs(h, R / NEARNESS)
     plain = simplify(ratio)
     forms = [expand(plain) - 1, expand(simplify(plain - 1)), factor(simplify(plain - 1)), plain - 1]
     if isinstance(plain, Pow):
         forms.insert(0, expm1(plain.exp * log1p(factor(plain.base - 1))))
-    candidates = [sound(factor_terms(form.subs(nearness, R / h))) for form in forms]
+    candidates = [sound(factor_terms(form.subs(NEARNESS, R / h))) for form in forms]
     if unequal:
         # the law's own sum term by term, as it is written: the forms above spread it out
         parts = (part if part.is_Add else simplify(part) for part in Mul.make_args(ratio))
-        terms = Add.make_args((Mul(*parts) - 1).subs(nearness, R / h))
+        terms = Add.make_args((Mul(*parts) - 1).subs(NEARNESS, R / h))
         candidates.insert(0, Add(*(tidy(term) for term in terms)))
     # of no use beyond the range of contacts, which few scenes have so large: second best is a form that is exact there
     for farthest in (GAPS[-1], 1e4):

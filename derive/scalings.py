@@ -154,7 +154,7 @@ def without_dimension(form: Expr, units: Mapping[Symbol, Dimension]) -> Expr:
 def with_axis(part: Part, missing: AxisError, units: Mapping[Symbol, Dimension]) -> Part:
     """Return a part with an axis more, tied to its argument."""
     number = len(part.of_axes)
-    symbol = Symbol(f"_{missing.kind}{number}", positive=True)
+    symbol = Symbol(f"{missing.kind} {number}", positive=True)
     directions = {x: (*normal, 0) for x, normal in part.directions.items()}
     unit = (*(0 for _ in next(iter(part.directions.values()))), 1)
     if missing.kind == "exp":

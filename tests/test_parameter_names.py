@@ -3,6 +3,7 @@
 import ast
 import keyword
 import math
+import string
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from softdyn import derive as derive_package
 from softdyn import particles
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
 from softdyn.derive.dynamics import law_quantities
+from softdyn.derive.far_field import excess, far_friction
 from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.law import code_names, in_code, parameters_of
 from softdyn.derive.limits import check_limits
@@ -77,6 +79,26 @@ def test_names_change_nothing_of_a_run(target: str, names: list[str]) -> None:
     for name, values in strange.arrays.items():
         np.testing.assert_allclose(values, plain.arrays[name], rtol=1e-12)
     np.testing.assert_allclose(x, y, rtol=1e-9)
+
+
+def test_the_limit_of_the_friction_far_apart_is_the_same_whatever_the_names() -> None:
+    """For every name that a module of derive gives to something: each is a parameter of a law here."""
+    folder = Path(derive_package.__file__).parent
+    given_names = {
+        part.value
+        for module in folder.glob("*.py")
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("Symbol", "Dummy")
+        for part in node.args
+        if isinstance(part, ast.Constant)
+    }
+    names = sorted(name for name in given_names | set(string.ascii_letters) if name.isidentifier())
+    names = [name for name in names if name not in MEANINGS]
+    assert len(names) > 100
+    law, plain = law_of(names, "named"), law_of([f"q{k}q" for k in range(len(names))], "plain")
+    back = dict(zip(law.parameters, plain.parameters, strict=True))
+    assert far_friction(law).xreplace(back) == far_friction(plain)
+    assert excess(law) == excess(plain) == R / h
 
 
 @given(st.lists(st.from_regex(r"[A-Za-zλé_][A-Za-z0-9_é]{0,8}(_p[0-9])?_?", fullmatch=True), unique=True, max_size=6))
