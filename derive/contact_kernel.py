@@ -47,11 +47,12 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Add, Expr, Function, Integer, Max, Min, Mul, Piecewise, Rational, S, Symbol, diff, simplify
+from sympy import Add, Expr, Function, Integer, Max, Min, Mul, Piecewise, Rational, S, Symbol, diff, expand, simplify
 
+from softdyn.derive import controls, far_field
 from softdyn.derive import dynamics as d
-from softdyn.derive import far_field
 from softdyn.derive import tangential as tangential_stage
+from softdyn.derive.controls import log_zeta_delta, log_zeta_h, remote_delta, remote_h
 from softdyn.derive.dynamics import C, F_adh, F_ela, dF_ddelta, dF_dh, partials, total, zeta
 from softdyn.derive.elementary import for_lanes
 from softdyn.derive.kernel import Saving
@@ -68,7 +69,8 @@ from softdyn.derive.law import (
 )
 from softdyn.derive.printing import Assignment, operations, straight_line
 from softdyn.derive.soundness import relative_slope, sound, tidy
-from softdyn.derive.symbols import a, delta, h, size_ratio
+from softdyn.derive.symbols import F as FORCE
+from softdyn.derive.symbols import R, a, delta, h, size_ratio
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
@@ -89,13 +91,12 @@ film, film_h = Symbol("film", nonnegative=True), Symbol("film_h", real=True)
 grip, grip_h = Symbol("grip", nonnegative=True), Symbol("grip_h", real=True)
 # whether surfaces are pressed together, and H of pulled ones at delta = 0, which tells it
 pressed, side = Symbol("pressed", nonnegative=True), Symbol("side", real=True)
-# the approach rate -film dh/dt, its relative friction's slopes, and the derivatives along the contact's equation
+# the approach rate -film dh/dt, and the derivatives along the contact's equation
 rho, rho_h, rho_r = (Symbol(name, real=True) for name in ("rho", "rho_h", "rho_r"))
-log_zeta_h, log_zeta_delta = Symbol("log_zeta_h", real=True), Symbol("log_zeta_delta", real=True)
-remote_h, remote_delta = Symbol("remote_h", real=True), Symbol("remote_delta", real=True)
 H, H_h, H_r, h_r = (Symbol(name, real=True) for name in ("H", "H_h", "H_r", "h_r"))
-# the force that reaches the particles, and its consistent tangent
+# the force that reaches the particles, its consistent tangent, and its slopes at fixed distance and at fixed gap
 F, F_r = Symbol("F", real=True), Symbol("F_r", real=True)
+F_by_gap, F_by_distance = Symbol("F_by_gap", real=True), Symbol("F_by_distance", real=True)
 # by how much the friction exceeds the drags of the particles by themselves, relative to these, and its slope
 excess, excess_h = Symbol("excess", positive=True), Symbol("excess_h", real=True)
 # friction of particles of different radii over that of equal ones, and its relative slope
@@ -110,7 +111,7 @@ FADING = 2 * (reach - h) / reach
 WEIGHT = ahead**2 * (3 - 2 * ahead)
 
 #: What ``state`` reports of a contact.
-OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt)
+OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance)
 
 
 @dataclass(frozen=True)
@@ -200,14 +201,15 @@ def stage_equation() -> dict[Symbol, Expr]:
     -------
     dict
         ``rho`` = (F_ela - film F_adh)/zeta, ``H``, its derivatives ``H_h`` at fixed r and ``H_r`` at fixed h, ``h_r`` =
-        dh/dr along H = 0, the weighted force ``F``, and ``F_r`` = dF/dr along H = 0.
+        dh/dr along H = 0, the weighted force ``F``, ``F_r`` = dF/dr along H = 0, and the slopes of F apart from it.
 
     Raises
     ------
     AssertionError
         If the forms that the kernel computes are not the derivatives.
     """
-    rate = (F_ela - film * F_adh) / zeta
+    # eq. 7, of the balance of the film with its weight
+    rate = -controls.rates()[d.dh_dt].subs({FORCE: F_ela, F_adh: film * F_adh})
     residual = film * (Y - y_star) + s * Y_h * rho
     weighted = grip * F_ela
 
@@ -220,14 +222,7 @@ def stage_equation() -> dict[Symbol, Expr]:
         """Derivative by r at fixed h."""
         return -total(expr, delta) / 2
 
-    slopes = {
-        dF_dh: total(F_ela, h),
-        dF_ddelta: total(F_ela, delta),
-        log_zeta_h: total(zeta, h) / zeta,
-        log_zeta_delta: total(zeta, delta) / zeta,
-        remote_h: total(F_adh, h),
-        remote_delta: total(F_adh, delta),
-    }
+    slopes = controls.slopes_of_any_law()
     # written with relative slopes of zeta, which neither overflow nor cancel where zeta does
     rate_h = (dF_dh + dF_ddelta / 2 - film_h * F_adh - film * (remote_h + remote_delta / 2)) / zeta - rho * (
         log_zeta_h + log_zeta_delta / 2
@@ -235,6 +230,10 @@ def stage_equation() -> dict[Symbol, Expr]:
     rate_r = -((dF_ddelta - film * remote_delta) / zeta - rho * log_zeta_delta) / 2
     assert simplify(rate_h.subs(rho, rate).subs(slopes) - along_h(rate)) == 0, "the slope of the rate in h is wrong"
     assert simplify(rate_r.subs(rho, rate).subs(slopes) - along_r(rate)) == 0, "the slope of the rate in r is wrong"
+    # where the film has all of its weight, the rate is that of centres which are moved: its derived Jacobian
+    moved, whole = controls.by_centres(), {film: 1, film_h: 0, d.dh_dt: -rho}
+    gap_by = moved[controls.SLOPES[0]] + d.dh_dt / h + h * moved[controls.SLOPES[1]] / 2
+    assert expand((rate_h + gap_by).subs(whole)) == 0, "the slope of the rate in h is not the Jacobian's"
     one, other, power = Function("f", positive=True)(h), Function("g", positive=True)(h), Symbol("n", real=True)
     product = 2 * one**power * other
     for rule in (relative_slope, _relative_slope_as_written):
@@ -244,10 +243,26 @@ def stage_equation() -> dict[Symbol, Expr]:
     # implicit function theorem: H(h(r), r) = 0
     gap = -H_r / H_h
     force = grip * ((dF_dh + dF_ddelta / 2) * h_r - dF_ddelta / 2) + grip_h * h_r * F_ela
-    expected = along_h(weighted) * h_r + along_r(weighted)
-    assert simplify(force.subs(slopes) - expected) == 0, "the consistent tangent is wrong"
+    apart = {F_by_gap: grip * (dF_dh + dF_ddelta / 2) + grip_h * F_ela, F_by_distance: -grip * dF_ddelta / 2}
+    for symbol, slope in ((F_by_gap, along_h(weighted)), (F_by_distance, along_r(weighted))):
+        assert simplify(apart[symbol].subs(slopes) - slope) == 0, f"{symbol} is wrong"
+    expected = apart[F_by_gap] * h_r + apart[F_by_distance]
+    assert expand(force - expected) == 0, "the consistent tangent is wrong"
     equation = {rho: rate, rho_h: rate_h, rho_r: rate_r, H: residual, H_h: by_h, H_r: by_r, h_r: gap}
-    return {**equation, F: weighted, F_r: force}
+    return {**equation, F: weighted, F_r: force, **apart}
+
+
+def _deflection() -> Expr:
+    """Deflection at a distance of the centres: eq. 2, with the sum of the radii in the place of 2 R.
+
+    Raises
+    ------
+    AssertionError
+        If it is not what follows from eq. 2.
+    """
+    form = (overlap + h) / 2
+    assert expand(d.generic_dynamics(general=True).X.subs(delta, form) - (2 * R - overlap)) == 0, "delta is wrong"
+    return form
 
 
 def contact_definitions(
@@ -285,7 +300,7 @@ def contact_definitions(
         sliding = {symbol: values[symbol] for symbol in (d.a_h, d.a_delta)}
         sliding |= declared
     return {
-        delta: (overlap + h) / 2,
+        delta: _deflection(),
         a: sound(law.a),
         F_ela: values[F_ela],
         **beside,

@@ -84,13 +84,14 @@ def total(expr: Expr, variable: Symbol, general: bool = True) -> Expr:
 class GenericDynamics:
     """What follows from eqs. 1 and 2 for any law, in the paper's symbols.
 
-    ``steps`` are (what was done, the equation that it gave), in order; ``lambda1`` = dln(delta)/dln(h) and
-    ``lambda2`` = dln(-dh/dt)/dln(h) are taken at constant force; ``jacobians`` are, by state, d(rates)/d(state), with
-    dh_dt and ddelta_dt standing for the rates themselves. ``by_gap`` is dF_ela/dh at fixed delta, ``remote_along`` the
-    derivative of F_adh by h along delta(h) at constant force.
+    ``X`` is the distance of the centres (eq. 2). ``steps`` are (what was done, the equation that it gave), in order;
+    ``lambda1`` = dln(delta)/dln(h) and ``lambda2`` = dln(-dh/dt)/dln(h) are taken at constant force; ``jacobians`` are,
+    by state, d(rates)/d(state), with dh_dt and ddelta_dt standing for the rates themselves. ``by_gap`` is dF_ela/dh at
+    fixed delta, ``remote_along`` the derivative of F_adh by h along delta(h) at constant force.
     """
 
     general: bool
+    X: Expr
     steps: tuple[tuple[str, Eq], ...]
     by_gap: Expr
     stiffness: Expr
@@ -144,8 +145,14 @@ def generic_dynamics(general: bool = False) -> GenericDynamics:
     assert not differentiated.atoms(Derivative), f"an unnamed derivative is left in {differentiated}"
     (deflection_rate,) = solve(differentiated, ddelta_dt)
     # eq. 2, differentiated: X = 2R + h - 2 delta
-    geometry = 2 * R + gap - 2 * deflection
-    centre_rate = geometry.diff(t).subs(named).subs(ddelta_dt, deflection_rate).subs(dh_dt, gap_rate)
+    distance = 2 * R + h - 2 * delta
+    centre_rate = (
+        distance.subs({h: gap, delta: deflection})
+        .diff(t)
+        .subs(named)
+        .subs(ddelta_dt, deflection_rate)
+        .subs(dh_dt, gap_rate)
+    )
 
     parts = expand(centre_rate)
     compliance = -parts.coeff(dF_dt)
@@ -178,12 +185,13 @@ def generic_dynamics(general: bool = False) -> GenericDynamics:
     }
     return GenericDynamics(
         general=general,
+        X=distance,
         steps=(
             ("force balance, viscous part", Eq(F, -zeta * dh_dt + F_adh)),
             ("solved for dh/dt (eq. 7)", Eq(dh_dt, gap_rate)),
             ("force balance, elastic part, differentiated", differentiated),
             ("solved for d(delta)/dt", Eq(ddelta_dt, deflection_rate)),
-            ("geometry", Eq(Symbol("X"), 2 * R + h - 2 * delta)),
+            ("geometry", Eq(Symbol("X"), distance)),
             ("stiffness", Eq(C, paper_C)),
             ("friction", Eq(D, paper_D)),
             ("centre dynamics (eq. 9)", Eq(Symbol("dX_dt"), -dF_dt / C - (F - F_adh) / D)),
@@ -199,34 +207,6 @@ def generic_dynamics(general: bool = False) -> GenericDynamics:
         lambda2=h * gap_along / dh_dt,
         jacobians=jacobians,
     )
-
-
-@cache
-def rates_by_slopes() -> dict[Symbol, Expr]:
-    """Return D and the rates in terms of C and the slopes of F_ela, in the forms that kernels compute, for any law.
-
-    Returns
-    -------
-    dict
-        ``D``, ``dh_dt``, ``ddelta_dt`` and ``dX_dt``, in ``C``, ``dF_ddelta`` = 2 C, ``dF_dh``, ``zeta``, the forces.
-
-    Raises
-    ------
-    AssertionError
-        If one of them is not what the derivation gives.
-    """
-    generic = generic_dynamics(general=True)
-    forms = {
-        D: C * zeta / (C + dF_dh),
-        dh_dt: -(F - F_adh) / zeta,
-        ddelta_dt: (dF_dt - dF_dh * dh_dt) / dF_ddelta,
-        dX_dt: -dF_dt / C - (F - F_adh) / D,
-    }
-    slopes = {dF_dh: generic.by_gap, dF_ddelta: total(F_ela, delta)}
-    derived = {D: generic.friction, dh_dt: generic.dh_dt, ddelta_dt: generic.ddelta_dt, dX_dt: generic.dX_dt}
-    for symbol, form in forms.items():
-        assert simplify(form.subs(slopes) - derived[symbol]) == 0, f"{symbol} is not what is derived: {form}"
-    return forms
 
 
 def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:

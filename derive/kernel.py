@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 import sympy
 from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
 
+from softdyn.derive.controls import BY_FORCE, SLOPES, compliance
 from softdyn.derive.drive import DriveCode, drive_code
+from softdyn.derive.dynamics import F_ela, ddelta_dt, dF_ddelta, dF_dt, dh_dt, dX_dt
 from softdyn.derive.law import (
     code_names,
     in_code,
@@ -27,22 +29,13 @@ from softdyn.derive.law import (
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.specialise import (
-    BY_FORCE,
     OUTPUTS,
     RULES,
-    SLOPES,
     Deflection,
     Equations,
-    F_ela,
     Needs,
     Rule,
-    compliance,
     contact_equations,
-    ddelta_dt,
-    dF_ddelta,
-    dF_dt,
-    dh_dt,
-    dX_dt,
     output_name,
     outputs_of,
 )

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 from sympy import Abs, Dummy, Expr, Max, Min, Rational, S, Symbol, sign
 from sympy.core.relational import Relational
 
-from softdyn.derive import dynamics as d
+from softdyn.derive import controls
+from softdyn.derive.controls import SLOPES, X, centres_rate, compliance, lambda1, lambda2
 from softdyn.derive.dynamics import (
     C,
     D,
@@ -30,12 +31,11 @@ from softdyn.derive.dynamics import (
     generic_dynamics,
     lambda1_of,
     partials,
-    rates_by_slopes,
     zeta,
 )
 from softdyn.derive.law import in_code, is_dry, is_rigid
 from softdyn.derive.soundness import sound
-from softdyn.derive.symbols import F, R, a, delta, h
+from softdyn.derive.symbols import F, a, delta
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
@@ -44,21 +44,14 @@ if TYPE_CHECKING:
 Deflection = Literal["either", "compression", "tension"]
 Control = Literal["force", "position", "velocity", "spring"]
 
-X = Symbol("X", real=True)
-#: The rate of X where it is an outcome: of a spring, whose base has the velocity dX_dt.
-centres_rate = Symbol("dX_dt_p1", real=True)
-lambda1 = Symbol("lambda1", real=True)
-lambda2 = Symbol("lambda2", real=True)
-#: d(d(ln h)/dt)/d(ln h) and the other entries of the Jacobian of the state's rates; their names, like those of powers,
-#: are none that a parameter can have.
-SLOPES = tuple(Symbol(f"slope_p{entry}", real=True) for entry in ("11", "12", "21", "22"))
-#: d(d(ln h)/dt)/dF at fixed gap, the deflection following from the force balance.
-BY_FORCE = Symbol("by_force_p1", real=True)
-#: 1/k of the spring that moves the centres: 0 where their velocity itself is given.
-compliance = Symbol("compliance_p1", nonnegative=True)
-
 #: What a kernel can be asked for, at a state (h, delta) under the force F.
 OUTPUTS = tuple(symbol.name for symbol in (a, F_ela, zeta, F_adh, C, D, dh_dt, ddelta_dt, dX_dt, X, lambda1, lambda2))
+
+
+#: Of these where the centres are moved: each follows from earlier ones.
+ORDER = (
+    a, F_ela, F, zeta, F_adh, dF_ddelta, dF_dh, C, D, dh_dt, ddelta_dt, dF_dt, centres_rate, X, lambda1, lambda2,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -106,96 +99,25 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     """
     if is_rigid(law) or is_dry(law):
         return _one_sided_equations(law, control)
-    values = partials(law)
-    generic = generic_dynamics(law.general)
-    rates = rates_by_slopes()
-    slope = sound(2 * generic.stiffness.subs(values))
-
-    @cache
-    def relative(symbol: Symbol, variable: Symbol) -> Expr:
-        """Logarithmic derivative of zeta, through a."""
-        return sound((d.total(symbol, variable) / values[symbol]).subs(values))
-
-    def along(of: Callable[[Symbol], Expr]) -> Expr:
-        """Derivative by h along delta(h) at constant force."""
-        return of(h) - dF_dh / dF_ddelta * of(delta)
-
-    @cache
-    def remote(variable: Symbol) -> Expr:
-        return sound(d.total(F_adh, variable).subs(values))
-
-    def gap_by(variable: Symbol) -> Expr:
-        """Derivative of dh/dt at fixed other state variable."""
-        stiffness = dF_dh if variable == h else dF_ddelta
-        return (remote(variable) - stiffness) / zeta - dh_dt * relative(zeta, variable)
-
-    remote_slope = along(remote)
+    values, generic = partials(law), generic_dynamics(law.general)
+    forms = controls.rates() | {X: generic.X} | (controls.by_force() if control == "force" else controls.by_centres())
+    forms = {**forms, lambda2: controls.by_force()[lambda2]}
+    slopes = controls.slopes_of(law, forms.values())
     definitions = {
         a: sound(law.a),
         F_ela: values[F_ela],
         zeta: values[zeta],
         F_adh: values[F_adh],
-        dF_ddelta: slope,
+        dF_ddelta: sound(2 * generic.stiffness.subs(values)),
         dF_dh: by_gap_of(law),
         C: dF_ddelta / 2,
-        **rates,
-        X: 2 * R + h - 2 * delta,
+        **{symbol: form.xreplace(slopes) for symbol, form in forms.items()},
+        # at delta = 0 as well
         lambda1: lambda1_of(law, dF_ddelta),
-        lambda2: -h * along(lambda variable: relative(zeta, variable)) - h * remote_slope / (F - F_adh),
     }
-    if control == "force":
-        definitions[SLOPES[0]] = (
-            remote_slope / zeta - dh_dt * along(lambda variable: relative(zeta, variable)) - dh_dt / h
-        )
-        # how the deflection follows ln h
-        definitions[SLOPES[2]] = -h * dF_dh / dF_ddelta
-        by_deflection = remote(delta) / zeta - dh_dt * relative(zeta, delta)
-        definitions[BY_FORCE] = (by_deflection / dF_ddelta - 1 / zeta) / h
-        return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
-    # a spring of compliance s: s dF/dt = dX/dt - V, with V = dX_dt as given, X = 2R + h - 2 delta and F = F_ela
-    softness = 2 + compliance * dF_ddelta
-    deflection_by = {
-        x: (
-            gap_by(x)
-            - compliance
-            * (
-                dF_dh * gap_by(x)
-                + dh_dt * sound(d.total(generic.by_gap, x).subs(values))
-                + ddelta_dt * sound(d.total(2 * generic.stiffness, x).subs(values))
-            )
-        )
-        / softness
-        for x in (h, delta)
-    }
-    moved = {
-        F: F_ela,
-        ddelta_dt: (dh_dt - dX_dt - compliance * dF_dh * dh_dt) / softness,
-        dF_dt: dF_ddelta * ddelta_dt + dF_dh * dh_dt,
-        centres_rate: dh_dt - 2 * ddelta_dt,
-        SLOPES[0]: gap_by(h) - dh_dt / h,
-        SLOPES[1]: gap_by(delta) / h,
-        SLOPES[2]: h * deflection_by[h],
-        SLOPES[3]: deflection_by[delta],
-    }
-    order = [
-        a,
-        F_ela,
-        F,
-        zeta,
-        F_adh,
-        dF_ddelta,
-        dF_dh,
-        C,
-        D,
-        dh_dt,
-        ddelta_dt,
-        dF_dt,
-        centres_rate,
-        X,
-        lambda1,
-        lambda2,
-    ]
-    definitions = {symbol: {**definitions, **moved}[symbol] for symbol in (*order, *SLOPES)}
+    if control != "force":
+        ordered = (*ORDER, *SLOPES)
+        definitions = {symbol: definitions[symbol] for symbol in ordered}
     return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
 
 
@@ -210,37 +132,24 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
     if control != "force":
         kind = "rigid particles (F_ela = oo)" if is_rigid(law) else "a dry contact (zeta = 0)"
         raise LawError(law.name, (f"{kind} can be driven by a force only, not by a {control}",))
-    values = partials(law)
+    values, generic = partials(law), generic_dynamics(law.general)
     if is_dry(law):
         definitions = {
             a: sound(law.a),
             F_ela: values[F_ela],
-            dF_ddelta: sound(2 * generic_dynamics(law.general).stiffness.subs(values)),
+            dF_ddelta: sound(2 * generic.stiffness.subs(values)),
             C: dF_ddelta / 2,
-            dh_dt: S.Zero,
-            ddelta_dt: dF_dt / dF_ddelta,
-            dX_dt: -dF_dt / C,
-            X: 2 * R - 2 * delta,
-            SLOPES[0]: S.Zero,
-            SLOPES[2]: S.Zero,
-            BY_FORCE: S.Zero,
+            **controls.without_film(),
         }
     else:
-        steepness = sound((d.total(zeta, h) / values[zeta]).subs(values))
-        remote = sound(d.total(F_adh, h).subs(values))
+        forms = controls.by_gap()
+        slopes = controls.slopes_of(law, forms.values())
         definitions = {
             a: sound(law.a),
             F_ela: F,  # they transmit any force
             zeta: values[zeta],
             F_adh: values[F_adh],
-            D: zeta,
-            dh_dt: rates_by_slopes()[dh_dt],
-            dX_dt: dh_dt,
-            X: 2 * R + h,
-            lambda2: -h * steepness - h * remote / (F - F_adh),
-            SLOPES[0]: remote / zeta - dh_dt * steepness - dh_dt / h,
-            SLOPES[2]: S.Zero,
-            BY_FORCE: -1 / (zeta * h),
+            **{symbol: form.xreplace(slopes) for symbol, form in forms.items()},
         }
     return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
 

@@ -560,6 +560,36 @@ def test_integrals_are_exact_and_additive(f: Given, at: float) -> None:
     assert found.integral(at * T) == pytest.approx(float(f.integral(np.float64(at * T))), abs=digits * scale)
 
 
+@given(f=smooth, at=st.floats(1e-3, 1), length=st.floats(-5, -4).map(lambda x: 10**x))
+@settings(max_examples=60, deadline=None)
+def test_rates_are_derivatives(f: Given, at: float, length: float) -> None:
+    """The mean of the rate over a short time, by Gauss's rule, is the change of the value."""
+    found = time_function(f.text, "f", f.constants, T)
+    end, dt = at * T, length * min(at * T, f.constants.get("w", T))
+    points, weights = np.polynomial.legendre.leggauss(3)
+    mean = sum(w / 2 * found.rate(end + (x - 1) / 2 * dt) for x, w in zip(points, weights, strict=True))
+    # values near 1 are rounded, and times near T
+    rounding = 1e-15 / dt + 1e-15 * T / f.constants.get("w", T) * (abs(mean) + 1 / f.constants.get("w", T))
+    assert mean == pytest.approx((found(end) - found(end - dt)) / dt, rel=1e-6, abs=20 * rounding)
+
+
+def test_the_rate_at_a_kink_is_that_before_it_and_at_the_start_that_behind() -> None:
+    table = time_function(([0.0, 2.0, T], [0.0, 4.0, 4.0 - (T - 2)]), "f", {}, T)
+    bent = time_function("abs(t - 2)", "f", {}, T)
+    assert [table.rate(t) for t in (0.0, 1.0, 2.0, 3.0, T)] == [2, 2, 2, -1, -1]
+    assert [bent.rate(t) for t in (0.0, 2.0, 3.0)] == [-1, -1, 1]
+    assert time_function(3.0, "f", {}, T).rate(1.0) == 0
+
+
+def test_where_a_force_has_no_finite_rate_there_is_no_velocity() -> None:
+    """Of particles that nothing resists: sqrt(t) rises infinitely fast at 0, and the run goes on."""
+    pull = [Push([0], ["-1e-3*sqrt(t)", 0.0]), Push([1], ["1e-3*sqrt(t)", 0.0])]
+    scene = free(positions=[[0.0, 0.0], [2.02, 0.0]], drag=0.0, pushes=pull, reach=None, until=1.0, times=[0.0, 1.0])
+    result = simulate_particles(scene)
+    assert np.isnan(result.v[0]).all()
+    assert np.isfinite(result.v[1]).all()
+
+
 @given(f=smooth, start=st.floats(0, 0.9), length=st.floats(-9, -1).map(lambda x: 10**x))
 @settings(max_examples=60, deadline=None)
 def test_what_a_step_misses_is_bounded(f: Given, start: float, length: float) -> None:

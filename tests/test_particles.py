@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from by_velocities import simulate_by_velocities
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.sparse import bsr_array, diags_array
@@ -26,7 +27,6 @@ from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.scene import Hold, ParticleScene, Push, check
 from softdyn.particles.start import start
-from softdyn.particles.velocity import simulate_by_velocities
 
 Array = NDArray[np.float64]
 UNIT = {"E": 1.0, "eta": 1.0}

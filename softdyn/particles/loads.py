@@ -58,6 +58,10 @@ class Driven:
         """Values at a time, or behind the jump there."""
         return self._sum(self._constant, lambda function: function.after(t))
 
+    def rate(self, t: float) -> Array:
+        """Derivatives at a time, or before the kinks there; where one has none, infinite or nan."""
+        return self._sum(np.zeros(self.scale.shape), lambda function: function.rate(t))
+
     def integral(self, t: float) -> Array:
         """Integrals from 0 to a time."""
         return self._sum(t * self._constant, lambda function: function.integral(t))

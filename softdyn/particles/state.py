@@ -126,7 +126,7 @@ def frame_now(system: System, state: State) -> Frame:
     if not system.dragged and not system.kernel.tangential:
         # of these the rates of a step are no velocities; where there are none, the next step says why
         with suppress(linear.Indefinite):
-            v = velocities(system, state.contacts, state.x, state.t, state.dt)
+            v = velocities(system, state.contacts, state.x, state.t)
     return frame_of(system, state.t, state.x, v, state.contacts, exchanged(system, state))
 
 

@@ -12,14 +12,14 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.enclosure import RADII, intervals, models, unseen
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.expression import Expression, evaluate, parse, pieces, values
+from softdyn.expression import Expression, derivative, evaluate, parse, pieces, values
 from softdyn.particles.method import NODES
 from softdyn.particles.words import is_number
 from softdyn.scene import Table, table_of
@@ -94,6 +94,18 @@ class TimeFunction:
         if self.table is not None:
             return _interpolated(self.table, t, "right")
         return self.number if self.expression is None else self._evaluated(t, "right")
+
+    def rate(self, t: float) -> float:
+        """Derivative at a time, or before the kink there; at 0 that of what follows. It may be infinite, or nan."""
+        side: Literal["left", "right"] = "left" if t > 0 else "right"
+        if self.table is not None:
+            times, given = self.table.t, self.table.F
+            k = min(max(1, int(np.searchsorted(times, t, side))), len(times) - 1)
+            return float((given[k] - given[k - 1]) / (times[k] - times[k - 1]))
+        if self.expression is None:
+            return 0.0
+        part = self.parts[self._part(t, side)]
+        return evaluate(replace(part, shape=derivative(part.shape)), t)
 
     def integral(self, t: float) -> float:
         """Integral from 0 to a time."""
