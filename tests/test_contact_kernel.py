@@ -82,6 +82,8 @@ def test_the_derivation_checks_itself() -> None:
         "h_r",
         "F",
         "F_r",
+        "F_by_gap",
+        "F_by_distance",
     ]
 
 
