@@ -41,7 +41,6 @@ from sympy import (
     asinh,
     atan,
     atanh,
-    binomial,
     cos,
     cosh,
     coth,
@@ -49,8 +48,10 @@ from sympy import (
     erfc,
     exp,
     expand_log,
+    expand_power_base,
     factor_terms,
     factorial,
+    ff,
     log,
     nan,
     preorder_traversal,
@@ -70,6 +71,7 @@ from sympy.logic.boolalg import And, Boolean, Not, Or
 from softdyn.derive.cones import Cone, Normal, dot
 from softdyn.derive.identities import Tail, everywhere, far_out
 from softdyn.derive.patience import nodes, spend
+from softdyn.derive.positive import knows_range_in, sides_taken
 from softdyn.derive.regions import combination
 
 #: Powers of the ratios: whole ones as int, which is many times faster.
@@ -125,16 +127,18 @@ class AxisError(UndecidedError):
 
     Attributes
     ----------
-    kind : "exp" or "log"
+    kind : "exp", "log" or "power"
     argument : Expr
-        m, large and positive, of exp(-m); or M, a product of powers that vanishes, of log(1/M).
+        m, large and positive, of exp(-m); or M, a product of powers that vanishes, of log(1/M) or M^power.
     order : Order
         That of the argument.
+    power : Expr
+        One that is no rational number.
     """
 
-    def __init__(self, kind: str, argument: Expr, order: Order) -> None:
+    def __init__(self, kind: str, argument: Expr, order: Order, power: Expr = S.One) -> None:
         super().__init__(f"{kind}({argument}) has no axis of its own")
-        self.kind, self.argument, self.order = kind, argument, order
+        self.kind, self.argument, self.order, self.power = kind, argument, order, power
 
 
 @dataclass(frozen=True)
@@ -147,10 +151,14 @@ class Axes:
         From m to the symbol that stands for exp(-m).
     logarithms : mapping from Expr to Symbol
         From M, a product of powers of symbols, to the symbol that stands for log(1/M).
+    powers : mapping from (Expr, Expr) to Symbol
+        From M and a power that is no rational number to a symbol as large as M to that power. Coefficients hold no
+        such symbol: it only tells an order.
     """
 
     exponentials: Mapping[Expr, Symbol] = field(default_factory=dict)
     logarithms: Mapping[Expr, Symbol] = field(default_factory=dict)
+    powers: Mapping[tuple[Expr, Expr], Symbol] = field(default_factory=dict)
 
     def meanings(self) -> dict[Symbol, Expr]:
         """Return what each symbol stands for."""
@@ -296,19 +304,21 @@ def expand(expr: Expr, scale: Scale) -> Series:
 
 def _expanded(expr: Expr, scale: Scale) -> Series:
     if symbols_in(expr).isdisjoint(scale.known):
+        expr = _with_known_signs(expr)
         return Series({} if is_zero(expr) else {zero(scale): expr})
     if isinstance(expr, Add):
         series = _cut(added(expand(term, scale) for term in expr.args), scale.kept)
         return _with_names(expr, series, scale) if scale.names and _is_cut_off(series) else series
     if isinstance(expr, Mul):
         fixed, varying = expr.as_independent(*scale.known, as_Add=False)
+        fixed = _with_known_signs(fixed)
         product = Series({} if is_zero(fixed) else {zero(scale): fixed})
         for factor in Mul.make_args(varying):
             product = multiplied(product, expand(factor, scale), scale.kept)
         return product
     if isinstance(expr, Pow) and scale.axes is None and expr.exp.is_negative and _grows_exponentially(expr.base, scale):
         return Series()  # smaller than any power of the ratios
-    if isinstance(expr, Pow) and isinstance(expr.exp, Rational):
+    if isinstance(expr, Pow) and symbols_in(expr.exp).isdisjoint(scale.known) and expr.exp.is_real:
         return raised(expand(expr.base, scale), expr.exp, expr.base, scale)
     if isinstance(expr, (Abs, sign)):
         argument = expand(expr.args[0], scale)
@@ -584,19 +594,55 @@ def _beyond(series: Series, remainder: Iterable[Order]) -> Series:
     return Series(terms, frozenset(order for order in series.remainder if not lost(order)))
 
 
-def raised(base: Series, power: Rational, what: object, scale: Scale) -> Series:
+def raised(base: Series, power: Expr, what: object, scale: Scale) -> Series:
     """Power of a series."""
     dominant, coefficient = leading(base, what)
     if not power.is_integer and not scale.imaginary and sign_of(coefficient, what, scale) < 0:
         raise UndecidedError(f"{what} is negative under a root")
-    if power.is_negative:
+    if not power.is_positive:
         require_definite(coefficient, what, scale)
-    exponent = Fraction(power.p, power.q)
-    factor = Series({tuple(_whole(exponent * x) for x in dominant): coefficient**power})
+    if isinstance(power, Rational):
+        exponent = Fraction(power.p, power.q)
+        factor = Series({tuple(_whole(exponent * x) for x in dominant): coefficient**power})
+    else:
+        order = _order_of_power(coefficient, power, scale)
+        factor = Series({order: expand_power_base(coefficient**power)})
     if len(base.terms) == 1 and not base.remainder:
         return factor
-    unit = _compose(relative(base, what), (binomial(power, k) for k in range(_depth(scale) + 1)), scale)
+    unit = _compose(relative(base, what), (ff(power, k) / factorial(k) for k in range(_depth(scale) + 1)), scale)
     return multiplied(factor, unit, scale.kept)
+
+
+def _order_of_power(term: Expr, power: Expr, scale: Scale) -> Order:
+    """Order of a term to a power that is no rational number, by axes of such powers."""
+    if scale.axes is None:
+        raise UndecidedError(f"the power {power}, which is no rational number, is outside the method")
+    powers, _ = _symbols_of(term)
+    apart: dict[Expr, Expr] = {}
+    for x, n in powers.items():
+        for part in Add.make_args(multiplied_out(n * power)):
+            number, t = part.as_coeff_Mul()
+            number, t = (number, t) if number.is_Rational else (S.One, part)
+            apart[t] = apart.get(t, S.One) * x**number
+    total = order_of(apart.pop(S.One, S.One), scale)
+    for t, monomial in apart.items():
+        order = order_of(monomial, scale)
+        if any(x > 0 for x in order) and any(x < 0 for x in order):
+            raise SplitError(order, term)
+        if not any(order):
+            continue
+        side = 1 if any(x > 0 for x in order) else -1
+        vanishing = tuple(side * x for x in order)
+        for (M, other), Y in scale.axes.powers.items():
+            factors = combination(vanishing, (order_of(M, scale),), 1) if other == t else None
+            if factors is not None:
+                total = tuple(
+                    _whole(x + side * Fraction(factors[0] * y)) for x, y in zip(total, scale.orders[Y], strict=True)
+                )
+                break
+        else:
+            raise AxisError("power", monomial**side, vanishing, t)
+    return total
 
 
 def _whole(power: Fraction) -> int | Fraction:
@@ -622,7 +668,24 @@ def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
             return 1
         if value.is_negative:
             return -1
+    if knows_range_in(coefficient):
+        sides = [side for side in (1, -1) if sides_taken(coefficient) == {side}]
+        if sides:
+            return sides[0]
     raise UndecidedError(f"the sign of {what} is not known: its leading coefficient is {coefficient}")
+
+
+def _with_known_signs(fixed: Expr) -> Expr:
+    """What does not vary, without absolute values and signs that the ranges of parameters tell."""
+    if not fixed.has(Abs, sign) or not knows_range_in(fixed):
+        return fixed
+    known = {}
+    for node in fixed.atoms(Abs, sign):
+        sides = sides_taken(node.args[0]) if knows_range_in(node) else frozenset()
+        if len(sides) == 1:
+            (side,) = sides
+            known[node] = S(side) if isinstance(node, sign) else side * node.args[0]
+    return fixed.xreplace(known)
 
 
 def require_definite(coefficient: Expr, what: object, scale: Scale) -> None:
@@ -635,8 +698,12 @@ def require_definite(coefficient: Expr, what: object, scale: Scale) -> None:
     """
     for factor in Mul.make_args(coefficient):
         base, _ = factor.as_base_exp()
-        if not base.is_Symbol and base.free_symbols & scale.orders.keys():
+        if base.is_Symbol or not base.free_symbols:
+            continue
+        if base.free_symbols & scale.orders.keys():
             sign_of(base, what, scale)
+        elif base.is_nonzero is None and len(sides_taken(base)) == 2:
+            raise UndecidedError(f"the leading term of {what} vanishes where {base} = 0")
 
 
 def in_large_logarithms(coefficient: Expr, scale: Scale) -> tuple[Expr, list[Symbol]]:
@@ -726,19 +793,19 @@ def _logarithm(argument: Series, what: Expr, scale: Scale) -> Series:
 
 def _logarithm_of_term(term: Expr, axes: Axes, scale: Scale) -> Series:
     """Series of the logarithm of a term: of exponentials their arguments, of powers a symbol, of the rest a number."""
-    powers: dict[Symbol, Rational] = {}
-    rest = S.One
-    for factor in Mul.make_args(factor_terms(term)):
-        base, power = factor.as_base_exp()
-        # a sum of terms of one order is as large as any of them
-        first = base.args[0] if base.is_Add else base
-        monomial = first.as_powers_dict() if power.is_Rational else {}
-        symbols = {x: n * power for x, n in monomial.items() if x.is_Symbol and n.is_Rational}
-        rest *= factor / Mul(*(x**n for x, n in symbols.items()))
-        for x, n in symbols.items():
-            powers[x] = powers.get(x, S.Zero) + n
+    powers, rest = _symbols_of(term)
+    apart: dict[Expr, Expr] = {}
+    for x in [x for x, n in powers.items() if not n.is_Rational]:
+        for part in Add.make_args(multiplied_out(powers.pop(x))):
+            number, t = part.as_coeff_Mul()
+            number, t = (number, t) if number.is_Rational else (S.One, part)
+            apart[t] = apart.get(t, S.One) * x**number
+    for x, n in apart.pop(S.One, S.One).as_powers_dict().items():
+        powers[x] = powers.get(x, S.Zero) + n
+    powers.pop(S.One, None)
     arguments = {X: m for m, X in axes.exponentials.items()}
     parts = [scaled(expand(arguments[x], scale), -powers.pop(x)) for x in list(powers) if x in arguments]
+    parts += [scaled(_logarithm_of_term(monomial, axes, scale), t) for t, monomial in apart.items()]
     monomial = Mul(*(x**n for x, n in powers.items()))
     order = order_of(monomial, scale)
     if any(x > 0 for x in order) and any(x < 0 for x in order):
@@ -762,6 +829,22 @@ def _logarithm_of_term(term: Expr, axes: Axes, scale: Scale) -> Series:
     if not is_zero(logarithm):
         parts.append(Series({zero(scale): logarithm}))
     return added(parts)
+
+
+def _symbols_of(term: Expr) -> tuple[dict[Symbol, Expr], Expr]:
+    """Return the powers of symbols that a term is as large as, and what is left of it, which does not vary."""
+    powers: dict[Symbol, Expr] = {}
+    rest = S.One
+    for factor in Mul.make_args(factor_terms(term)):
+        base, power = factor.as_base_exp()
+        # a sum of terms of one order is as large as any of them
+        first = base.args[0] if base.is_Add else base
+        monomial = first.as_powers_dict()
+        symbols = {x: n * power for x, n in monomial.items() if x.is_Symbol}
+        rest *= factor / Mul(*(x**n for x, n in symbols.items()))
+        for x, n in symbols.items():
+            powers[x] = powers.get(x, S.Zero) + n
+    return powers, rest
 
 
 def order_of(monomial: Expr, scale: Scale) -> Order:

@@ -73,7 +73,7 @@ from softdyn.derive.dimensions import (
     DimensionMismatchError,
     dimension_of,
 )
-from softdyn.derive.positive import Positivity, positivity, ranges_between, ranges_of_positive, ranges_of_real
+from softdyn.derive.positive import Positivity, positivity, ranges_of_positive, ranges_of_symbol
 from softdyn.derive.soundness import is_side, rewritable, tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
@@ -675,17 +675,7 @@ def sign_on_domain(expr: Expr, law: ContactLaw, size: Symbol) -> Positivity:
 
     domain = [(h, ranges_of_positive("h")), (size, ranges_of_positive(size.name, Rational(1)))]
     allowed = ranges_of(law)
-    for symbol in law.parameters:
-        if symbol in allowed:
-            low, high = Rational(allowed[symbol].start), Rational(allowed[symbol].end)
-            positive = Interval(0, high, True, allowed[symbol].right_open)
-            part = positive if symbol.is_positive and low <= 0 else allowed[symbol]
-            domain.append((symbol, ranges_between(symbol.name, part)))
-        else:
-            parts = ranges_of_positive(symbol.name) if symbol.is_positive else ranges_of_real(symbol.name)
-            domain.append(
-                (symbol, tuple(part for part in parts if part.expression.is_nonnegative or not symbol.is_nonnegative))
-            )
+    domain += [(symbol, ranges_of_symbol(symbol, allowed.get(symbol))) for symbol in law.parameters]
     return positivity(expr.subs({R: 1, E: 1, eta: 1}), tuple(domain))
 
 

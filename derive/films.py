@@ -46,8 +46,9 @@ from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
 from softdyn.derive.balance import definitions
 from softdyn.derive.cones import Cone, Normal, dot
 from softdyn.derive.forms import force
-from softdyn.derive.law import typical_values, without_typical
+from softdyn.derive.law import ranges_of, typical_values, without_typical
 from softdyn.derive.patience import nodes
+from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, directions_of, is_simple, sign_within
 from softdyn.derive.soundness import tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
@@ -141,7 +142,9 @@ def find_films(diagram: Diagram) -> Films | None:
     if law.F_adh == 0:
         return None
     closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a, delta) else None
-    films = tuple(film for crossover in diagram.crossovers if (film := _film(diagram, crossover, closed)) is not None)
+    with knowing_ranges(ranges_of(law)):
+        found = [_film(diagram, crossover, closed) for crossover in diagram.crossovers]
+    films = tuple(film for film in found if film is not None)
     if without_typical(law):
         return Films(films, closed, relaxation_rate(law), None)
     numbers = branches(law)

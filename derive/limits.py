@@ -46,8 +46,9 @@ from softdyn.derive.balance import definitions, definitions_at, series_of, size
 from softdyn.derive.checks import chains
 from softdyn.derive.dimensions import LENGTH, Dimension
 from softdyn.derive.forms import joined_logarithms
-from softdyn.derive.law import dimensions_for, is_rigid, parameters_of, sample_values
+from softdyn.derive.law import dimensions_for, is_rigid, parameters_of, ranges_of, sample_values
 from softdyn.derive.patience import within
+from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.scalings import Part, SeveralLogarithmsError, paths_into, settled, whole
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta
 from softdyn.derive.witness import (
@@ -163,7 +164,7 @@ def check_limits(law: ContactLaw, effort: int = EFFORT) -> Findings:
         Operations after which claims that are not yet decided are left undecided.
     """
     found = Findings()
-    with within(effort, OutOfEffortError):
+    with within(effort, OutOfEffortError), knowing_ranges(ranges_of(law)):
         for limit in law.limits:
             samples = samples_of(law, limit)
             found += [

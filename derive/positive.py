@@ -13,9 +13,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations, product
+from types import MappingProxyType
 from typing import Literal
 
 import mpmath
@@ -56,6 +59,7 @@ from softdyn.derive.bounds import (
     unit_frame,
     up,
 )
+from softdyn.derive.patience import nodes, spend
 from softdyn.derive.soundness import rewritable, tidy
 from softdyn.derive.symbols import h
 
@@ -134,6 +138,65 @@ def ranges_of_real(name: str) -> tuple[Range, ...]:
     """All real numbers."""
     one, other = Dummy(name, positive=True), Dummy(name, positive=True)
     return Range(one, one), Range(-other, other), Range(S.Zero, None)
+
+
+def ranges_of_symbol(symbol: Symbol, allowed: Interval | None) -> tuple[Range, ...]:
+    """Values of a symbol: those of an interval that its assumptions allow, or all that they do."""
+    if allowed is not None:
+        low, high = Rational(allowed.start), Rational(allowed.end)
+        inside = Interval(0, high, True, allowed.right_open) if symbol.is_positive and low <= 0 else allowed
+        return ranges_between(symbol.name, inside)
+    parts = ranges_of_positive(symbol.name) if symbol.is_positive else ranges_of_real(symbol.name)
+    return tuple(part for part in parts if part.expression.is_nonnegative or not symbol.is_nonnegative)
+
+
+#: Values that parameters may take, where a law that is looked at declares a range of them.
+_allowed: ContextVar[Mapping[Symbol, Interval]] = ContextVar("allowed", default=MappingProxyType({}))
+#: Boxes looked at for the sign of a coefficient.
+FEW = 40
+
+
+@contextmanager
+def knowing_ranges(ranges: Mapping[Symbol, Interval]) -> Iterator[None]:
+    """Let some work know which values parameters may take."""
+    token = _allowed.set(ranges)
+    try:
+        yield
+    finally:
+        _allowed.reset(token)
+
+
+def range_known(symbol: Expr) -> Interval | None:
+    """Return the values that a parameter may take, if that is known here."""
+    return _allowed.get().get(symbol)
+
+
+def sides_taken(expr: Expr) -> frozenset[int]:
+    """Return which signs an expression may have, its parameters being within their ranges.
+
+    Returns
+    -------
+    frozenset of int
+        {1}, {-1} or {0}; {1, -1} if it is shown to have both; empty if it is not known.
+    """
+    symbols = sorted(expr.free_symbols, key=str)
+    domain = tuple((symbol, ranges_of_symbol(symbol, _allowed.get().get(symbol))) for symbol in symbols)
+    spend(FEW * nodes(expr))
+    try:
+        found = [(side, positivity(side * expr, domain, FEW)) for side in (1, -1)]
+    except (TypeError, ValueError, NotImplementedError):  # it has no real value
+        return frozenset()
+    for side, one in found:
+        if one.verdict == "positive":
+            return frozenset({side})
+    # where it is not positive it is negative, or 0
+    values = [one.value for _, one in found if one.verdict == "witness"]
+    return frozenset({1, -1}) if len(values) == 2 and all(mpmath.im(x) == 0 for x in values) else frozenset()
+
+
+def knows_range_in(expr: Expr) -> bool:
+    """Whether the range of a parameter in an expression is known here."""
+    return not _allowed.get().keys().isdisjoint(expr.free_symbols)
 
 
 def logarithm_of(number: Rational) -> float:

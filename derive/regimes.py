@@ -56,8 +56,18 @@ from softdyn.derive.cones import (
 )
 from softdyn.derive.dimensions import DIMENSIONLESS, powers_of_units
 from softdyn.derive.forms import force, force_unit, joined_logarithms
-from softdyn.derive.law import is_anchored, is_dry, is_rigid, parameters_of, sample_values, sizes_asked, typical_values
+from softdyn.derive.law import (
+    is_anchored,
+    is_dry,
+    is_rigid,
+    parameters_of,
+    ranges_of,
+    sample_values,
+    sizes_asked,
+    typical_values,
+)
 from softdyn.derive.patience import within
+from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, eta, h
 from softdyn.derive.witness import inequalities, side_of
 
@@ -275,7 +285,8 @@ def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
     if asked := sizes_asked(law):
         return _nothing_found(law, directions, scales, sizes_words(asked))
     try:
-        return _discovered(law, directions, scales, effort)
+        with knowing_ranges(ranges_of(law)):
+            return _discovered(law, directions, scales, effort)
     except UndecidedError as reason:
         return _nothing_found(law, directions, scales, str(reason))
 

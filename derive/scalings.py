@@ -19,7 +19,7 @@ from itertools import combinations, islice, product
 from typing import TypeVar
 
 import numpy as np
-from sympy import Expr, Mul, S, Symbol
+from sympy import Expr, Mul, Rational, S, Symbol, floor
 
 from softdyn.derive.asymptotics import (
     Axes,
@@ -37,6 +37,7 @@ from softdyn.derive.asymptotics import (
 )
 from softdyn.derive.cones import Normal, dot, primitive
 from softdyn.derive.dimensions import Dimension, dimension_of
+from softdyn.derive.positive import range_known
 from softdyn.derive.regions import Region, combination, cut_by, exact_form, form_with, lifted, reduced, space
 from softdyn.derive.symbols import E, R, eta
 
@@ -78,7 +79,7 @@ class Part:
     @cached_property
     def of_axes(self) -> frozenset[Symbol]:
         """Symbols that stand for exponentials and logarithms."""
-        return frozenset((*self.axes.exponentials.values(), *self.axes.logarithms.values()))
+        return frozenset((*self.axes.exponentials.values(), *self.axes.logarithms.values(), *self.axes.powers.values()))
 
 
 class SeveralLogarithmsError(Exception):
@@ -161,6 +162,10 @@ def with_axis(part: Part, missing: AxisError, units: Mapping[Symbol, Dimension])
         axes = replace(part.axes, exponentials={**part.axes.exponentials, missing.argument: symbol})
         ties = [*_ties_of_exponential(part, missing.order, unit)]
         directions[symbol] = unit
+    elif missing.kind == "power":
+        axes = replace(part.axes, powers={**part.axes.powers, (missing.argument, missing.power): symbol})
+        ties = list(_ties_of_power(missing.power, exact_form(missing.order, part.region.generators)))
+        directions[symbol] = unit
     else:
         argument, order = _to_be_known(part, missing, units)
         axes = replace(part.axes, logarithms={**part.axes.logarithms, argument: symbol})
@@ -175,6 +180,40 @@ def with_axis(part: Part, missing: AxisError, units: Mapping[Symbol, Dimension])
             raise UndecidedError(f"{missing.kind}({missing.argument}) cannot be as its argument has it")
         region = above
     return replace(part, region=region, directions=directions, axes=axes)
+
+
+#: Parts of one to which powers that are no rational numbers are enclosed.
+FINE = 10**9
+
+
+def _ties_of_power(power: Expr, vanishing: Sequence[Fraction]) -> Iterator[Normal]:
+    """What ties M^power to M: it lies between M to two rational powers, which enclose the power."""
+    low, high = _enclosed(power)
+    if low is not None:
+        yield primitive((*(-low * x for x in vanishing), Fraction(1)))
+    if high is not None:
+        yield primitive((*(high * x for x in vanishing), Fraction(-1)))
+
+
+def _enclosed(power: Expr) -> tuple[Fraction | None, Fraction | None]:
+    """Rational numbers below and above a power.
+
+    Raises
+    ------
+    UndecidedError
+        If it is neither a number nor a parameter of which something is known.
+    """
+    if power.is_number and power.is_real:
+        below = int(floor(power * FINE))
+        return Fraction(below, FINE), Fraction(below + 1, FINE)
+    allowed, little = range_known(power), Fraction(1, FINE)
+    if allowed is not None:
+        low, high = (Fraction(int(end.p), int(end.q)) for end in map(Rational, (allowed.start, allowed.end)))
+        low, high = (low - (not allowed.left_open) * little, high + (not allowed.right_open) * little)
+        return max(low, Fraction(0)) if power.is_positive else low, high
+    if power.is_Symbol and power.is_positive:
+        return Fraction(0), None
+    raise UndecidedError(f"nothing is known of the power {power}")
 
 
 def _minus(one: Normal, other: Normal, times: int = 1) -> Normal:
@@ -288,6 +327,8 @@ def paths_into(part: Part, values: Mapping[Symbol, float]) -> Iterator[Path]:
     values : mapping from Symbol to float
         Of what does not vary.
     """
+    if part.axes.powers:
+        return  # the random paths into the ordering have powers that are rational, and serve as well
     found: list[Path] = []
     fast, slower = _subsets(part.axes.exponentials.values()), _subsets(part.axes.logarithms.values())
     choices = product(SPEEDS, list(islice(fast, MOST_TRIED)), list(islice(slower, MOST_TRIED)))

@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy import (
     Abs,
+    Add,
     Expr,
     I,
     Integer,
@@ -397,6 +398,87 @@ def test_friction_with_slip_is_without_it_where_the_slip_length_is_small(gap: Ex
     ).values()
     assert (right.verdict, right.ratio, large.verdict) == ("proved", 1, "proved")
     assert (wrong.verdict, wrong.ratio) == ("disproved", Rational(6, 5))
+
+
+#: Powers that are no rational numbers, and rational ones beside them.
+POWERS = [
+    *(pi, sqrt(2), exp(1), log(2), pi - 3, 1 + sqrt(3), -pi),
+    *map(Rational, ("22/7", "7/5", "19/7", "2/3", "1/7")),
+]
+
+
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.sampled_from(POWERS), min_size=2, max_size=3, unique=True), st.booleans(), st.integers(1, 3))
+def test_powers_that_are_no_rational_numbers_are_compared(powers: list[Expr], far: bool, root: int) -> None:
+    """Of a sum of powers of h/R the lowest wins near contact, the highest far away; the same of a power of the sum."""
+    ordered = sorted(powers, key=float, reverse=far)
+    zeta = Add(*((k + 2) * x**p for k, p in enumerate(powers))) ** (pi / root)
+    forms = [((2 + powers.index(p)) * x**p) ** (pi / root) for p in ordered]
+    limits = [
+        Limit(str(p), STOKES if far else HERTZ, {"zeta": eta * R * f}) for p, f in zip(ordered, forms, strict=True)
+    ]
+    found = [one.verdict for one in findings(variant(SIMPLE, zeta=eta * R * zeta), *limits).values()]
+    assert found[0] == "proved"
+    assert "proved" not in found[1:]
+
+
+@pytest.mark.parametrize(
+    ("zeta", "order", "form"),
+    [
+        (log(1 + x**pi + x**3), STOKES, pi * log(x)),
+        (1 / (exp(x**pi) - 1), STOKES, exp(-(x**pi))),
+        (1 / (exp(x**pi) - 1), HERTZ, x**-pi),
+        ((1 + x**pi) ** sqrt(2) - 1, HERTZ, sqrt(2) * x**pi),
+        (x**pi * (1 + x) - x**pi, HERTZ, x ** (pi + 1)),
+    ],
+    ids=str,
+)
+def test_powers_that_are_no_rational_numbers_stand_in_functions(zeta: Expr, order: Any, form: Expr) -> None:
+    law = variant(SIMPLE, zeta=eta * R * zeta)
+    assert one_verdict(law, order, eta * R * form) == "proved"
+    assert one_verdict(law, order, 2 * eta * R * form) != "proved"
+
+
+def one_verdict(law: ContactLaw, order: Any, claim: Expr) -> str:
+    (found,) = findings(law, Limit("trial", order, {"zeta": claim})).values()
+    return found.verdict
+
+
+nu, n = Symbol("nu", real=True), Symbol("n", positive=True)
+
+
+@pytest.mark.parametrize(
+    ("zeta", "order", "form", "ends"),
+    [
+        (sqrt((1 - nu**2) * x + x**2), HERTZ, sqrt(1 - nu**2) * sqrt(x), (-1, 1)),
+        (log(1 + (1 - 2 * nu) * x), STOKES, log(x * (1 - 2 * nu)), (-1, Rational(1, 2))),
+        (2 + Abs(nu - 1) * x, STOKES, (1 - nu) * x, (-1, 1)),
+        (1 + sqrt((1 - nu) ** 2) * x, STOKES, (1 - nu) * x, (-1, 1)),
+        (sqrt((1 + nu) * x / (1 - nu) + 1), STOKES, sqrt((1 + nu) / (1 - nu) * x), (-1, 1)),
+    ],
+    ids=str,
+)
+def test_the_range_of_a_parameter_gives_signs(zeta: Expr, order: Any, form: Expr, ends: tuple[Any, Any]) -> None:
+    law = variant(SIMPLE, zeta=eta * R * zeta, parameters={nu: DIMENSIONLESS}, ranges={nu: ends})
+    assert one_verdict(law, order, eta * R * form) == "proved"
+    assert one_verdict(law, order, 2 * eta * R * form) == "disproved"
+
+
+def test_a_leading_term_that_vanishes_within_the_range_is_not_proved() -> None:
+    """At nu = 1/2 the friction is 1 + 0 h/R, whatever h/R."""
+    for ends, verdict in (((-1, Rational(1, 2)), "proved"), ((-1, 1), "undecided")):
+        law = variant(
+            SIMPLE, zeta=eta * R * (1 + (1 - 2 * nu) ** 2 * x), parameters={nu: DIMENSIONLESS}, ranges={nu: ends}
+        )
+        assert one_verdict(law, STOKES, eta * R * (1 - 2 * nu) ** 2 * x) == verdict
+
+
+@pytest.mark.parametrize(("ends", "is_known"), [((2, 3), True), ((1, 3), False)])
+def test_a_power_is_known_by_its_range(ends: tuple[int, int], is_known: bool) -> None:
+    """Of x^n + x^2, x^n is left far away if n > 2; else it depends."""
+    law = variant(SIMPLE, zeta=eta * R * (x**n + x**2), parameters={n: DIMENSIONLESS}, ranges={n: ends})
+    assert (one_verdict(law, STOKES, eta * R * x**n) == "proved") == is_known
 
 
 def test_an_ordering_in_which_either_of_two_terms_may_win_is_cut() -> None:
