@@ -46,7 +46,7 @@ from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
 from softdyn.derive.balance import definitions
 from softdyn.derive.cones import Cone, Normal, dot
 from softdyn.derive.forms import force
-from softdyn.derive.law import ranges_of, typical_values, without_typical
+from softdyn.derive.law import is_rigid, ranges_of, typical_values, without_typical
 from softdyn.derive.patience import nodes
 from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, directions_of, is_simple, sign_within
@@ -220,7 +220,8 @@ def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film |
     """Film on a crossover, if the gap closes on one side of it and opens on the other."""
     side = crossover.side
     one, other = (diagram.regime(name, side) for name in (crossover.first, crossover.second))
-    if not all("dh_dt" in regime.forms and regime.lambda1 is not None for regime in (one, other)):
+    rigid = is_rigid(diagram.law)
+    if not all("dh_dt" in regime.forms and (rigid or regime.lambda1 is not None) for regime in (one, other)):
         return None
     signs = [
         sign_within(diagram.law, directions_of(diagram), regime.cones[0], regime.forms["dh_dt"].state)
@@ -229,9 +230,10 @@ def _film(diagram: Diagram, crossover: Crossover, closed: Expr | None) -> Film |
     if None in signs or signs[0] == signs[1]:
         return None
     closing, opening, inward = (one, other, 1) if signs[0] == -1 else (other, one, -1)
-    assert closing.lambda1 is not None
-    # larger gaps at the same force: h = R eps^p and delta ~ h^lambda1 with a smaller p
-    upward = -inward * (crossover.facet[0] + crossover.facet[1] * closing.lambda1)
+    # larger gaps at the same force: h = R eps^p and delta ~ h^lambda1 with a smaller p; delta of a rigid law is F/(E R)
+    lambda1 = S.Zero if rigid else closing.lambda1
+    assert lambda1 is not None
+    upward = -inward * (crossover.facet[0] + crossover.facet[1] * lambda1)
     if upward == 0 and crossover.line.lhs == force and crossover.line.rhs.has(h):
         # the force of the film depends on the gap by a logarithm: it is stable where that falls
         face = _face(closing, crossover.facet)
@@ -311,7 +313,11 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
 
     def at(gap: float) -> Point | None:
         try:
-            deflection = _deflection(lambda x: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x))
+            deflection = (
+                0.0
+                if is_rigid(law)
+                else _deflection(lambda x: elastic(radius(gap, x), gap, x) - remote(radius(gap, x), gap, x))
+            )
             state = (radius(gap, deflection), gap, deflection)
             point = (gap, float(remote(*state)), float(rate(*state)))
         except (OverflowError, ZeroDivisionError, ValueError):

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import Rational, Symbol, erf, erfc, exp, lambdify, log, pi, sin
+from sympy import Rational, Symbol, erf, erfc, exp, lambdify, log, oo, pi, sin, sqrt
 
 from softdyn.cli import main
-from softdyn.derive import FORCE, LENGTH, PRESSURE, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive import ENERGY, FORCE, LENGTH, PRESSURE, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.cones import shared_facets
 from softdyn.derive.law import sizes_asked
 from softdyn.derive.laws.dlvo import law as dlvo
@@ -366,3 +366,31 @@ def test_a_law_with_erfc_has_a_report() -> None:
     text = page(law)
     assert "Not drawn" not in text
     assert text.count("data:image/svg+xml") >= 2
+
+
+A = Symbol("A", positive=True)
+#: Charged rigid spheres: R = 1 um, a barrier of 2 nN at 2 nm.
+rigid = ContactLaw(
+    name="rigid_charged", a=sqrt(R * h), F_ela=oo, zeta=6 * pi * eta * R**2 / h,
+    F_adh=pi * R * Pi0 * kD * exp(-h / kD) - A * R / (12 * h**2),
+    parameters={Pi0: PRESSURE, kD: LENGTH, A: ENERGY},
+)  # fmt: skip
+
+
+def test_films_of_rigid_particles_carry_any_force() -> None:
+    """Up to the barrier, wherever the unit of force is; with leading forms where F_adh changes its own."""
+    values = real(rigid, "R=1e-6,Pi0=1e5,kD=1e-8,A=1e-20,eta=1e-3")
+    diagram = regimes_of(values.law)
+    films = films_of(diagram)
+    assert films is not None
+    assert films.branches
+    gaps = np.geomspace(1e-10, 1e-6, 20_000)
+    barrier = np.max(math.pi * 1e-6 * 1e5 * 1e-8 * np.exp(-gaps / 1e-8) - 1e-20 * 1e-6 / (12 * gaps**2))
+    largest = max(max(branch.force) for branch in films.branches) * values.unit(FORCE)
+    assert largest == pytest.approx(barrier, rel=0.01)
+    stable = {film.stable for film in films.films if film.side == "compression"}
+    assert {True, False} <= stable
+    assert not [branch for branch in films.without_form() if branch.side == "compression"]
+    # what happens lies within the window
+    shown = plane_of(diagram, values)
+    assert 10 ** shown.ylim[1] * values.unit(FORCE) * shown.unit > barrier

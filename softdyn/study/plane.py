@@ -130,10 +130,11 @@ def plane_of(diagram: Diagram, real: RealValues | None = None) -> Plane:
     xlim = (math.floor(xlim[0] + 1e-9), math.ceil(xlim[1] - 1e-9))
     edge = largest_forces(diagram.law, 10 ** np.linspace(*xlim, FINE)) / unit
     edge = edge[np.isfinite(edge)]
-    # a rigid law has no edge
-    top = math.log10(float(np.max(edge))) + 0.6 if len(edge) else 0.6
     slanted = [logarithm(c.line.rhs, whole)(xlim[0], 0) - math.log10(unit) for c in crossovers if c.line.lhs == force]
     low = [float(y) - 0.4 for y in slanted] + [float(y) - MARGIN for _, y in at]
+    # a rigid law has no edge: all forces are shown that something happens at
+    high = [float(y) + MARGIN for _, y in at if math.isfinite(y)]
+    top = math.log10(float(np.max(edge))) + 0.6 if len(edge) else max([0.6, *high])
     lowest = min((y for y in low if math.isfinite(y)), default=top - 6)
     return Plane(diagram.law, values, unit, xlim, (max(min(lowest, top - 6), top - MOST_DECADES), top), real)
 

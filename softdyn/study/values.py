@@ -240,11 +240,12 @@ def _modulus(law: ContactLaw, values: Mapping[Symbol, Rational]) -> Rational:
     unit = force_unit(law)
     if not unit.has(E):
         return _exact(unit.subs(values) / values[R] ** 2)
+    found = []
     for symbol in values:
         x, y, z = _rational_powers(dimensions_for(law)[symbol])
-        if y != 0 and z == 0:
-            return _exact((abs(values[symbol]) / values[R] ** x) ** (1 / y))
-    return S.One
+        if y != 0 and z == 0 and values[symbol] != 0:
+            found.append(_exact((abs(values[symbol]) / values[R] ** x) ** (1 / y)))
+    return max(found, default=S.One)
 
 
 def _modulus_of_typical(law: ContactLaw, known: Mapping[Symbol, Rational]) -> Rational | None:
