@@ -251,8 +251,9 @@ class Diagram:
 
     def _repr_html_(self) -> str:
         from softdyn.derive.typeset import diagram_html
+        from softdyn.study.presence import presence_of
 
-        return diagram_html(self)
+        return diagram_html(self, {key for key, found in presence_of(self).items() if not found.there})
 
 
 #: Why a law with a force at delta = 0 has no diagram.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from math import lcm
 from typing import TYPE_CHECKING
@@ -614,8 +614,15 @@ def findings_html(findings: Sequence[Finding]) -> str:
 OVERVIEW = ("a", "zeta", "delta", "dh_dt")
 
 
-def diagram_html(diagram: Diagram) -> str:
-    """Tables of regimes and of crossovers, with LaTeX between dollars, as a notebook shows them."""
+def diagram_html(diagram: Diagram, absent: Collection[tuple[str, str]] = ()) -> str:
+    """Tables of regimes and of crossovers, with LaTeX between dollars, as a notebook shows them.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    absent : collection of (side, name)
+        Regimes that are not there at the law's typical values.
+    """
     law, deflection = diagram.law, symbol_latex("delta")
     outside = f"{deflection} > R"
     regimes, lines = [], []
@@ -628,7 +635,9 @@ def diagram_html(diagram: Diagram) -> str:
         ]
         regimes.append([
             regime.side,
-            _words(regime.name) + ("" if regime.inside else f" (outside the model: {_math(outside)})"),
+            _words(regime.name)
+            + ("" if regime.inside else f" (outside the model: {_math(outside)})")
+            + (" (absent there)" if (regime.side, regime.name) in absent else ""),
             ", ".join(_math(condition_latex(c.small, c.large, law)) for c in regime.conditions),
             *forms,
             *("" if exponent is None else _math(to_latex(exponent)) for exponent in (regime.lambda1, regime.lambda2)),

@@ -23,6 +23,7 @@ from softdyn.derive.law import sizes_asked
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.derive.laws.droplet import law as droplet
 from softdyn.derive.laws.droplet import sigma
+from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.regimes import Diagram, discover
 from softdyn.errors import SceneError
@@ -233,6 +234,7 @@ def test_a_regime_that_real_values_leave_no_room_is_absent() -> None:
     assert text.count("absent there: ") == sum(not one.there for one in found.values())
 
 
+@pytest.mark.slow
 def test_what_is_absent_is_told_with_how_far_it_is_off() -> None:
     """In dlvo a film drawn together needs h >> ell where F << A R/(12 h^2) and F >> E sqrt(R) h^(3/2)."""
     diagram = regimes_of(dlvo)
@@ -247,8 +249,8 @@ def test_what_is_absent_is_told_with_how_far_it_is_off() -> None:
 
 def test_a_number_of_order_one_does_not_count_as_small() -> None:
     """A Poisson ratio of 0.3 stays where it is: 1 - nu^2 is not 1."""
-    found = regimes_of(at_values(dlvo, read_values(["nu=.3"])))  # type: ignore[arg-type]
-    nu = next(symbol for symbol in dlvo.parameters if symbol.name == "nu")
+    found = regimes_of(at_values(equal_spheres, read_values(["nu=.3"])))  # type: ignore[arg-type]
+    nu = next(symbol for symbol in equal_spheres.parameters if symbol.name == "nu")
     assert nu not in found.scales
     assert found.regimes[0].forms["C"].leading.has(nu)
 
@@ -301,10 +303,19 @@ def doubtful(**changes: Any) -> ContactLaw:
 HALF_DECIDED = {"F_ela": E * a * delta * (2 + sin(log(1 + R / a)))}
 
 
-def test_no_condition_is_dropped_against_an_undecided_neighbour() -> None:
+@pytest.mark.parametrize(
+    ("changes", "sides"),
+    [
+        ({"F_ela": E * delta * a * (1 + exp(delta / R))}, ("compression",)),
+        pytest.param(HALF_DECIDED, ("compression", "tension"), marks=pytest.mark.slow),
+    ],
+)
+def test_no_condition_is_dropped_against_an_undecided_neighbour(
+    changes: dict[str, Any], sides: tuple[str, ...]
+) -> None:
     """Every face of a regime is among its conditions."""
-    diagram = discover(doubtful(**HALF_DECIDED))
-    for side in ("compression", "tension"):
+    diagram = discover(doubtful(**changes))
+    for side in sides:
         here = [regime for regime in diagram.regimes if regime.side == side]
         assert any(regime.forms for regime in here)
         assert any(not regime.forms for regime in here)
@@ -315,6 +326,7 @@ def test_no_condition_is_dropped_against_an_undecided_neighbour() -> None:
             assert len(regime.conditions) >= len(set(faces))
 
 
+@pytest.mark.slow
 def test_what_is_undecided_is_hatched_and_named() -> None:
     diagram = discover(doubtful(**HALF_DECIDED))
     figure = phases.phase_diagram(diagram)
@@ -394,3 +406,10 @@ def test_films_of_rigid_particles_carry_any_force() -> None:
     # what happens lies within the window
     shown = plane_of(diagram, values)
     assert 10 ** shown.ylim[1] * values.unit(FORCE) * shown.unit > barrier
+
+
+@pytest.mark.slow
+def test_a_notebook_marks_what_is_absent() -> None:
+    text = regimes_of(dlvo)._repr_html_()
+    assert re.search(r"drawn together</span> \(absent there\)", text)
+    assert text.count("absent there") == sum(not one.there for one in presence_of(regimes_of(dlvo)).values())

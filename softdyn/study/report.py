@@ -58,7 +58,8 @@ from softdyn.findings import films_of, limits_of, regimes_of
 from softdyn.results import written_whole
 from softdyn.stock import kinds
 from softdyn.study.formulas import definitions, formula, widest
-from softdyn.study.tables import holds_text, same_size, twin
+from softdyn.study.presence import ANYWHERE, Presences, presence_of
+from softdyn.study.tables import holds_text, presence_text, same_size, twin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,7 +161,7 @@ def page(law: ContactLaw) -> str:
         "tangential": tangential(law, show),
         "limits": [limit_entry(limit, findings, diagram, show) for limit in law.limits],
         "figures": figures(diagram),
-        "regimes": regimes(diagram, show),
+        "regimes": regimes(diagram, show, presence_of(diagram)),
         "units": units(law, show),
         "energy": energy(show),
         "conservative": diagram.conservative,
@@ -386,12 +387,12 @@ def units(law: ContactLaw, show: Show) -> list[Markup]:
     ]
 
 
-def regimes(diagram: Diagram, show: Show) -> dict[str, Any]:
+def regimes(diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
     """Regimes of both sides, those in tension where they differ; crossovers and points."""
     twins = {(r.side, r.name): twin(diagram, r) for r in diagram.regimes}
     same = all(twins[r.side, r.name] is not None for r in diagram.regimes if r.side == "tension")
     tension = [r for r in diagram.regimes if r.side == "tension"]
-    own = [regime_entry(r, diagram, show) for r in tension if twins[r.side, r.name] is None]
+    own = [regime_entry(r, diagram, show, found) for r in tension if twins[r.side, r.name] is None]
     differing = []
     for regime in tension:
         other = twins[regime.side, regime.name]
@@ -402,7 +403,12 @@ def regimes(diagram: Diagram, show: Show) -> dict[str, Any]:
             differing.append({"name": regime.name, "forms": form_rows(regime, names, diagram, show)})
     sides: list[Side] = ["compression"] if same else ["compression", "tension"]
     return {
-        "compression": [regime_entry(r, diagram, show) for r in diagram.regimes if r.side == "compression"],
+        "compression": [regime_entry(r, diagram, show, found) for r in diagram.regimes if r.side == "compression"],
+        "absent": [
+            r.name
+            for r in tension
+            if twins[r.side, r.name] is not None and not found.get((r.side, r.name), ANYWHERE).there
+        ],
         "tension": own,
         "same": same,
         "differing": differing,
@@ -424,13 +430,16 @@ def regimes(diagram: Diagram, show: Show) -> dict[str, Any]:
     }
 
 
-def regime_entry(regime: Regime, diagram: Diagram, show: Show) -> dict[str, Any]:
-    """One regime: where it is, and the forms of all quantities."""
+def regime_entry(regime: Regime, diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
+    """One regime: where it is, whether it is there at typical values, and the forms of all quantities."""
     law = diagram.law
+    presence = found.get((regime.side, regime.name))
     return {
         "name": regime.name,
         "side": regime.side,
         "inside": regime.inside,
+        "absent": presence is not None and not presence.there,
+        "presence": "" if presence is None else presence_text(presence),
         "conditions": [
             show(condition_latex(c.small, c.large, law), f"{sstr(c.small)} << {sstr(c.large)}")
             for c in regime.conditions
