@@ -298,6 +298,7 @@ def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
     }
 
 
+@lru_cache(maxsize=128)
 def parameters_of(law: ContactLaw, tangential: bool = False, drag: bool = False) -> tuple[Symbol, ...]:
     """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
     used = {R}.union(*(expr.free_symbols for expr in expressions(law).values()))

@@ -660,7 +660,12 @@ def _short(term: Expr) -> Expr:
 
 def _exponent(form: Form | None) -> Expr | None:
     """Return dln(form)/dln(h) at constant force."""
-    return None if form is None else simplify(h * diff(form.leading, h) / form.leading)
+    if form is None:
+        return None
+    powers = [factor.as_base_exp() for factor in Mul.make_args(form.leading) if factor.has(h)]
+    if all(base == h and power.is_Rational for base, power in powers):
+        return Add(*(power for _, power in powers))
+    return simplify(h * diff(form.leading, h) / form.leading)
 
 
 # -------------------------------------------------------------------------------------------------------------- names
@@ -739,13 +744,19 @@ def _crossovers(law: ContactLaw, regimes: Sequence[Regime], directions: Mapping[
             yield Crossover(one.name, other.name, one.side, quantity, line, elsewhere, normal)
 
 
+@lru_cache(maxsize=10_000)
+def _ratio(one: Expr, other: Expr) -> Expr:
+    """Of two forms: many regimes have the same ones."""
+    return powsimp(one / other)
+
+
 def _meeting(
     law: ContactLaw, name: str, one: Regime, other: Regime, directions: Mapping[Symbol, Normal], on_facet: Ray
 ) -> Eq | None:
     """Where the leading forms of a quantity in two regimes have the same size, if that is on the facet given."""
     if name not in one.forms or name not in other.forms:
         return None
-    ratio = powsimp(one.forms[name].leading / other.forms[name].leading)
+    ratio = _ratio(one.forms[name].leading, other.forms[name].leading)
     if not ratio.free_symbols or _order_at(ratio, one, on_facet, directions) != 0:
         return None
     for symbol in (force, h):
