@@ -429,7 +429,7 @@ def _regimes(options: argparse.Namespace) -> int:
     if options.numeric:
         from softdyn.study.exponents import measure
 
-        measured = measure(diagram)
+        measured = measure(diagram, real=real)
     if options.json:
         data = regimes_data(diagram, films, found, real)
         print(json.dumps(data if measured is None else {**data, "numeric": measured.to_dict()}, indent=2))

@@ -241,7 +241,7 @@ def test_what_is_absent_is_told_with_how_far_it_is_off() -> None:
     found = presence_of(diagram)
     assert not found["compression", "drawn together"].there
     text = regimes_text(diagram, None, found)
-    assert "absent there: its conditions hold nowhere together" in text
+    assert "absent there: its conditions hold together at none of the points looked at" in text
     data = regimes_data(diagram, None, found)
     there = {(r["side"], r["name"]): r["presence"]["there"] for r in data["regimes"] if "presence" in r}
     assert there == {key: one.there for key, one in found.items()}

@@ -28,6 +28,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.pair.run import simulate_pair
 from softdyn.scene import Scene
 from softdyn.study.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
+from softdyn.study.values import RealValues
 
 Array = NDArray[np.float64]
 Exponent = Literal["lambda1", "lambda2"]
@@ -142,13 +143,15 @@ class Measurement:
         return "\n".join(_lines(self)) + "\n"
 
 
-def measure(diagram: Diagram, target: str = "auto") -> Measurement:
+def measure(diagram: Diagram, target: str = "auto", real: RealValues | None = None) -> Measurement:
     """Run the pair engine along lines of constant force, and compare its exponents with those of each regime.
 
     Parameters
     ----------
     diagram : Diagram
     target : "auto", "c" or "numba"
+    real : RealValues, optional
+        Of the diagram's law: lines are then of forces that are powers of ten in N, as they are drawn.
 
     Raises
     ------
@@ -162,7 +165,7 @@ def measure(diagram: Diagram, target: str = "auto") -> Measurement:
             f"law {law.name!r} is one-sided, without a {'deflection' if is_rigid(law) else 'gap'}: "
             "the pair engine cannot run it; measure the law that it is a limit of"
         )
-    shown = plane_of(diagram)
+    shown = plane_of(diagram, real)
     low, high = shown.xlim
     plane = replace(
         shown,

@@ -145,7 +145,13 @@ def _presence(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array
     inside = (margin >= 0) & np.isfinite(exact["delta"])
     if not inside.any():
         return Presence(
-            False, "its conditions hold nowhere together", math.nan, math.nan, dict.fromkeys(ERRORS), frozenset(), 0
+            False,
+            "its conditions hold together at none of the points looked at",
+            math.nan,
+            math.nan,
+            dict.fromkeys(ERRORS),
+            frozenset(),
+            0,
         )
     errors = errors_at(regime, plane, {name: values[inside] for name, values in exact.items()}, X[inside], Y[inside])
     sizes = _sizes(errors)
