@@ -24,8 +24,9 @@ from softdyn.particles.geometry import Contacts, Integers
 Array = NDArray[np.float64]
 
 
-#: Stiffness of rolling where no time passes, in units of that of sliding: surfaces shear, and hardly roll.
-BLOCKED = 1e3
+#: Stiffness of rolling where no time passes, in units of that of sliding: surfaces shear, and roll so much less than
+#: that of what they roll as little is left each time that a stage is solved for anew, with the moments that it had.
+BLOCKED = 1e5
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class Known:
         Of i and of j; walls have 1, which nothing depends on.
     unlike : array, shape (contacts,)
         D = (R_i - R_j)/(R_i + R_j); -1 for walls.
+    rolled : array, shape (contacts, rotations), optional
+        Of the relative rotation, where no time passes.
     """
 
     normal: Array
@@ -51,6 +54,7 @@ class Known:
     angle: Array
     radii: Array
     unlike: Array
+    rolled: Array | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -182,12 +186,21 @@ def slide(
         angle = angle + dot(by_radius[0] + by_radius[1], n) / 2 - swung
         kept = spin(kept, n, angle)
     force = values["keep"][:, None] * kept + values["stiff"][:, None] * slip
-    roll = by_radius[0] - by_radius[1]
-    resisted = roll if d == 2 else roll - dot(n, roll)[:, None] * n
-    moment = rolling_stiffness(known, values, s)[:, None] * resisted
-    back = spin(force, n, -angle) if d == 3 else force
-    turned = carry(back, n, known.normal)
+    roll = known.rolled + by_radius[0] - by_radius[1]
+    moment = rolling_stiffness(known, values, s)[:, None] * resisted(roll, n)
+    turned = turned_back(known, force, n, angle)
     return Slid(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
+
+
+def turned_back(known: Known, vectors: Array, n: Array, angle: Array) -> Array:
+    """Vectors of the contacts in the frame of the step's start."""
+    back = spin(vectors, n, -angle) if n.shape[1] == 3 else vectors
+    return carry(back, n, known.normal)
+
+
+def resisted(roll: Array, n: Array) -> Array:
+    """What films resist of relative rotations: all, but for a twist about the normal."""
+    return roll if n.shape[1] == 2 else roll - dot(n, roll)[:, None] * n
 
 
 def rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array:

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.particles import linear, sliding
+from softdyn.particles import linear
 from softdyn.particles.balance import Balance, Given, Newton, StepFailed, balance, pair_named
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.faults import require_balanced, require_held, why
-from softdyn.particles.geometry import Contacts, bare_contacts, directions, lattice
-from softdyn.particles.loads import Driven
+from softdyn.particles.geometry import Contacts, bare_contacts
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over
 from softdyn.particles.parameters import mixed_parameters
+from softdyn.particles.ramp import held, holding, ramped
 from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
@@ -76,7 +76,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         require_balanced(system, state)
         require_held(system, state)
         try:
-            _take(state, relaxed(system, newton, state))
+            _take(state, _let_go(system, newton, state))
         except (StepFailed, linear.Indefinite) as error:
             raise IntegrationError(
                 f"at the start, with the gaps as given, the forces have no equilibrium: {why(system, state, error)}"
@@ -87,21 +87,19 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     return state
 
 
+def _let_go(system: System, newton: Newton, state: State) -> Balance:
+    """Equilibrium that particles go to at once which something has held at their places until now."""
+    if not system.kernel.tangential:
+        return relaxed(system, newton, state)
+    before = holding(system, state.contacts, state.x, state.t)
+    return ramped(system, newton, state.contacts, state.x, state.t, before, system.force(state.t))[0]
+
+
 def relaxed(system: System, newton: Newton, state: State) -> Balance:
     """Elastic equilibrium at the gaps as they are, which nothing but films resists for an instant."""
-    contacts, x = state.contacts, state.x
-    nothing, place, known = np.zeros(len(contacts)), x.copy(), None
-    if system.kernel.tangential:  # surfaces stick for the instant in which it is reached
-        normal, _ = directions(contacts, x, lattice(system.box, state.t), system.walls)
-        known, place = sliding.starting(contacts, system.radii, normal), np.zeros(system.fixed.shape)
-        place[:, : x.shape[1]] = x
-    given = Given(state.t, 0.0, place, nothing, known)
-    return balance(system, contacts, newton, given, place.copy(), nothing.copy())
-
-
-def _held(values: Array) -> Driven:
-    """The same at all times."""
-    return Driven([], np.ones(values.shape), values)
+    nothing = np.zeros(len(state.contacts))
+    given = Given(state.t, 0.0, state.x, nothing)
+    return balance(system, state.contacts, newton, given, state.x.copy(), nothing.copy())
 
 
 def _take(state: State, found: Balance) -> None:
@@ -115,8 +113,7 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
     """Go on behind a kink or a jump of what is given: rates before it are no rates behind it.
 
     A jump of the forces moves particles that nothing resists at once, at the gaps as they are. The work of the forces
-    is that of a fast ramp, W = [F x] - (jump of F) . integral of x over the ramp, by Gauss's rule on panels. Where
-    forces change their sign on the way x has kinks: panels are halved until it makes no difference.
+    is that of a fast ramp.
 
     Raises
     ------
@@ -127,9 +124,33 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
     before, after = system.force(state.t), system.force.after(state.t)
     if system.dragged or system.fixed.all() or np.array_equal(before, after):
         return
-    require_balanced(replace(system, force=_held(after)), state)
-    jump, stored = after - before, stored_energy(system, state)
-    start = np.pad(state.x, ((0, 0), (0, after.shape[1] - state.x.shape[1])))
+    require_balanced(replace(system, force=held(after)), state)
+    stored = stored_energy(system, state)
+    try:
+        if system.kernel.tangential:
+            found, work = ramped(system, newton, state.contacts, state.x, state.t, before, after)
+        else:
+            found, work = _passed(system, newton, state, before, after)
+    except (StepFailed, linear.Indefinite) as error:
+        raise IntegrationError(
+            f"the forces jump at t={state.t:.6g}, and have no equilibrium behind: {why(system, state, error)}"
+        ) from None
+    _take(state, found)
+    newton.forget()
+    state.work["external"] += work
+    stored = stored_energy(system, state) - stored
+    state.work[ELASTIC] += stored
+    if found.slid is not None:  # nothing slides or rolls within an instant
+        state.work["k_t"] += work - stored
+
+
+def _passed(system: System, newton: Newton, state: State, before: Array, after: Array) -> tuple[Balance, float]:
+    """Equilibrium behind a jump of the forces, and their work, where neither depends on the way.
+
+    The work is W = [F x] - (jump of F) . integral of x over a ramp, by Gauss's rule on panels. Where forces change
+    their sign on the way x has kinks: panels are halved until it makes no difference.
+    """
+    jump = after - before
 
     def by_panels(count: int) -> tuple[float, float]:
         """The second term, and the sum of its sizes."""
@@ -139,30 +160,18 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
                 # slow at both ends, where a contact may have no force yet
                 s = (panel + point) / count
                 part, rate = s**2 * (3 - 2 * s), 6 * s * (1 - s)
-                found = relaxed(replace(system, force=_held(before + part * jump)), newton, state)
-                here = weight / count * rate * (jump * (found.x - start))
+                found = relaxed(replace(system, force=held(before + part * jump)), newton, state)
+                here = weight / count * rate * (jump * (found.x - state.x))
                 total, size = total - float(here.sum()), size + float(np.abs(here).sum())
         return total, size
 
-    try:
-        (work, size), panels, change = by_panels(1), 1, math.inf
-        while panels < MOST_PANELS and change > SETTLED * system.rtol * size:
-            panels *= 2
-            finer, size = by_panels(panels)
-            work, change = finer, abs(finer - work)
-        found = relaxed(replace(system, force=_held(after)), newton, state)
-    except (StepFailed, linear.Indefinite) as error:
-        raise IntegrationError(
-            f"the forces jump at t={state.t:.6g}, and have no equilibrium behind: {why(system, state, error)}"
-        ) from None
-    work += float(np.sum(after * (found.x - start)))
-    _take(state, found)
-    newton.forget()
-    state.work["external"] += work
-    stored = stored_energy(system, state) - stored
-    state.work[ELASTIC] += stored
-    if found.slid is not None:  # nothing slides or rolls within an instant
-        state.work["k_t"] += work - stored
+    (work, size), panels, change = by_panels(1), 1, math.inf
+    while panels < MOST_PANELS and change > SETTLED * system.rtol * size:
+        panels *= 2
+        finer, size = by_panels(panels)
+        work, change = finer, abs(finer - work)
+    found = relaxed(replace(system, force=held(after)), newton, state)
+    return found, work + float(np.sum(after * (found.x - state.x)))
 
 
 def _films(scene: ParticleScene, checked: Checked, system: System) -> Contacts:

@@ -144,7 +144,7 @@ def take_step(
     """
     begun = _begin(system, contacts, newton, t, x, dt)
     z_rate = placed(system, t, 0.0, begun.z, system.box_rates)[1] if begun.z.size else begun.z
-    # at the start, and at each stage: of positions, of gaps, of box and walls, of tangential forces and their frames
+    # at the start, and at each stage: of positions, gaps, box and walls, tangential forces, their frames, and slips
     rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *_still(contacts))]
     guess_x, guess_y, box_rates = v, y_rate, system.box_rates
     spent = [power or dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0)]
@@ -152,27 +152,34 @@ def take_step(
     end = t + dt if end is None else end
     for row, when in zip(ROWS, (*(t + NODES[:-1] * dt), end), strict=True):
         at = None  # many numbers that the next stage has no use for
-        at = _stage(begun, rates, row, row, float(when), guess_x, guess_y, box_rates)
+        at = _stage(begun, rates, row, float(when), guess_x, guess_y, box_rates)
         rates.append(at.rates)
         guess_x, guess_y, box_rates = at.rates[0], at.rates[1], at.box_rates
         spent.append(powers(at.system, contacts, at.found, float(when), guess_x, guess_y, at.rates[3]))
     assert at is not None
 
-    x_error, y_error, z_error, T_error = (dt * _combined(rates, np.array([0.0, *ERROR]), k) for k in range(4))
+    errors = np.array([0.0, *ERROR])
+    x_error, y_error, z_error, T_error = (dt * _combined(rates, errors, k) for k in range(4))
+    # where positions are algebraic they, and slips, have no error; rates are differences of them, and have
+    slip_error = np.zeros_like(T_error) if system.dragged else dt * _combined(rates, errors, 5)
     # what is given by its rate has no error
-    error = _error(system, at.found, y_error, np.where(system.fixed, 0.0, x_error), T_error)
+    error = error_of(system, at.found, y_error, np.where(system.fixed, 0.0, x_error), T_error, slip_error)
     if system.imposed is not None:
         # errors of the strains of the box, as of positions
         strains = system.dimension + (system.lean0 is None)
         error = max(error, largest(z_error[:strains]) / system.rtol)
     between = []
     for when in outputs if error <= 1.0 else ():
+        if begun.known is not None:
+            # their rates at the start are not known, without which a stage more is not as good: a shorter step is
+            shorter = take_step(system, contacts, newton, t, x, v, y_rate, float(when) - t, (), power, float(when))
+            between.append(Output(float(when), shorter.end, shorter.v, shorter.work, shorter.system))
+            continue
         theta = (float(when) - t) / dt
         near = np.array([0.0, *rate_weights(theta)])
         row = dense_row(theta, power is not None)
-        # the rates of tangential forces at the start are not known
         guess_x, guess_y = _combined(rates, near, 0), _combined(rates, near, 1)
-        other = _stage(begun, rates, row, dense_row(theta, False), when, guess_x, guess_y, box_rates)
+        other = _stage(begun, rates, row, when, guess_x, guess_y, box_rates)
         own = powers(other.system, contacts, other.found, when, other.rates[0], other.rates[1], other.rates[3])
         work = _work(dt, [*row, GAMMA], [*spent, own])
         between.append(Output(float(when), other.found, other.rates[0], work, other.system))
@@ -217,9 +224,9 @@ def _begin(system: System, contacts: Contacts, newton: Newton, t: float, x: Arra
     return _Begun(system, contacts, newton, t, dt, x, z, known, turned)
 
 
-def _still(contacts: Contacts) -> tuple[Array, Array]:
-    """Rates of tangential forces and of their frames, where there are none or they are not known."""
-    return np.zeros_like(contacts.T), np.zeros(len(contacts) if contacts.T.size else 0)
+def _still(contacts: Contacts) -> tuple[Array, Array, Array]:
+    """Rates of tangential forces, of their frames and of slips, where there are none or they are not known."""
+    return np.zeros_like(contacts.T), np.zeros(len(contacts) if contacts.T.size else 0), np.zeros_like(contacts.T)
 
 
 def _combined(rates: Sequence[tuple[Array, ...]], weights: Array, which: int) -> Array:
@@ -241,7 +248,6 @@ def _stage(
     begun: _Begun,
     rates: Sequence[tuple[Array, ...]],
     row: Array,
-    sliding_row: Array,
     when: float,
     guess_x: Array,
     guess_y: Array,
@@ -253,8 +259,8 @@ def _stage(
     ----------
     rates : sequence of tuple of array
         At the start, and at the stages before.
-    row, sliding_row : array
-        Weights of these; and for tangential forces, whose rates at the start are not known.
+    row : array
+        Weights of these.
     when : float
         Time of the stage.
     guess_x, guess_y, box_rates : array
@@ -276,7 +282,7 @@ def _stage(
         first = np.where(system.fixed, place, first)
     known = begun.known
     if known is not None:
-        T_star, angle_star = (dt * _combined(rates, sliding_row, which) for which in (3, 4))
+        T_star, angle_star = (dt * _combined(rates, row, which) for which in (3, 4))
         known = replace(known, force=contacts.T + T_star, angle=angle_star)
     here, at_z, guess = system, np.empty(0), y_star + s * guess_y
 
@@ -302,7 +308,9 @@ def _stage(
         first, guess = found.x - twist, found.y
     turned = _still(contacts)
     if known is not None and found.slid is not None:
-        turned = (found.slid.turned - known.force) / s, (found.slid.angle - known.angle) / s
+        slid = found.slid
+        slip = sliding.turned_back(known, slid.slip, found.n, slid.angle)
+        turned = (slid.turned - known.force) / s, (slid.angle - known.angle) / s, slip / s
     return _Stage(found, here, ((found.x - x_star) / s, (found.y - y_star) / s, at_z, *turned), box_rates)
 
 
@@ -315,12 +323,13 @@ def _unresisted(system: System, contacts: Contacts, found: Balance, x_star: Arra
     return np.where(system.fixed, 0.0, twist)
 
 
-def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array) -> float:
+def error_of(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array, slip_error: Array) -> float:
     """Error of a step relative to what is allowed.
 
     The root of the mean square over contacts within their range, each as much as there is of it, and a tenth of the
     largest. Likewise over particles, where their positions are integrated; likewise over tangential forces, relative to
-    the largest force, or to what would shear the contact's surfaces by its gap.
+    the largest force, or to what would shear the contact's surfaces by its gap: of what they have not from slips
+    without an error.
     """
     active = end.h < system.reach
     found = [0.0]
@@ -334,7 +343,8 @@ def _error(system: System, end: Balance, y_error: Array, x_error: Array, T_error
     if end.slid is not None and active.any():
         k_t = end.values["stiff"][active] / end.values["keep"][active]
         allowed = np.maximum(k_t * end.h[active], max(largest(end.slid.force), largest(end.F)))
-        relative = np.linalg.norm(T_error[active], axis=1) / (system.rtol * allowed)
+        wrong = T_error[active] - k_t[:, None] * slip_error[active]
+        relative = np.linalg.norm(wrong, axis=1) / (system.rtol * allowed)
         found += [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
     return max(found) if all(map(math.isfinite, found)) else math.inf
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -36,6 +37,8 @@ from softdyn.stress.particles.equations import (
 Array = NDArray[np.float64]
 #: Beyond this effort a scene is left without a reference.
 MOST_EVALUATIONS = 30_000
+#: Duration of a jump of the forces where surfaces slide, in units of that of the run.
+INSTANT = 1e-12
 #: Contacts are looked for so far beyond their range, in radii, before it is known which will come within it.
 BESIDE = 0.25
 #: Deflections over the radius below this are none; and how close to the range a contact is at it.
@@ -153,7 +156,7 @@ def integrate(eq: Equations, first: Array, times: Array, rtol: float) -> Array:
     for start, end in pairwise(ends):
         part, t, mode = part_of(eq, (start + end) / 2), start, None
         if start > ends[0] and not eq.dragged:
-            state = jumped(eq, start, state, part)
+            state = jumped(eq, start, state, part, rtol)
         while t < end:
             state, mode = settled(eq, t, state, part, mode)
 
@@ -187,17 +190,29 @@ def now_of(eq: Equations, t: float, state: Array) -> Now:
     return tell(eq, t, state, part, mode)
 
 
-def jumped(eq: Equations, t: float, state: Array, after: int) -> Array:
-    """State behind a jump of the forces, where nothing but films resists for an instant: these stay as they are.
-
-    With tangential motion what surfaces stick by depends on the way, and no such scene is sampled.
-    """
-    jump = eq.given(t, after)["force"] - eq.given(t, part_of(eq, t))["force"]
+def jumped(eq: Equations, t: float, state: Array, after: int, rtol: float) -> Array:
+    """State behind a jump of the forces, where nothing but films resists for an instant: these stay as they are."""
+    before = eq.given(t, part_of(eq, t))["force"]
+    jump = eq.given(t, after)["force"] - before
     if np.abs(jump).max() < FREE * np.abs(eq.given(t, after)["force"]).max():
         return state
-    if not eq.slides:
-        return balanced(eq, t, state, after)
-    raise Beyond("a jump of forces where surfaces slide")
+    return ramped(eq, t, state, before, after, rtol) if eq.slides else balanced(eq, t, state, after)
+
+
+def ramped(eq: Equations, t: float, state: Array, before: Array, after: int, rtol: float) -> Array:
+    """State behind a jump of the forces where surfaces slide: how they come to stick depends on the way.
+
+    That is the limit of faster and faster ramps. Of one within an instant the equations are what they always are, in
+    which films and what slides have no time to move.
+    """
+    instant, then = INSTANT * float(eq.case.scene.until), eq.given(t, after)
+    still = {name: np.zeros_like(value) for name, value in then.items()}
+    still |= {"torque": then["torque"], "force_rate": (then["force"] - before) / instant}
+
+    def given(since: float, part: int) -> dict[str, Array]:
+        return still | {"force": before + since * still["force_rate"]}
+
+    return integrate(replace(eq, given=given, breaks=[]), state, np.array([0.0, instant]), rtol)[-1]
 
 
 def solve(case: Case, times: Array, rtol: float, looks: int = 8) -> tuple[Equations, Array]:
@@ -221,7 +236,8 @@ def solve(case: Case, times: Array, rtol: float, looks: int = 8) -> tuple[Equati
             raise Beyond("surfaces overlap, and no gap is given")
         first = pack(eq, place, np.log(gap), np.zeros((len(pairs), 3)), z)
         if not eq.dragged:
-            first = balanced(eq, 0.0, first, 0)
+            still = np.zeros((eq.count, 3))
+            first = ramped(eq, 0.0, first, still, 0, rtol) if eq.slides else balanced(eq, 0.0, first, 0)
         states = integrate(eq, first, fine, rtol)
         met = set(pairs)
         for state in states:

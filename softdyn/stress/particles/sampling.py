@@ -425,11 +425,11 @@ def _still(draft: Draft) -> Case:
                 else [0.0 for _ in about]
             )
             holds.append(Hold([k], "xyz"[:d], velocity, spin if turns else None))
-        pushes.append(Push([0], [draft.drive(size * draft.uniform(-1, 1) * force, T, slides, 3.0) for _ in range(d)]))
+        pushes.append(Push([0], [draft.drive(size * draft.uniform(-1, 1) * force, T, most=3.0) for _ in range(d)]))
         if slides:
             gap = None
             about = range(1 if d == 2 else 3)
-            torque = [draft.drive(size * draft.uniform(-1, 1) * force * length, T, plain=True, most=3.0) for _ in about]
+            torque = [draft.drive(size * draft.uniform(-1, 1) * force * length, T, most=3.0) for _ in about]
             pushes.append(Push([0], None, torque))
             draft.kinds += ["tangential", "torque"]
         draft.kinds += ["hold", "push"]

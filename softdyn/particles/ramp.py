@@ -1,0 +1,173 @@
+"""A jump of the forces on particles that nothing resists, where surfaces stick.
+
+Positions move at once to another elastic equilibrium, at the gaps as they are. Tangential forces are then not those of
+the new place alone: surfaces have sheared on the way there, each bit with the stiffness that it had where it was. The
+way is that of a ramp within an instant, in which nothing slides, and nothing rolls: films resist both. Its steps are
+those of :mod:`softdyn.particles.method`, and so is their error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.particles import linear, sliding
+from softdyn.particles.balance import Balance, Given, Newton, StepFailed, balance, largest, solve_at, with_torques
+from softdyn.particles.balance import contact_forces as sum_of
+from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
+from softdyn.particles.loads import Driven
+from softdyn.particles.method import ERROR, GAMMA, NODES, ORDER, STAGES
+from softdyn.particles.step import error_of
+from softdyn.particles.system import System
+
+Array = NDArray[np.float64]
+
+#: Of the ramp: its first step; and the shortest.
+FIRST, SHORTEST = 0.25, 1e-6
+#: Times that a stage is solved for, each with some thousandth of what rolled before: then only rounding does.
+MOST_ROLLS = 10
+#: Error of a step of the ramp, relative to that of a step in time: all together are to have no more than one of these.
+SHARE = 0.1
+#: Of the step that the error allows; and by how much steps grow at most.
+SAFETY, LARGEST_GROWTH = 0.8, 3.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the ramp: what is found at its end, what stands for moments of rolling there; work of the forces."""
+
+    end: Balance
+    contacts: Contacts
+    rolled: Array | float
+    work: float
+    error: float
+
+
+def held(values: Array) -> Driven:
+    """The same at all times."""
+    return Driven([], np.ones(values.shape), values)
+
+
+def holding(system: System, contacts: Contacts, x: Array, t: float) -> Array:
+    """Forces that hold particles where they are, with the contacts as they are, shape (N, d + rotations)."""
+    cell, nothing, count = lattice(system.box, t), np.zeros(len(contacts)), len(x)
+    n, r, _, F, _, values = solve_at(system, contacts, x, cell, 0.0, nothing, nothing.copy())
+    force = with_torques(system, sum_of(contacts, F, n, count))
+    known, still = sliding.starting(contacts, system.radii, n), np.zeros(force.shape)
+    images, curvature = np.zeros(contacts.T.shape), curvatures(contacts, r, count)
+    slid = sliding.slide(known, contacts, values, n, r, curvature, still, images, 0.0)
+    return force + sliding.reactions(contacts, known, slid, n, count)
+
+
+def ramped(
+    system: System, newton: Newton, contacts: Contacts, x: Array, t: float, before: Array, after: Array
+) -> tuple[Balance, float]:
+    """Elastic equilibrium behind a ramp of the forces within an instant; and their work.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        At its start.
+    x : array, shape (N, d)
+    before, after : array, shape (N, d + rotations)
+        Forces, which balance at the start.
+
+    Raises
+    ------
+    StepFailed, softdyn.particles.linear.Indefinite
+        If there is no equilibrium on the way.
+    """
+
+    def force(part: float) -> Array:
+        # slow at both ends, where a contact may have no force yet
+        return before + part**2 * (3 - 2 * part) * (after - before)
+
+    done, ahead, work = 0.0, FIRST, 0.0
+    rolled: Array | float = 0.0
+    while True:
+        end = 1.0 if done + 1.01 * ahead > 1.0 else done + ahead
+        try:
+            part = _part(system, newton, contacts, x, t, force, (done, end), rolled)
+            error = part.error
+        except (StepFailed, linear.Indefinite):
+            newton.forget()
+            if 0.5 * (end - done) < SHORTEST:
+                raise
+            error = math.inf
+        if error <= 1.0:
+            contacts, x, rolled, done = part.contacts, part.end.x[:, : x.shape[1]], part.rolled, end
+            work += part.work
+            if done == 1.0:
+                return part.end, work
+        growth = SAFETY * max(error, 1e-12) ** (-1 / ORDER) if math.isfinite(error) else 0.5
+        ahead *= min(LARGEST_GROWTH, max(0.2, growth))
+        if ahead < SHORTEST:
+            raise StepFailed(f"forces that jump cannot be followed to the tolerance rtol={system.rtol:g}")
+
+
+def _part(
+    system: System,
+    newton: Newton,
+    contacts: Contacts,
+    x: Array,
+    t: float,
+    force: Callable[[float], Array],
+    ends: tuple[float, float],
+    rolled: Array | float,
+) -> Part:
+    """One step of the ramp; rates are by its parameter."""
+    start, width = ends[0], ends[1] - ends[0]
+    normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+    begun, place = sliding.starting(contacts, system.radii, normal), with_torques(system, x)
+    s, nothing = GAMMA * width, np.zeros(len(contacts))
+    rates: list[tuple[Array, ...]] = []
+    guess = np.zeros_like(place)
+    for row, node in zip(STAGES, NODES, strict=True):
+        known_x, known_T, known_angle = (
+            width * sum((w * rate[which] for w, rate in zip(row, rates, strict=False)), zero)
+            for which, zero in enumerate((np.zeros_like(place), np.zeros_like(contacts.T), nothing))
+        )
+        x_star = place + known_x
+        known = replace(begun, force=contacts.T + known_T, angle=known_angle, rolled=rolled)
+        here = replace(system, force=held(force(start + node * width)))
+        found = _blocked(here, newton, contacts, Given(t, 0.0, x_star, nothing, known), x_star + s * guess)
+        slid = found.slid
+        assert slid is not None
+        rolled = sliding.resisted(slid.roll, found.n)
+        slip = sliding.turned_back(known, slid.slip, found.n, slid.angle)
+        moved = found.x - x_star, slid.turned - known.force, slid.angle - known_angle, slip
+        rates.append(tuple(change / s for change in moved))
+        guess = rates[-1][0]
+    assert slid is not None
+    nodes = start + NODES * width
+    work = width * sum(
+        float(w * np.sum(force(at) * rate[0])) for w, at, rate in zip(STAGES[-1], nodes, rates, strict=True)
+    )
+    T_error, slip_error = (
+        width * sum((w * rate[which] for w, rate in zip(ERROR, rates, strict=True)), np.zeros_like(contacts.T))
+        for which in (1, 3)
+    )
+    error = (
+        error_of(system, found, nothing, np.zeros_like(place), T_error, slip_error) / SHARE if T_error.any() else 0.0
+    )
+    return Part(found, replace(contacts, h=found.h, T=slid.force), rolled, work, error)
+
+
+def _blocked(system: System, newton: Newton, contacts: Contacts, given: Given, guess: Array) -> Balance:
+    """A stage in which nothing rolls: solved for anew with the moments that it took, until these are what they were."""
+    for _ in range(MOST_ROLLS):
+        found = balance(system, contacts, newton, given, guess, np.zeros(len(contacts)))
+        known, slid = given.known, found.slid
+        assert known is not None
+        assert slid is not None
+        rolled = sliding.resisted(slid.roll, found.n)
+        sheared = largest((found.values["stiff"] * known.radii[0])[:, None] * (rolled - known.rolled))
+        sizes = largest(system.force(given.t)), largest(found.F), largest(slid.force)
+        if sheared <= system.force_tolerance * max(sizes):
+            break
+        guess, given = found.x, replace(given, known=replace(known, rolled=rolled))
+    return found
