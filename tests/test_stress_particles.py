@@ -28,7 +28,8 @@ from softdyn.stress.particles.report import stress_particles
 from softdyn.stress.particles.sampling import random_case
 
 
-@pytest.mark.parametrize("seed", [10])
+# 9: surfaces stick without drag, and forces jump
+@pytest.mark.parametrize("seed", [10, pytest.param(9, marks=pytest.mark.slow)])
 def test_a_scene_is_what_its_equations_say(seed: int) -> None:
     verdict = judge_case(seed, random_case(seed))
     assert verdict.outcome == RIGHT, verdict
@@ -71,6 +72,7 @@ def test_all_mechanisms_and_drives_are_sampled() -> None:
     }
     assert min(found[name] for name in drives | mechanisms | {"1D", "2D", "3D", "free cluster", "moving wall"}) >= 1
     assert any(kind.startswith("3D, no drag") and "tangential" in kind for kind in kinds)
+    assert any("no drag" in kind and "tangential" in kind and "jump" in kind for kind in kinds)
 
 
 def test_what_the_reference_takes_for_a_drive_is_what_its_text_says() -> None:
