@@ -22,6 +22,7 @@ from softdyn.particles.method import (
 )
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.scene import ParticleScene, Push
+from softdyn.particles.step import power_error
 
 Array = NDArray[np.float64]
 thetas = st.floats(0.01, 0.99)
@@ -122,3 +123,20 @@ def test_outputs_do_not_change_the_steps() -> None:
     energy = sum(many.arrays[f"energy_{name}"] for name in ("stored", "gaps", "drag", "remote", "U_h"))
     np.testing.assert_allclose(many.energy_external, energy, atol=5e-3 * energy[-1])
     assert ORDER == 3
+
+
+@given(rate=st.floats(0.02, 15.0), size=st.floats(1e-6, 1e6))
+def test_the_error_expected_of_energy_is_one_where_a_power_fades(rate: float, size: float) -> None:
+    """A spring relaxes in a step: what the quadrature of its power is off by is below what is expected of it.
+
+    The difference of two quadratures, by itself, is a hundredth of that at a rate of 1.35.
+    """
+    x, rates = 1.0, []
+    for row in STAGES:
+        x = (1 + sum(w * past for w, past in zip(row, rates, strict=False))) / (1 + GAMMA * rate)
+        rates.append(-rate * x)
+    power = size * rate * (np.array(rates) / rate) ** 2
+    off = float(WEIGHTS @ power) - size * (1 - x**2) / 2
+    expected = power_error(power)
+    assert abs(off) < expected
+    assert expected < 4 * float(abs(ERROR @ power)) or rate > 0.5  # and not much more where steps are short

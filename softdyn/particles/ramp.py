@@ -9,7 +9,6 @@ those of :mod:`softdyn.particles.method`, and so is their error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,13 +36,35 @@ SAFETY, LARGEST_GROWTH = 0.8, 3.0
 
 
 @dataclass(frozen=True)
+class Ramp:
+    """A ramp: its time, the forces before it and their jump, and where particles are before it."""
+
+    t: float
+    before: Array
+    jump: Array
+    x: Array
+
+    def force(self, part: float) -> Array:
+        """Forces at a part of it; slow at both ends, where a contact may have no force yet."""
+        return self.before + part**2 * (3 - 2 * part) * self.jump
+
+    def spent(self, part: float, x: Array) -> float:
+        """Rate of [F x] - W there: the change of the forces times the way of the particles."""
+        return 6 * part * (1 - part) * float(np.sum(self.jump * (x - self.x)))
+
+
+@dataclass(frozen=True)
 class Part:
-    """A part of the ramp: what is found at its end, what stands for moments of rolling there; work of the forces."""
+    """A part of the ramp: what is found at its end, positions and rotations, contacts, what stands for their moments.
+
+    ``spent`` is the integral of :meth:`Ramp.spent`; ``error`` the worse of its and of that of tangential forces.
+    """
 
     end: Balance
+    x: Array
     contacts: Contacts
     rolled: Array | float
-    work: float
+    spent: float
     error: float
 
 
@@ -81,17 +102,14 @@ def ramped(
     StepFailed, softdyn.particles.linear.Indefinite
         If there is no equilibrium on the way.
     """
-
-    def force(part: float) -> Array:
-        # slow at both ends, where a contact may have no force yet
-        return before + part**2 * (3 - 2 * part) * (after - before)
-
-    done, ahead, work = 0.0, FIRST, 0.0
+    place = with_torques(system, x)
+    ramp = Ramp(t, before, after - before, place)
+    done, ahead, spent = 0.0, FIRST, 0.0
     rolled: Array | float = 0.0
     while True:
         end = 1.0 if done + 1.01 * ahead > 1.0 else done + ahead
         try:
-            part = _part(system, newton, contacts, x, t, force, (done, end), rolled)
+            part = _part(system, newton, contacts, place, ramp, (done, end), rolled)
             error = part.error
         except (StepFailed, linear.Indefinite):
             newton.forget()
@@ -99,10 +117,10 @@ def ramped(
                 raise
             error = math.inf
         if error <= 1.0:
-            contacts, x, rolled, done = part.contacts, part.end.x[:, : x.shape[1]], part.rolled, end
-            work += part.work
+            contacts, place, rolled, done = part.contacts, part.x, part.rolled, end
+            spent += part.spent
             if done == 1.0:
-                return part.end, work
+                return part.end, float(np.sum(after * (place - ramp.x))) - spent
         growth = SAFETY * max(error, 1e-12) ** (-1 / ORDER) if math.isfinite(error) else 0.5
         ahead *= min(LARGEST_GROWTH, max(0.2, growth))
         if ahead < SHORTEST:
@@ -113,48 +131,47 @@ def _part(
     system: System,
     newton: Newton,
     contacts: Contacts,
-    x: Array,
-    t: float,
-    force: Callable[[float], Array],
+    place: Array,
+    ramp: Ramp,
     ends: tuple[float, float],
     rolled: Array | float,
 ) -> Part:
     """One step of the ramp; rates are by its parameter."""
     start, width = ends[0], ends[1] - ends[0]
-    normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
-    begun, place = sliding.starting(contacts, system.radii, normal), with_torques(system, x)
+    x = place[:, : system.dimension]
+    turned = place - with_torques(system, x)  # in a step rotations count from its start
+    normal, _ = directions(contacts, x, lattice(system.box, ramp.t), system.walls)
+    begun = sliding.starting(contacts, system.radii, normal)
     s, nothing = GAMMA * width, np.zeros(len(contacts))
+    zeros = np.zeros_like(place), np.zeros_like(contacts.T), nothing, np.zeros_like(contacts.T)
     rates: list[tuple[Array, ...]] = []
-    guess = np.zeros_like(place)
-    for row, node in zip(STAGES, NODES, strict=True):
-        known_x, known_T, known_angle = (
-            width * sum((w * rate[which] for w, rate in zip(row, rates, strict=False)), zero)
-            for which, zero in enumerate((np.zeros_like(place), np.zeros_like(contacts.T), nothing))
-        )
-        x_star = place + known_x
-        known = replace(begun, force=contacts.T + known_T, angle=known_angle, rolled=rolled)
-        here = replace(system, force=held(force(start + node * width)))
-        found = _blocked(here, newton, contacts, Given(t, 0.0, x_star, nothing, known), x_star + s * guess)
+    spent: list[float] = []
+    guess = zeros[0]
+
+    def summed(weights: Array, which: int) -> Array:
+        return np.asarray(width * sum((w * rate[which] for w, rate in zip(weights, rates, strict=False)), zeros[which]))
+
+    for row, node in zip(STAGES, start + NODES * width, strict=True):
+        x_star, angle = place - turned + summed(row, 0), summed(row, 2)
+        known = replace(begun, force=contacts.T + summed(row, 1), angle=angle, rolled=rolled)
+        here = replace(system, force=held(ramp.force(node)))
+        found = _blocked(here, newton, contacts, Given(ramp.t, 0.0, x_star, nothing, known), x_star + s * guess)
+        assert found.slid is not None
         slid = found.slid
-        assert slid is not None
         rolled = sliding.resisted(slid.roll, found.n)
         slip = sliding.turned_back(known, slid.slip, found.n, slid.angle)
-        moved = found.x - x_star, slid.turned - known.force, slid.angle - known_angle, slip
+        moved = found.x - x_star, slid.turned - known.force, slid.angle - angle, slip
         rates.append(tuple(change / s for change in moved))
         guess = rates[-1][0]
-    assert slid is not None
-    nodes = start + NODES * width
-    work = width * sum(
-        float(w * np.sum(force(at) * rate[0])) for w, at, rate in zip(STAGES[-1], nodes, rates, strict=True)
-    )
-    T_error, slip_error = (
-        width * sum((w * rate[which] for w, rate in zip(ERROR, rates, strict=True)), np.zeros_like(contacts.T))
-        for which in (1, 3)
-    )
-    error = (
-        error_of(system, found, nothing, np.zeros_like(place), T_error, slip_error) / SHARE if T_error.any() else 0.0
-    )
-    return Part(found, replace(contacts, h=found.h, T=slid.force), rolled, work, error)
+        spent.append(ramp.spent(node, found.x + turned))
+    T_error, slip_error = summed(ERROR, 1), summed(ERROR, 3)
+    error = error_of(system, found, nothing, zeros[0], T_error, slip_error) if T_error.any() else 0.0
+    there = found.x + turned
+    size = float(np.abs(ramp.jump * (there - ramp.x)).sum())
+    if size > 0:
+        error = max(error, width * abs(float(ERROR @ spent)) / (system.rtol * size))
+    after = replace(contacts, h=found.h, T=slid.force)
+    return Part(found, there, after, rolled, width * float(STAGES[-1] @ spent), error / SHARE)
 
 
 def _blocked(system: System, newton: Newton, contacts: Contacts, given: Given, guess: Array) -> Balance:

@@ -23,6 +23,8 @@ from softdyn.particles.system import System, turns_freely, works
 Array = NDArray[np.float64]
 #: Times that a stage is solved for, each with less of the rotations that nothing resists.
 MOST_TWISTS = 5
+#: Of the estimate for a power that fades: enough for one that falls by any factor up to exp(30) within a step.
+FADING = 0.1
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ def take_step(
     ahead = np.array([0.0, *rate_weights(0.0)])
     first_v, first_box = _combined(rates, ahead, 0), _with_rates(system, _combined(rates, ahead, 2))
     whole = _work(dt, ROWS[-1], spent)
-    work_error = abs(dt * sum(float(w) * net_power(of) for w, of in zip(ERROR, spent[1:], strict=True)))
+    work_error = dt * power_error(np.array([net_power(of) for of in spent[1:]]))
     return Step(
         at.found,
         error,
@@ -200,6 +202,17 @@ def take_step(
         spent[-1],
         work_error,
     )
+
+
+def power_error(power: Array) -> float:
+    """Estimated error of the mean power over a step, from that at the stages.
+
+    What two quadratures differ by is a second difference. That of a power which fades is 0 by chance where it falls to
+    a sixth within the step. Of an exponential it is the square of the first difference over the power itself, which is
+    not: a part of that is added.
+    """
+    most = float(np.abs(power).max())
+    return float(abs(ERROR @ power) + FADING * (power[-1] - power[0]) ** 2 / most) if most > 0 else 0.0
 
 
 def _with_rates(system: System, z_rate: Array) -> Box:
