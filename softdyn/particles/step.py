@@ -209,10 +209,10 @@ def power_error(power: Array) -> float:
 
     What two quadratures differ by is a second difference. That of a power which fades is 0 by chance where it falls to
     a sixth within the step. Of an exponential it is the square of the first difference over the power itself, which is
-    not: a part of that is added.
+    not: a part of that is added where it falls by a third or more.
     """
-    most = float(np.abs(power).max())
-    return float(abs(ERROR @ power) + FADING * (power[-1] - power[0]) ** 2 / most) if most > 0 else 0.0
+    fades = 0 < power[-1] * power[0] < 2 / 3 * power[0] ** 2
+    return float(abs(ERROR @ power) + (FADING * (power[-1] - power[0]) ** 2 / np.abs(power).max() if fades else 0.0))
 
 
 def _with_rates(system: System, z_rate: Array) -> Box:
