@@ -25,6 +25,7 @@ from sympy import (
     Expr,
     Function,
     Integer,
+    LambertW,
     Max,
     Min,
     Mul,
@@ -81,7 +82,7 @@ Order = tuple[int | Fraction, ...]
 KEPT = 8
 
 #: Analytic functions, expanded about a finite argument.
-ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc)
+ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc, LambertW)
 
 #: Functions that are written in these.
 DERIVED = (acosh, acos, asin, atanh, acoth, coth)
@@ -940,6 +941,10 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
     x = Symbol("x", positive=True)
 
     def derivatives() -> Iterable[Expr]:
+        if isinstance(expr, LambertW) and centre == 0:
+            yield S.Zero
+            yield from ((-S(k)) ** (k - 1) / factorial(k) for k in range(1, _depth(scale) + 1))
+            return
         function = expr.func(x)
         for k in range(_depth(scale) + 1):
             value = function.subs(x, centre)
@@ -956,7 +961,7 @@ def _saturated(expr: Expr, side: int, scale: Scale) -> Series:
     """Series of a function whose argument grows beyond all bounds, to the side given."""
     if isinstance(expr, exp) and side < 0:
         return Series()  # smaller than any power of the ratios
-    written = far_out(expr, side) if scale.axes is not None or not isinstance(expr, (sinh, cosh)) else None
+    written = far_out(expr, side) if scale.axes is not None or not isinstance(expr, (sinh, cosh, LambertW)) else None
     if written is None:
         raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")
     if not isinstance(written, Tail):

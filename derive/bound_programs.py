@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import mpmath
 from sympy import (
     Abs,
     Add,
@@ -21,6 +22,7 @@ from sympy import (
     Expr,
     Ge,
     Gt,
+    LambertW,
     Le,
     Lt,
     Max,
@@ -48,6 +50,7 @@ from sympy import (
 from sympy.codegen.cfunctions import expm1, log1p
 
 from softdyn.derive.bounds import INF, ODD, Box, Frame, OutOfReachError, Span, Value, span, wider
+from softdyn.derive.special import LOWEST
 
 Step = tuple[str, Any, tuple[int, ...]]
 
@@ -169,7 +172,7 @@ KINDS: tuple[tuple[Any, str], ...] = (
     (tuple(ODD), "odd"),
     (cosh, "cosh"),
     ((sin, cos, tan), "circular"),
-    ((acos, acosh, erfc), "monotone"),
+    ((acos, acosh, erfc, LambertW), "monotone"),
     (Abs, "abs"),
     (sign, "sign"),
     ((Max, Min), "extreme"),
@@ -230,6 +233,11 @@ def _monotone(box: Box, kind: Any, values: list[Any]) -> Value:
         if low < 1:
             raise OutOfReachError
         return box.constant(wider(math.acosh(low), math.acosh(high) if high < INF else INF))
+    if kind is LambertW:
+        if low < LOWEST:
+            raise OutOfReachError
+        ends = (float(mpmath.re(mpmath.lambertw(end))) if end < INF else INF for end in (low, high))
+        return box.constant(wider(*ends), values[0].sign)
     if kind is acos:
         if low < -1 or high > 1:
             raise OutOfReachError

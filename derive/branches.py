@@ -14,6 +14,7 @@ from sympy import (
     Expr,
     Heaviside,
     Integer,
+    LambertW,
     Max,
     Min,
     Piecewise,
@@ -41,6 +42,7 @@ from sympy import (
 )
 from sympy.core.relational import Relational
 
+from softdyn.derive.special import principal
 from softdyn.derive.symbols import COMMON_PARAMETERS, a, delta, h
 
 #: What a function is in terms of those that math.h has.
@@ -51,6 +53,7 @@ AS_OTHERS = {
     cot: lambda x: 1 / tan(x),
     sec: lambda x: 1 / cos(x),
     csc: lambda x: 1 / sin(x),
+    LambertW: principal,
     Heaviside: lambda x, *_: Piecewise((Integer(1), x > 0), (Integer(0), True)),
 }
 #: Values of the other variables at which a gap between branches is looked for, at most.
@@ -65,7 +68,7 @@ SIZES = {
 
 
 def in_plain_functions(expr: Expr) -> Expr:
-    """Write coth, sech, csch, cot, sec, csc and Heaviside by functions that all targets have."""
+    """Write coth, sech, csch, cot, sec, csc, Heaviside and Lambert's W by functions that all targets have."""
     for function, other in AS_OTHERS.items():
         if expr.has(function):
             expr = expr.replace(function, other)

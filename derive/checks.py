@@ -75,6 +75,7 @@ from softdyn.derive.dimensions import (
 )
 from softdyn.derive.positive import Positivity, positivity, ranges_of_positive, ranges_of_symbol
 from softdyn.derive.soundness import is_side, rewritable, tidy
+from softdyn.derive.special import LambertW
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ DRAG = {
 #: Functions that every target prints.
 PRINTABLE = (
     *(Abs, sign, exp, log, sin, cos, tan, asin, acos, atan),
-    *(sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc, Min, Max, Piecewise),
+    *(sinh, cosh, tanh, asinh, acosh, atanh, erf, erfc, LambertW, Min, Max, Piecewise),
 )
 
 

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 from jinja2 import DictLoader, Environment, StrictUndefined
 
 import softdyn
+from softdyn.derive.elementary import nested
 from softdyn.derive.kernel import KernelIR, total_operations
 from softdyn.derive.printing import KINDS
 from softdyn.derive.radau import PANEL_NODES, blindness, radau_iia
+from softdyn.derive.special import calls_special, constants
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_kernel import ContactIR
@@ -33,6 +35,7 @@ TEMPLATES = (
     "numba/kernel.py.j2",
     *("common/contacts.py.j2", "c/contacts.c.j2", "numba/contacts.py.j2"),
     *("common/enclosure.py.j2", "common/enclosures.py.j2", "c/enclosures.c.j2", "numba/enclosures.py.j2"),
+    "common/special.py.j2",
     *("common/elementary.py.j2", "c/bits.c.j2", "numba/bits.py.j2"),
 )
 
@@ -56,9 +59,15 @@ def _environment() -> Environment:
 
 def kernel_body(ir: KernelIR) -> str:
     """The algorithms of a kernel in the subset of Python that all targets share."""
-    return render_body(
-        "common/kernel.py.j2", ir, {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES), "blind": blindness()}
-    )
+    more = {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES), "blind": blindness()}
+    return with_special(render_body("common/kernel.py.j2", ir, more))
+
+
+def with_special(body: str) -> str:
+    """A body in the subset of Python that all targets share, behind the special functions that it calls."""
+    if not calls_special(body):
+        return body
+    return render_part("common/special.py.j2", {**constants(), "nested": nested}) + "\n\n" + body
 
 
 def render_body(name: str, ir: KernelIR | ContactIR, more: Mapping[str, object]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from softdyn.derive.contact_kernel import ContactIR
 from softdyn.derive.elementary import constants, nested, used_functions
-from softdyn.derive.emit import render_body, render_part, render_template
+from softdyn.derive.emit import render_body, render_part, render_template, with_special
 from softdyn.derive.translate import to_c
 
 #: Contacts that go together; wide enough for any machine's vectors, and for the latency of divisions.
@@ -13,7 +13,8 @@ LANES = 16
 
 def emit_contacts(ir: ContactIR, target: str) -> str:
     """Source text of the contact kernel for a target, "c" or "numba"."""
-    text = with_functions(render_body("common/contacts.py.j2", ir, {"lanes": LANES}), target).rstrip()
+    body = with_special(render_body("common/contacts.py.j2", ir, {"lanes": LANES}))
+    text = with_functions(body, target).rstrip()
     return render_template("c/contacts.c.j2" if target == "c" else "numba/contacts.py.j2", ir, text)
 
 

@@ -39,6 +39,7 @@ from sympy.codegen.cfunctions import expm1, log1p
 
 from softdyn.derive.law import sample_values
 from softdyn.derive.soundness import sound, tidy
+from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import E, R, a, delta, eta, h, size_ratio
 from softdyn.errors import LawError
 
@@ -135,7 +136,9 @@ def _agrees(law: ContactLaw, candidate: Expr, farthest: float, size: Rational | 
     exact = (undeflected_friction(law, size is not None) / far_friction(law)).subs(values)
     exactly = lambdify(h, exact, "mpmath")
     with np.errstate(all="ignore"):
-        in_doubles = np.broadcast_to(lambdify(h, candidate.subs(values), "numpy")(np.array(GAPS)), len(GAPS))
+        in_doubles = np.broadcast_to(
+            lambdify(h, candidate.subs(values), [IN_NUMPY, "numpy"])(np.array(GAPS)), len(GAPS)
+        )
     with mpmath.workdps(60):
         expected = [exactly(mpmath.mpf(gap)) - 1 for gap in GAPS]
         left = abs(exactly(mpmath.mpf(10) ** 30) - 1)

@@ -1,7 +1,7 @@
 """Functions written in others, where their own series do not serve: far out, or beside a point where they are singular.
 
 Input: a function of an argument, and to which side it grows. Output: the same in exponentials, logarithms, roots and
-functions of a small argument; exact, but for the error functions, whose asymptotic series says what it leaves out.
+functions of a small argument; exact, but for the error functions and Lambert's, whose series say what they leave out.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from sympy import (
     Expr,
     Integer,
+    LambertW,
     S,
     acos,
     acosh,
@@ -80,6 +81,8 @@ def far_out(expr: Expr, side: int) -> Expr | Tail | None:
         return side * pi / 2 - atan(1 / x)
     if isinstance(expr, asinh):
         return side * log(away + sqrt(1 + x**2))
+    if isinstance(expr, LambertW) and side > 0:
+        return Tail(log(x) - log(log(x)), S.One, S.Zero, log(log(x)) / log(x))
     if isinstance(expr, (erf, erfc)):
         # erfc(x) ~ exp(-x^2)/(x sqrt(pi)) (1 - 1/(2 x^2) + 3/(2 x^2)^2 - ...)
         known = sum((S.NegativeOne**k * factorial2(2 * k - 1) / (2 * x**2) ** k for k in range(TERMS)), start=S.Zero)

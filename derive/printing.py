@@ -31,10 +31,12 @@ from sympy import (
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import And, Not, Or
 
+from softdyn.derive.special import NAMES as SPECIAL
+
 Assignment = tuple[str, str]
 
 #: sympy's names of functions, where math.h calls them otherwise.
-RENAMED = {"Abs": "fabs"}
+RENAMED = {"Abs": "fabs"} | SPECIAL
 MATH_FUNCTIONS = frozenset(
     "sqrt fabs exp log expm1 log1p pow sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh erf erfc".split()
 )
@@ -191,7 +193,7 @@ def _text(expr: Expr) -> tuple[str, int]:
         return _condition(expr), _ATOM
     name = type(expr).__name__
     name = RENAMED.get(name, name)
-    if name not in MATH_FUNCTIONS:
+    if name not in MATH_FUNCTIONS and name not in SPECIAL.values():
         raise ValueError(f"no target can print {expr}")
     return f"{name}({', '.join(_text(argument)[0] for argument in expr.args)})", _ATOM
 

@@ -376,6 +376,29 @@ def test_exponentials_and_logarithms_reach_far(name: str) -> None:
     assert wrong.verdict == "disproved"
 
 
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(sorted(REACH)),
+    st.sampled_from([Rational(1, 3), Rational(1), Rational(5)]),
+    st.sampled_from([Rational(1, 2), Rational(1), Rational(2), pi / 2]),
+    st.sampled_from([h, hbar + h**2 / R, h + R * log(1 + h / R) ** 2]),
+    st.sampled_from([1, 2, -1]),
+)
+def test_they_do_so_of_any_argument(name: str, number: Rational, power: Expr, gap: Expr, factor: int) -> None:
+    """Of number (gap/R)^power, with what is as large as h in the place of h; where it is a power of h, exactly."""
+    zeta, order, form = REACH[name]
+    if order == STOKES and gap != h:
+        gap = h  # an exponential tells h from h + R log(h/R)
+    changed = zeta.subs(h, number * R * (gap / R) ** power)
+    claimed = form.subs(h, number * R * x**power)
+    law = variant(SIMPLE, zeta=eta * R * changed)
+    right = one_verdict(law, order, eta * R * claimed)
+    assert right in ("proved", "undecided")
+    assert right == "proved" or power.has(pi)
+    assert one_verdict(law, order, (2 + factor) * eta * R * claimed) == ("proved" if factor == -1 else "disproved")
+
+
 slip_length = Symbol("b", positive=True)
 
 

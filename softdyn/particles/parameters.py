@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sympy import lambdify
 
 from softdyn.derive.law import is_anchored, parameters_of
+from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import R, a, delta, h
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
@@ -190,7 +191,7 @@ def require_rest(scene: ParticleScene, checked: Checked) -> None:
         return
     force = law.F_ela.subs(a, law.a).subs(delta, 0)
     own = [symbol for symbol in parameters_of(law) if symbol != R]
-    function = lambdify([R, h, *own], force, "numpy")
+    function = lambdify([R, h, *own], force, [IN_NUMPY, "numpy"])
     values = [scene.parameters[symbol.name] for symbol in own]
     each = [tuple(value.values()) if isinstance(value, Mapping) else (value,) for value in values]
     near, far = checked.reach * np.logspace(-9, np.log10(0.5), 64), checked.reach * np.linspace(0.5, 1, 32)

@@ -51,6 +51,7 @@ from softdyn.derive.dimensions import FORCE, LENGTH
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
 from softdyn.derive.law import is_rigid, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
+from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
 from softdyn.errors import SceneError
 
@@ -477,7 +478,7 @@ def vectorised(arguments: Sequence[Symbol], what: Expr | list[Expr]) -> Callable
     """Return one or several expressions as a function of arrays."""
     parts = what if isinstance(what, list) else [what]
     plain = all(isinstance(one, OF_NUMPY) for part in parts for one in part.atoms(Application))
-    return lambdify(arguments, what, "numpy" if plain else ["scipy", "numpy"])
+    return lambdify(arguments, what, [IN_NUMPY, "numpy"] if plain else [IN_NUMPY, "scipy", "numpy"])
 
 
 @lru_cache(maxsize=16)
