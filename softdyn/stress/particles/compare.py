@@ -206,6 +206,7 @@ def judge_case(seed: int, case: Case) -> Verdict:
 Sizes = dict[str, float]
 
 
+@np.errstate(all="ignore")  # of branches of the law that do not hold
 def _errors(
     seed: int, case: Case, results: Sequence[ParticleResult], rtols: Sequence[float]
 ) -> list[tuple[Sizes, Sizes]]:
