@@ -51,7 +51,7 @@ from softdyn.derive.patience import nodes
 from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, directions_of, is_simple, sign_within
 from softdyn.derive.soundness import tidy
-from softdyn.derive.special import IN_MATH
+from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
 if TYPE_CHECKING:
@@ -307,10 +307,10 @@ def branches(law: ContactLaw) -> tuple[Branch, ...]:
     numbers = {**dict.fromkeys(COMMON_PARAMETERS, S.One), **typical_values(law)}
     arguments = (a, h, delta)
     known = {s: e.subs(numbers) for s, e in definitions(law).items()}
-    remote = lambdify(arguments, law.F_adh.subs(numbers), [IN_MATH, "math"])
-    elastic = lambdify(arguments, known[F], [IN_MATH, "math"])
-    radius = lambdify((h, delta), law.a.subs(numbers), [IN_MATH, "math"])
-    rate = lambdify(arguments, relaxation_rate(law).subs(numbers), [IN_MATH, "math"])
+    remote = lambdify(arguments, law.F_adh.subs(numbers), [IN_NUMPY, "math"])
+    elastic = lambdify(arguments, known[F], [IN_NUMPY, "math"])
+    radius = lambdify((h, delta), law.a.subs(numbers), [IN_NUMPY, "math"])
+    rate = lambdify(arguments, relaxation_rate(law).subs(numbers), [IN_NUMPY, "math"])
 
     def at(gap: float) -> Point | None:
         try:

@@ -41,14 +41,15 @@ class LambertW(GeneralLambertW):
         return exp(-self) / (1 + self)
 
 
-def in_floats(x: float) -> float:
-    """W of a float, where no kernel is at hand; nan below -1/e."""
-    return float(mpmath.re(mpmath.lambertw(x))) if x >= LOWEST else math.nan
+def in_numbers(x: Any) -> Any:
+    """W of numbers or arrays, where no kernel is at hand; nan below -1/e."""
+    from scipy.special import lambertw
+
+    return np.where(np.asarray(x) >= LOWEST, lambertw(x).real, math.nan)[()]
 
 
 #: For sympy's lambdify, before the modules "math" and "numpy", which have no such function.
-IN_MATH = {"LambertW": in_floats}
-IN_NUMPY = {"LambertW": np.vectorize(in_floats, otypes=[float])}
+IN_NUMPY = {"LambertW": in_numbers}
 
 
 def principal(x: Expr, branch: Expr | int = 0) -> Expr:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import Rational, Symbol, erf, erfc, exp, lambdify, log, oo, pi, sin, sqrt
+from sympy import Abs, Expr, LambertW, Rational, Symbol, erf, erfc, exp, lambdify, log, oo, pi, sign, sin, sqrt
 
 from softdyn.cli import main
 from softdyn.derive import ENERGY, FORCE, LENGTH, PRESSURE, ContactLaw, E, R, a, delta, eta, h
@@ -413,3 +413,14 @@ def test_a_notebook_marks_what_is_absent() -> None:
     text = regimes_of(dlvo)._repr_html_()
     assert re.search(r"drawn together</span> \(absent there\)", text)
     assert text.count("absent there") == sum(not one.there for one in presence_of(regimes_of(dlvo)).values())
+
+
+@pytest.mark.parametrize(
+    "spring", [log(1 + Abs(delta) / R), Abs(delta / R) ** Rational(3, 2), LambertW(Abs(delta) / R)]
+)
+def test_a_spring_that_is_written_with_a_sign_is_looked_at_like_any(spring: Expr) -> None:
+    """The derivative of sign(delta) holds one that no array has a value of."""
+    law = replace(rognon_gay, name="spring", F_ela=E * a * R * sign(delta) * spring, limits=())
+    found = presence_of(discover(law))
+    assert found
+    assert any(one.there for one in found.values())

@@ -160,7 +160,6 @@ def test_limits_of_w_are_proved_near_its_zero_and_far_out() -> None:
     assert (grown.verdict, too_little.verdict) == ("proved", "disproved")
 
 
-@pytest.mark.slow
 def test_regimes_of_w_are_found_near_its_zero_and_undecided_by_name_elsewhere() -> None:
     found = discover(soft())
     forms = [str(regime.forms["F_adh"].leading) for regime in found.regimes if "F_adh" in regime.forms]

@@ -51,6 +51,7 @@ from softdyn.derive.dimensions import FORCE, LENGTH
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
 from softdyn.derive.law import is_rigid, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
+from softdyn.derive.soundness import tidy
 from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, R, a, delta, h
 from softdyn.errors import SceneError
@@ -487,7 +488,8 @@ def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
     values = parameter_values(law)
 
     def number(expr: Expr) -> Expr:
-        return S(expr).subs(values)
+        # a kink leaves a derivative of sign(delta) behind, which is a number for no array
+        return tidy(S(expr)).subs(values)
 
     partials = {
         d.F_ela: law.F_ela, d.F_adh: law.F_adh, d.zeta: law.zeta,
