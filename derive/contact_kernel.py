@@ -44,7 +44,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import sympy
 from sympy import Add, Expr, Function, Integer, Max, Min, Mul, Piecewise, Rational, S, Symbol, diff, expand, simplify
@@ -169,6 +169,9 @@ class ContactIR:
         weight of what is stored, and its slope in h; what tells pressed contacts from pulled ones; the resistance of a
         particle alone.
     """
+
+    #: Name of its templates.
+    template: ClassVar[str] = "contacts"
 
     name: str
     source: str

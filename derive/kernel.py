@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import sympy
 from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
@@ -122,6 +122,9 @@ class KernelIR:
         Operations of each part of the code, by kind.
     sympy_version : str
     """
+
+    #: Name of its templates.
+    template: ClassVar[str] = "kernel"
 
     name: str
     source: str

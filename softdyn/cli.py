@@ -19,6 +19,7 @@ from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.laws import law_of
+from softdyn.targets import CHOICES, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
 
 EXAMPLES = """
@@ -178,7 +179,7 @@ def _parser() -> argparse.ArgumentParser:
 
     generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
     generate.add_argument("law", metavar="LAW", nargs="?", help=A_LAW)
-    generate.add_argument("--target", choices=("c", "numba"), help="language of the kernel; needed unless --stock")
+    generate.add_argument("--target", choices=TARGETS, help="language of the kernel; needed unless --stock")
     generate.add_argument(
         "--scene",
         type=Path,
@@ -314,7 +315,7 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
     )
-    reproduce.add_argument("--target", choices=("auto", "c", "numba"), default="auto", help="default: %(default)s")
+    reproduce.add_argument("--target", choices=CHOICES, default="auto", help="default: %(default)s")
     return parser
 
 

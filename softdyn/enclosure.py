@@ -16,13 +16,12 @@ The questions that an engine has:
 
 from __future__ import annotations
 
-import ctypes
+import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache as memoize
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -144,27 +143,14 @@ def _compiled() -> Callable[..., None]:
     key = cache.key_of("enclosures", target, tool_digest())
     kept = cache.read("manifests", key)
     if kept is None:
-        from softdyn.derive.emit_enclosures import emit_enclosures
+        from softdyn.derive.emit import write_enclosures
 
-        kept = cache.publish("manifests", key, {"source": emit_enclosures(target).encode()})
-    manifest = {"name": "enclosures", "source": (kept / "source").read_text(encoding="utf-8")}
-    return loaded(target, manifest, ("of",), _load_c if target == "c" else _load_numba)[2]
-
-
-def _load_c(folder: Path, manifest: Mapping[str, Any]) -> Callable[..., None]:
-    from softdyn.targets.c import function_of, library_of
-
-    number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
-    types = integer, array, array, *[number] * 3, integer, integer, *[array] * 4
-    raw = function_of(library_of(folder, manifest["name"]), "enclosures_of", None, *types)
-    return lambda *given: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in given))
-
-
-def _load_numba(folder: Path, manifest: Mapping[str, Any]) -> Callable[..., None]:
-    from softdyn.targets.numba import module_of
-
-    found: Callable[..., None] = module_of(folder, manifest["name"]).enclosures_of
-    return found
+        text, _, functions = write_enclosures(target)
+        made = {"name": "enclosures", "source": text, "functions": functions}
+        kept = cache.publish("manifests", key, {"manifest.json": json.dumps(made).encode()})
+    manifest = json.loads((kept / "manifest.json").read_text(encoding="utf-8"))
+    of: Callable[..., None] = loaded(target, manifest)[2].of
+    return of
 
 
 def models(

@@ -7,28 +7,28 @@ compiled kernel, spare the compilation.
 
 from __future__ import annotations
 
-import importlib
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache as memoize
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from types import SimpleNamespace
+from typing import Any
 
 import softdyn
 from softdyn import cache
 from softdyn.errors import SceneError
 from softdyn.laws import LawReference, digest, find, package_folder
 from softdyn.scene import Range
-from softdyn.targets import Functions, LoadError
+from softdyn.targets import TARGETS, LoadError, target_module
 
-TARGETS = ("c", "numba")
-T = TypeVar("T")
+#: Functions of a kernel by their names, as attributes.
+Functions = SimpleNamespace
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,11 @@ class Kernel:
         Its source.
     compile_s : float
         Time spent on deriving, building and loading it.
-    functions : Functions
+    functions : namespace
+        ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``,
+        ``drive(n, t, *drive, value, rate)``, ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``,
+        ``passages(n, u, at, steps, out)``, ``sample(n, t, stored, steps, out)`` and
+        ``runs(n, count, at_gaps, settings, runs, targets, *table, out)``.
     dry : bool
         Whether the law is that of a dry contact: no gap, no friction.
     pressed_only : bool
@@ -139,15 +143,7 @@ def get_kernel(
         "outputs": outputs,
     }
     manifest = manifest_of(find(law), target, needs, "manifest", make_manifest)
-    back_end = importlib.import_module(f"softdyn.targets.{target}")
-
-    def load(entry: Path, manifest: Mapping[str, Any]) -> Functions:
-        stand, known = cache.found_as(entry), _functions.get(entry)
-        if stand is None or known is None or known[0] != stand:
-            known = _functions[entry] = stand, back_end.load(entry, manifest)
-        return known[1]
-
-    key, entry, functions = loaded(target, manifest, Functions._fields, load)
+    key, entry, functions = loaded(target, manifest)
     return Kernel(
         law=manifest["name"],
         target=target,
@@ -168,47 +164,49 @@ def get_kernel(
     )
 
 
-def loaded(
-    target: str, manifest: Mapping[str, Any], functions: Sequence[str], load: Callable[[Path, Mapping[str, Any]], T]
-) -> tuple[str, Path, T]:
-    """Build a kernel, or find it in the cache, and load it.
+def loaded(target: str, manifest: Mapping[str, Any]) -> tuple[str, Path, Functions]:
+    """Build a kernel, or find it in the cache, and load it: once in a process, while its entry stands as it did.
 
     An entry is published after it was seen to load, in a process of its own; one that does not load is made anew, once.
 
     Parameters
     ----------
-    target : "c" or "numba"
+    target : str
     manifest : mapping
-        With ``name`` and ``source``.
-    functions : sequence of str
-        What the kernel must have, each as ``name_function``.
-    load : function of (folder, manifest)
+        With ``name``, ``source``, ``functions``, the signatures of what the kernel must have, each as
+        ``name_function``, and maybe ``later``, those of which few scenes have a use.
 
     Returns
     -------
     key : str
     entry : Path
-    loaded
-        What ``load`` returns.
+    functions : namespace
 
     Raises
     ------
     CompileError, SceneError
     """
-    back_end = importlib.import_module(f"softdyn.targets.{target}")
-    name, source, made_by = manifest["name"], manifest["source"], back_end.identity()
+    back_end = target_module(target)
+    name, source, made_by, functions = manifest["name"], manifest["source"], back_end.identity(), manifest["functions"]
     key = _key_of(source, made_by)
+
+    def load(entry: Path) -> tuple[str, Path, Functions]:
+        stand, known = cache.found_as(entry), _functions.get(entry)
+        if stand is None or known is None or known[0] != stand:
+            found = back_end.load(entry, name, functions, manifest.get("later", ()))
+            known = _functions[entry] = stand, Functions(**found)
+        return key, entry, known[1]
+
     entry = cache.read(target, key)
     if entry is not None:
         try:
             if not cache.note(entry).get("loads"):
-                back_end.check(entry, name, functions)
-            return key, entry, load(entry, manifest)
+                back_end.check(entry, name, tuple(functions))
+            return load(entry)
         except LoadError:
             cache.evict(target, key)
-    files = back_end.build(name, source, made_by, functions)
-    entry = cache.publish(target, key, files, {"made_by": made_by, "loads": True})
-    return key, entry, load(entry, manifest)
+    files = back_end.build(name, source, made_by, tuple(functions))
+    return load(cache.publish(target, key, files, {"made_by": made_by, "loads": True}))
 
 
 #: Keys of kernels by their sources, with what they are made by.
@@ -288,7 +286,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     """Derive a kernel, which takes the derivation stage, and so sympy."""
     from softdyn.derive.branches import has_kinks
     from softdyn.derive.checks import pressed_only
-    from softdyn.derive.emit import emit, suffix
+    from softdyn.derive.emit import write
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import expressions, is_dry, parameters_of, plain_ranges
     from softdyn.derive.specialise import Needs
@@ -296,6 +294,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
 
     law, depends = load(reference)
     ir = kernel_ir(law, Needs(**needs))
+    written = write(ir, target)
     return {
         "name": ir.name,
         "drive": ir.drive,
@@ -311,7 +310,9 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "savings": [[saving.rule, saving.before, saving.after] for saving in ir.savings],
-        "source": emit(ir, target),
-        "suffix": suffix(target),
+        "source": written.text,
+        "suffix": written.suffix,
+        "functions": written.functions,
+        "later": ["runs"],
         "depends": depends,
     }

@@ -18,13 +18,13 @@ from softdyn.errors import SceneError
 from softdyn.expression import FUNCTIONS, Expression, parse
 from softdyn.expression import evaluate as evaluate_expression
 from softdyn.tables import Column, read_columns
+from softdyn.targets import CHOICES
 from softdyn.words import listed, suggestion
 
 #: Quantities that a result can hold besides t, h and delta; F and dF_dt are the external force and its rate.
 QUANTITIES = ("X", "a", "F", "dF_dt", "zeta", "F_adh", "C", "D", "dh_dt", "ddelta_dt", "dX_dt", "lambda1", "lambda2")
 DEFAULT_QUANTITIES = ("X", "a", "F")
 METHODS = ("auto", "integrate", "quadrature")
-TARGETS = ("auto", "c", "numba")
 #: Below this, rounding of ln h is of the order of the tolerance.
 SMALLEST_RTOL = 1e-14
 LARGEST_COUNT = 10_000_000
@@ -552,8 +552,8 @@ def check_scene(scene: Scene) -> None:
         )
     if scene.method not in METHODS:
         faults.append(f"[accuracy] unknown method {scene.method!r}{suggestion(scene.method, METHODS)}")
-    if scene.target not in TARGETS:
-        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
+    if scene.target not in CHOICES:
+        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, CHOICES)}")
     attempt(named_numbers, "[parameters]", scene.parameters)
     if faults:
         raise SceneError(listed(faults))

@@ -43,8 +43,7 @@ def generated_files() -> dict[str, str]:
     ``contacts`` (many particles of different radii in a fluid, whose contacts have a range).
     """
     from softdyn.derive.contact_kernel import contact_ir
-    from softdyn.derive.emit import TARGETS, emit, suffix
-    from softdyn.derive.emit_contacts import emit_contacts
+    from softdyn.derive.emit import emit, suffix
     from softdyn.derive.films import find_films
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import is_dry, is_rigid
@@ -53,6 +52,7 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.typeset import as_text
     from softdyn.study.presence import presence_of
     from softdyn.study.tables import limits_text, regimes_text
+    from softdyn.targets import TARGETS
 
     files = {}
     for name in stock_laws():
@@ -68,7 +68,7 @@ def generated_files() -> dict[str, str]:
         if not is_rigid(law) and not is_dry(law):
             contacts = contact_ir(law, contact_needs(law))
             for target in TARGETS:
-                files[f"{name}/contacts{suffix(target)}"] = emit_contacts(contacts, target)
+                files[f"{name}/contacts{suffix(target)}"] = emit(contacts, target)
     return files
 
 

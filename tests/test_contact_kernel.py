@@ -17,7 +17,7 @@ from sympy import Abs, Rational, Symbol, diff, exp, lambdify, limit, log, oo, si
 
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.contact_kernel import STATE, ContactNeeds, contact_ir, g, stage_equation
-from softdyn.derive.emit_contacts import emit_contacts
+from softdyn.derive.emit import emit
 from softdyn.derive.law import sample_values
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.one_sided import rigid
@@ -222,7 +222,7 @@ def test_varying_parameters_are_those_of_each_contact() -> None:
 def test_the_text_stands_alone(target: str, tmp_path: Any) -> None:
     """It compiles by itself, says where it comes from, and holds no remote force where the law has none."""
     needs = ContactNeeds(varying=("R",), fading=True)
-    text, remote = (emit_contacts(contact_ir(law, needs), target) for law in (rognon_gay, LAWS["screened"]))
+    text, remote = (emit(contact_ir(law, needs), target) for law in (rognon_gay, LAWS["screened"]))
     assert "arXiv:0803.1573" in text
     code, with_remote = (one.split("#include" if target == "c" else "import numba", 1)[1] for one in (text, remote))
     assert "F_adh" not in code

@@ -92,8 +92,8 @@ def test_what_is_no_drag_is_refused(drag: Any, message: str) -> None:
 
 def test_without_drag_there_is_none_of_it_in_the_kernel() -> None:
     from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
-    from softdyn.derive.emit_contacts import emit_contacts
+    from softdyn.derive.emit import emit
 
-    texts = [emit_contacts(contact_ir(mobile, ContactNeeds(drag=drag)), "c") for drag in (False, True)]
+    texts = [emit(contact_ir(mobile, ContactNeeds(drag=drag)), "c") for drag in (False, True)]
     assert ["_drag(" in text for text in texts] == [False, True]
     assert ["lam" in text for text in texts] == [False, True]

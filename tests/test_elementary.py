@@ -24,7 +24,7 @@ from sympy import exp, log
 from softdyn.derive import ContactLaw, E, R, h
 from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
 from softdyn.derive.elementary import FUNCTIONS, constants, exp_series, log_series, nested
-from softdyn.derive.emit_contacts import emit_contacts, with_functions
+from softdyn.derive.emit import emit, with_functions
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.derive.laws.droplet import law as droplet
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
@@ -232,7 +232,7 @@ def needs_of(law: ContactLaw) -> ContactNeeds:
 @cache
 def text_of(law: ContactLaw, target: str) -> str:
     """Text of a law's contact kernel, without its head."""
-    text = emit_contacts(contact_ir(law, needs_of(law)), target)
+    text = emit(contact_ir(law, needs_of(law)), target)
     opening = "#if" if target == "c" else "import numba"
     return opening + text.split(opening, 1)[1]
 
@@ -373,7 +373,7 @@ def test_gcc_vectorises_the_loops_over_lanes(law: ContactLaw, machine: str, tmp_
 def test_numba_vectorises_the_loops_over_lanes(tmp_path: Path) -> None:
     """Most of the divisions are packed: not those of one of the two loops alone."""
     ir = contact_ir(dlvo, ContactNeeds(fading=True))
-    module = import_text(emit_contacts(ir, "numba").replace("cache=True, ", ""), tmp_path)
+    module = import_text(emit(ir, "numba").replace("cache=True, ", ""), tmp_path)
     none = np.empty(0)
     module.dlvo_contacts(0, 0.0, 1.0, none, none, none, np.ones(7), *[none] * 5)
     (assembler,) = module.dlvo_contacts.inspect_asm().values()
@@ -395,5 +395,5 @@ def test_a_law_of_ones_own_gets_them_too(target: str) -> None:
         zeta=rognon_gay.zeta * (3 + log(h / R) ** 2),
         F_adh=E * R**2 * (exp(-h / R) - 1),
     )
-    text = emit_contacts(contact_ir(own, ContactNeeds()), target)
+    text = emit(contact_ir(own, ContactNeeds()), target)
     assert set(re.findall(r"(?:double|def) _lane_(\w+)\(", text)) >= {"log", "expm1"}

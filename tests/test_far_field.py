@@ -16,7 +16,7 @@ from sympy.codegen.cfunctions import log1p
 
 from softdyn.derive import DIMENSIONLESS, Drag, E, R, eta, h, size_ratio
 from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
-from softdyn.derive.emit_contacts import emit_contacts
+from softdyn.derive.emit import emit
 from softdyn.derive.far_field import excess, far_friction, is_bounded, undeflected_friction
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
@@ -159,9 +159,7 @@ def test_what_is_left_of_a_stock_law_is_positive_and_vanishes(name: str) -> None
 
 
 def test_without_drag_the_kernel_knows_nothing_of_it() -> None:
-    with_drag, without = (
-        emit_contacts(contact_ir(equal_spheres, ContactNeeds(drag=drag)), "c") for drag in (True, False)
-    )
+    with_drag, without = (emit(contact_ir(equal_spheres, ContactNeeds(drag=drag)), "c") for drag in (True, False))
     assert "excess" in with_drag
     assert "excess" not in without
 

@@ -20,7 +20,7 @@ from sympy import Abs, Rational, Symbol, pi, sqrt
 from softdyn.derive import LENGTH, ContactLaw, E, R, Tangential, a, delta, eta, h, size_ratio
 from softdyn.derive import tangential as stage
 from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
-from softdyn.derive.emit_contacts import emit_contacts
+from softdyn.derive.emit import emit
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import IntegrationError, LawError, SceneError
@@ -109,7 +109,7 @@ def test_nothing_of_it_is_in_kernels_that_do_not_ask() -> None:
     needs = ContactNeeds(varying=("R",), fading=True)
     one, other = (contact_ir(law, needs) for law in (equal_spheres, without))
     for target in ("c", "numba"):
-        assert emit_contacts(one, target) == emit_contacts(other, target)
+        assert emit(one, target) == emit(other, target)
 
 
 @pytest.mark.slow

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from softdyn.kernels import Kernel
+from softdyn.kernels import Functions, Kernel
 from softdyn.laws import law_of
+from softdyn.targets import target_module
 
 #: This rule leaves out what nobody asked for: without it a kernel computes all outputs.
 OUTPUTS = "outputs asked for"
@@ -21,12 +21,12 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
 
     As it is, without each of the rules that apply, without all of them, and with the parameters, all 1, as numbers.
     """
-    from softdyn.derive.emit import emit
+    from softdyn.derive.emit import write
     from softdyn.derive.kernel import kernel_ir, total_operations
     from softdyn.derive.specialise import RULES, Needs, Rule
 
     declared, full = law_of(law), Needs(**needs)
-    back_end = importlib.import_module("softdyn.targets.c")
+    back_end = target_module("c")
     made_by = back_end.identity()
     applied = [saving.rule for saving in kernel_ir(declared, full).savings]
     variants: list[tuple[str, tuple[Rule, ...], Needs]] = [("as it is", RULES, full)]
@@ -39,8 +39,9 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
     for name, rules, of_variant in variants:
         ir = kernel_ir(declared, of_variant, rules)
         with tempfile.TemporaryDirectory(prefix="softdyn-") as scratch:
-            for file, content in back_end.build(ir.name, emit(ir, "c"), made_by).items():
+            text, _, signatures = write(ir, "c")
+            for file, content in back_end.build(ir.name, text, made_by).items():
                 Path(scratch, file).write_bytes(content)
-            functions = back_end.load(Path(scratch), {"name": ir.name, "drive": ir.drive, "inputs": ir.inputs})
+            functions = Functions(**back_end.load(Path(scratch), ir.name, signatures))
         made = replace(kernel, functions=functions, outputs=ir.outputs, parameters=ir.parameters, inputs=ir.inputs)
         yield name, made, total_operations(ir)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache as memoize
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -78,14 +75,14 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     """Derive a contact kernel; imports the derivation stage."""
     from softdyn.derive.checks import pressed_only
     from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
-    from softdyn.derive.emit import suffix
-    from softdyn.derive.emit_contacts import emit_contacts
+    from softdyn.derive.emit import write
     from softdyn.derive.far_field import is_bounded
     from softdyn.derive.law import parameters_of, plain_ranges
     from softdyn.laws import load
 
     law, depends = load(reference)
     ir = contact_ir(law, ContactNeeds(**needs))
+    written = write(ir, target)
     return {
         "name": ir.name,
         "uniform": ir.uniform,
@@ -97,8 +94,9 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "pressed_only": pressed_only(law),
         "positive": [symbol.name for symbol in parameters_of(law, ir.tangential != (), True) if symbol.is_positive],
         "ranges": plain_ranges(law),
-        "source": emit_contacts(ir, target),
-        "suffix": suffix(target),
+        "source": written.text,
+        "suffix": written.suffix,
+        "functions": written.functions,
         "savings": [(saving.rule, saving.before, saving.after) for saving in ir.savings],
         "depends": depends,
     }
@@ -136,9 +134,7 @@ def get_contact_kernel(
     target = choose_target(target)
     needs = {"varying": tuple(sorted(varying)), "fading": fading, "tangential": tangential, "drag": drag}
     manifest = manifest_of(find(law), target, needs, "contacts", contact_manifest)
-    functions = ("contacts", "state", "energy", *(("drag",) if manifest["drag"] else ()))
-    load = partial(_load_c if target == "c" else _load_numba, fading=fading)
-    key, _, (contacts, state, energy, resisting) = loaded(target, manifest, functions, load)
+    key, _, functions = loaded(target, manifest)
     return ContactKernel(
         law=manifest["name"],
         target=target,
@@ -149,59 +145,15 @@ def get_contact_kernel(
         fading=fading,
         tangential=tuple(manifest["tangential"]),
         compile_s=time.perf_counter() - began,
-        contacts=contacts,
-        state=state,
-        energy=energy,
-        drag=resisting,
+        contacts=functions.contacts,
+        state=functions.state,
+        energy=functions.energy,
+        drag=functions.drag if manifest["drag"] else None,
         bounded=bool(manifest["bounded"]),
         pressed_only=bool(manifest["pressed_only"]),
         positive=tuple(manifest["positive"]),
         ranges=manifest["ranges"],
     )
-
-
-def _load_c(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
-    from softdyn.targets.c import function_of, library_of
-
-    name = manifest["name"]
-    library = library_of(folder, name)
-    number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
-    reach = [number] if fading else []
-
-    def function(suffix: str, result: Any, *types: Any) -> Callable[..., Any]:
-        raw = function_of(library, f"{name}_{suffix}", result, *types)
-        return lambda *values: raw(*(v.ctypes.data if isinstance(v, np.ndarray) else v for v in values))
-
-    return (
-        function("contacts", integer, integer, number, *reach, *[array] * (10 if manifest["tangential"] else 9)),
-        function("state", None, integer, *reach, *[array] * 5),
-        function("energy", None, integer, *reach, *[array] * 4, integer, array, array, array),
-        function("drag", None, integer, array, array, array) if manifest["drag"] else None,
-    )
-
-
-def _load_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
-    from softdyn.targets.numba import loading
-
-    with loading(folder, manifest["name"]):
-        return _compiled_numba(folder, manifest, fading)
-
-
-def _compiled_numba(folder: Path, manifest: Mapping[str, Any], fading: bool) -> tuple[Any, ...]:
-    from softdyn.targets.numba import module_of
-
-    name = manifest["name"]
-    module = module_of(folder, name)
-    contacts, state, energy = (getattr(module, f"{name}_{suffix}") for suffix in ("contacts", "state", "energy"))
-    drag = getattr(module, f"{name}_drag") if manifest["drag"] else None
-    # compile now, on no data, so that compiling is not taken for running
-    none, p, reach = np.empty(0), np.ones(max(1, len(manifest["uniform"]))), (1.0,) if fading else ()
-    contacts(0, 0.0, *reach, none, none, none, p, *[none] * (6 if manifest["tangential"] else 5))
-    state(0, *reach, none, none, p, none, none)
-    energy(0, *reach, none, none, p, none, 0, none, none, none)
-    if drag is not None:
-        drag(0, p, none, none)
-    return contacts, state, energy, drag
 
 
 @memoize

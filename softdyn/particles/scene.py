@@ -27,7 +27,8 @@ from softdyn.particles.loads import (
 )
 from softdyn.particles.time_functions import TimeFunction, is_driven
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, which
-from softdyn.scene import SMALLEST_RTOL, TARGETS, suggestion
+from softdyn.scene import SMALLEST_RTOL, suggestion
+from softdyn.targets import CHOICES
 
 Array = NDArray[np.float64]
 
@@ -299,8 +300,8 @@ def check(scene: ParticleScene) -> Checked:
         raise SceneError(listed(faults))
     if not SMALLEST_RTOL * 100 <= scene.rtol <= 0.1:
         faults.append(f"[accuracy] rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
-    if scene.target not in TARGETS:
-        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, TARGETS)}")
+    if scene.target not in CHOICES:
+        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, CHOICES)}")
     reach = math.inf if scene.reach is None else float(scene.reach)
     if scene.reach is None and scene.drag:
         reach = FAR * float(radii.max())

@@ -1,35 +1,34 @@
-"""Building and loading a kernel's source: one module for each target, with the same functions.
+"""The targets: one module each, with the same names, and a folder of templates of the same name.
 
-``identity()`` tells what, besides the source, the built kernel depends on; ``build(name, source, identity, functions)``
-makes the files of a cache entry, and sees that these functions are in it; ``load(folder, manifest)`` returns the
-kernel's functions; ``check(folder, name, functions)`` sees that a kernel of unknown origin loads.
+``SUFFIX`` is the ending of its files, ``translate(body)`` writes text in the shared subset of Python in its language.
+``identity()`` tells what, besides the source, the built kernel depends on; ``build(name, source, made_by, functions)``
+makes the files of a cache entry, and sees that these functions are in it; ``check(folder, name, functions)`` sees that
+a kernel of unknown origin loads; ``load(folder, name, functions, later)`` returns its functions. ``available()`` tells
+whether this machine can build it. A module beside these is a target more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+import importlib
+import pkgutil
+from collections.abc import Mapping, Sequence
+from types import ModuleType
 
 from softdyn.errors import SceneError
+
+#: What a function returns, "int", "float" or "None", and the types of its arguments: "int", "float", "array".
+Signature = Sequence[str | Sequence[str]]
+Signatures = Mapping[str, Signature]
+
+TARGETS = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
+#: What a scene may name: "auto" is C where there is a compiler, else numba.
+CHOICES = ("auto", *TARGETS)
 
 
 class LoadError(SceneError):
     """A built kernel does not load: its entry in the cache is to be made anew."""
 
 
-class Functions(NamedTuple):
-    """The functions of a loaded kernel; arrays are contiguous and of doubles, and are passed as they are.
-
-    ``evaluate(n, h, delta, *inputs, p, out)``, ``solve_delta(n, h, F, p, delta)``,
-    ``drive(n, t, *drive, value, rate)``, ``integrate(t_end, u_stop, rtol, p, *drive, capacity, state, steps)``
-    ``passages(n, u, at, steps, out)``, ``sample(n, t, stored, steps, out)`` and
-    ``runs(n, count, at_gaps, settings, runs, targets, *table, out)``.
-    """
-
-    evaluate: Callable[..., Any]
-    solve_delta: Callable[..., Any]
-    drive: Callable[..., Any]
-    integrate: Callable[..., int]
-    passages: Callable[..., Any]
-    sample: Callable[..., Any]
-    runs: Callable[..., Any]
+def target_module(target: str) -> ModuleType:
+    """The module of a target."""
+    return importlib.import_module(f"softdyn.targets.{target}")

@@ -18,8 +18,11 @@ from typing import Any
 import numpy as np
 
 from softdyn.errors import CompileError, lacks_memory
-from softdyn.targets import Functions, LoadError
+from softdyn.targets import LoadError, Signatures
 
+SUFFIX = ".c"
+#: Types of arguments and results, as the shared subset of Python names them.
+TYPES = {"int": ctypes.c_int64, "float": ctypes.c_double, "array": ctypes.c_void_p, "None": None}
 #: IEEE arithmetic throughout: no -ffast-math. Contraction to fused operations is off, so that every machine and both
 #: targets round alike; math functions need not set errno.
 FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
@@ -44,6 +47,13 @@ TRIAL = "import ctypes, sys; library = ctypes.CDLL(sys.argv[1]); [getattr(librar
 
 #: What there is not enough memory for.
 NO_ROOM = "a kernel cannot be loaded"
+
+
+def translate(body: str) -> str:
+    """C text of what is written in the shared subset of Python."""
+    from softdyn.derive.translate import to_c
+
+    return to_c(body)
 
 
 @cache
@@ -220,24 +230,18 @@ def function_of(library: ctypes.CDLL, name: str, result: Any, *types: Any) -> An
     return function
 
 
-def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
-    """Load a compiled kernel."""
-    name = manifest["name"]
-    library = library_of(folder, name)
-    number, integer, array = ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
-    drive = [array, array, integer] if manifest["drive"] == "table" else [array]
+def load(folder: Path, name: str, functions: Signatures, later: Sequence[str] = ()) -> dict[str, Callable[..., Any]]:
+    """Load a compiled kernel: its functions by name; arrays are contiguous and of doubles, and are passed as they are.
 
-    def function(suffix: str, *types: Any) -> Callable[..., Any]:
-        raw = function_of(library, f"{name}_{suffix}", integer if suffix == "integrate" else None, *types)
+    Raises
+    ------
+    LoadError
+    MemoryError
+    """
+    library = library_of(folder, name)
+
+    def bound(function: str, result: str, types: Sequence[str]) -> Callable[..., Any]:
+        raw = function_of(library, f"{name}_{function}", TYPES[result], *(TYPES[one] for one in types))
         return lambda *values: raw(*[_passed(v) if isinstance(v, np.ndarray) else v for v in values])
 
-    states = [array] * (2 + len(manifest["inputs"]))
-    return Functions(
-        evaluate=function("evaluate", integer, *states, array, array),
-        solve_delta=function("solve_delta", integer, array, array, array, array),
-        drive=function("drive", integer, array, *drive, array, array),
-        integrate=function("integrate", number, number, number, array, *drive, integer, array, array),
-        passages=function("passages", integer, array, array, array, array),
-        sample=function("sample", integer, array, integer, array, array),
-        runs=function("runs", *[integer] * 3, array, array, array, *(drive if len(drive) > 1 else []), array),
-    )
+    return {function: bound(function, *signature) for function, signature in functions.items()}  # type: ignore[arg-type]

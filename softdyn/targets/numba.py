@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache as memoize
 from importlib.metadata import PackageNotFoundError, version
@@ -12,11 +12,16 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
 from softdyn import cache
 from softdyn.errors import CompileError, SoftdynError
-from softdyn.targets import Functions, LoadError
+from softdyn.targets import LoadError, Signatures
+
+SUFFIX = ".py"
+
+
+def translate(body: str) -> str:
+    """What is written in the shared subset of Python, as it is: numba compiles it."""
+    return body
 
 
 def available() -> bool:
@@ -78,29 +83,24 @@ def module_of(folder: Path, name: str) -> ModuleType:
     return module
 
 
-def load(folder: Path, manifest: Mapping[str, Any]) -> Functions:
-    """Import a kernel and compile it, or load what numba compiled before.
+def load(folder: Path, name: str, functions: Signatures, later: Sequence[str] = ()) -> dict[str, Callable[..., Any]]:
+    """Import a kernel and compile it, or load what numba compiled before; ``later`` is compiled at its first call.
 
     Raises
     ------
     LoadError
     """
-    name = manifest["name"]
     with loading(folder, name):
         module = module_of(folder, name)
-        functions = Functions(*(getattr(module, f"{name}_{field}") for field in Functions._fields))
-        _compile(functions, manifest)
-    return functions
+        found = {function: getattr(module, f"{name}_{function}") for function in functions}
+        _compile({found[function]: types for function, (_, types) in functions.items() if function not in later})
+    return found
 
 
-def _compile(functions: Functions, manifest: Mapping[str, Any]) -> None:
-    """Compile now, on no data, so that compiling is not taken for running; but ``runs``, which few scenes need."""
-    none, p = np.empty(0), np.ones(max(1, len(manifest["parameters"])))
-    table = manifest["drive"] == "table"
-    drive: tuple[Any, ...] = (np.zeros(2), np.zeros(2), 2) if table else (np.zeros(max(1, manifest["constants"])),)
-    functions.evaluate(0, none, none, *(none for _ in manifest["inputs"]), p, none)
-    functions.solve_delta(0, none, none, p, none)
-    functions.drive(0, none, *drive, none, none)
-    functions.integrate(0.0, 0.0, 1.0, p, *drive, 0, np.zeros(20), none)
-    functions.passages(0, none, none, none, none)
-    functions.sample(0, none, 0, none, none)
+def _compile(functions: Mapping[Any, Sequence[str]]) -> None:
+    """Compile now, for the types of the arguments, so that compiling is not taken for running."""
+    from numba import float64, int64
+
+    types = {"int": int64, "float": float64, "array": float64[::1]}
+    for function, arguments in functions.items():
+        function.compile(tuple(types[one] for one in arguments))
