@@ -27,9 +27,9 @@ from softdyn.laws import find, load, stock_laws
 from softdyn.particles.geometry import Box, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.kernel import ContactKernel, get_contact_kernel
 from softdyn.particles.method import ERROR, NODES, STAGES, WEIGHTS
+from softdyn.targets import TARGETS
 
 Array = NDArray[np.float64]
-TARGETS = ("c", "numba")
 
 low, step, s_own = Symbol("low", positive=True), Symbol("step", positive=True), Symbol("g", positive=True)
 #: A law whose parameters have the names of the kernel's own variables.

@@ -31,11 +31,11 @@ from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.laws.soap_film import law as soap_film
 from softdyn.derive.laws.steric import law as steric
+from softdyn.targets import TARGETS
 from softdyn.targets.c import FLAGS, compiler
 
 Array = NDArray[np.float64]
 Functions = dict[str, Callable[[Array], Array]]
-TARGETS = ("c", "numba")
 #: Laws whose contact kernels need one elementary function or another, and one that needs none.
 STOCK = (rognon_gay, equal_spheres, droplet, steric, dlvo, soap_film)
 #: Units in the last place; see derive/elementary.py.

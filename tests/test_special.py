@@ -26,10 +26,10 @@ from softdyn.derive.regimes import discover
 from softdyn.derive.special import COEFFICIENTS, branch_series, constants
 from softdyn.derive.translate import to_c
 from softdyn.errors import LawError
+from softdyn.targets import TARGETS
 
 Array = NDArray[np.float64]
 Functions = dict[str, Callable[[Array], Array]]
-TARGETS = ("c", "numba")
 ULPS = 4
 #: The smallest number of which there is a value: -1/e rounded towards 0.
 LOWEST = -0.3678794411714423

@@ -35,9 +35,9 @@ from softdyn.derive.printing import KINDS, operations, straight_line
 from softdyn.derive.specialise import OUTPUTS, RULES, Needs
 from softdyn.errors import LawError
 from softdyn.expression import parse
+from softdyn.targets import TARGETS
 from softdyn.targets.c import compiler
 
-TARGETS = ("c", "numba")
 ALL = Needs(drive="table", outputs=OUTPUTS)
 
 

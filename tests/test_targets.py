@@ -31,9 +31,9 @@ from softdyn.derive.specialise import OUTPUTS, Deflection, Needs
 from softdyn.errors import LawError
 from softdyn.expression import parse
 from softdyn.kernels import get_kernel
+from softdyn.targets import TARGETS
 
 Array = NDArray[np.float64]
-TARGETS = ("c", "numba")
 STATES = 100_000
 #: R, E, eta: in no units, in SI for a droplet and for a bead, and numbers without meaning.
 PARAMETERS = ((1.0, 1.0, 1.0), (2e-6, 3e4, 1e-3), (1e-3, 5e6, 70.0), (1.37, 0.0271, 9.3))
