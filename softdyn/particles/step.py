@@ -23,6 +23,8 @@ from softdyn.particles.system import System, turns_freely, works
 Array = NDArray[np.float64]
 #: Times that a stage is solved for, each with less of the rotations that nothing resists.
 MOST_TWISTS = 5
+#: Estimates of errors of tangential forces without drag are counted so many times.
+UNDRAGGED = 5.0
 #: Of the estimate for a power that fades: enough for one that falls by any factor up to exp(30) within a step.
 FADING = 0.1
 
@@ -357,6 +359,8 @@ def error_of(system: System, end: Balance, y_error: Array, x_error: Array, T_err
         k_t = end.values["stiff"][active] / end.values["keep"][active]
         allowed = np.maximum(k_t * end.h[active], max(largest(end.slid.force), largest(end.F)))
         wrong = T_error[active] - k_t[:, None] * slip_error[active]
+        if not system.dragged:  # the estimate is of the order of the error itself there, not of a lower one
+            wrong *= UNDRAGGED
         relative = np.linalg.norm(wrong, axis=1) / (system.rtol * allowed)
         found += [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
     return max(found) if all(map(math.isfinite, found)) else math.inf
