@@ -9,10 +9,10 @@
  *     drag translation = 6*pi*R*eta
  * Left out, with the operations that each saved:
  *     no remote force: 132 -> 121
- * Operations, 324 in all:
+ * Operations, 336 in all:
  *     iteration: 23 add, 61 mul, 22 div, 3 sqrt
  *     tangent: 25 add, 67 mul, 24 div, 3 sqrt
- *     state: 8 add, 32 mul, 11 div, 3 sqrt
+ *     state: 11 add, 41 mul, 11 div, 3 sqrt
  *     elastic: 2 add, 11 mul, 3 div, 3 sqrt
  *     weight: 3 add, 11 mul, 1 div
  *     side: 2 add, 2 mul, 2 div
@@ -347,7 +347,7 @@ int64_t cone_contacts(int64_t n, double s, double reach, const double *restrict 
     return unsolved;
 }
 
-/* delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i. */
+/* delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i. */
 void cone_state(int64_t n, double reach, const double *restrict overlaps, const double *restrict gap, const double *restrict p, const double *restrict q, double *restrict out)
 {
     const double E = p[0];
@@ -379,16 +379,23 @@ void cone_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double zeta = 4.71238898038469 * eta * x3_p3 * a_p4 * (excess + undragged_p1) / (R_p3 * h_p3 * (excess + 1.0));
         const double dF_ddelta = E * (a + x0);
         const double dF_dh = x1 * x4 * R_p2 / (2.0 * x2 * x3 * sqrt(x3));
-        const double C = dF_ddelta / 2.0;
-        const double fading = (2.0 * reach - 2.0 * h) / reach;
+        const double x5 = dF_ddelta / 2.0;
+        const double C = x5;
+        const double x6 = 1.0 / reach;
+        const double fading = x6 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
         const double ahead = 0.0 > started ? 0.0 : started;
+        const double x8 = 3.0 - 2.0 * ahead;
         const double ahead_p2 = ahead * ahead;
-        const double w = ahead_p2 * (3.0 - 2.0 * ahead);
+        const double w = x8 * ahead_p2;
+        const double w_h = -2.0 * x6 * (2.0 * x8 * ahead - 2.0 * ahead_p2);
         const double film = pressed > 0.0 ? w : 1.0;
         const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         const double rho = F_ela / zeta;
         const double F = F_ela * grip;
+        const double F_by_gap = F_ela * grip_h + grip * (dF_dh + x5);
+        const double F_by_distance = -x5 * grip;
         const double friction = w * zeta;
         const double remote = 0.0;
         const double dh_dt = -rho / film;
@@ -400,6 +407,8 @@ void cone_state(int64_t n, double reach, const double *restrict overlaps, const 
         out[5 * n + i] = C;
         out[6 * n + i] = dF_dh;
         out[7 * n + i] = dh_dt;
+        out[8 * n + i] = F_by_gap;
+        out[9 * n + i] = F_by_distance;
     }
 }
 

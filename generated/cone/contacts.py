@@ -9,10 +9,10 @@ Law 477bece85fee419c, 38dbbd0c7a1c46a1:
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
     no remote force: 132 -> 121
-Operations, 324 in all:
+Operations, 336 in all:
     iteration: 23 add, 61 mul, 22 div, 3 sqrt
     tangent: 25 add, 67 mul, 24 div, 3 sqrt
-    state: 8 add, 32 mul, 11 div, 3 sqrt
+    state: 11 add, 41 mul, 11 div, 3 sqrt
     elastic: 2 add, 11 mul, 3 div, 3 sqrt
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
@@ -272,7 +272,7 @@ def cone_contacts(n: int, s: float, reach: float, overlaps: array, start: array,
 
 @jit
 def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
-    """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i."""
     E = p[0]
     eta = p[1]
     own_m = p[2]
@@ -302,16 +302,23 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         zeta = 4.71238898038469 * eta * x3_p3 * a_p4 * (excess + undragged_p1) / (R_p3 * h_p3 * (excess + 1.0))
         dF_ddelta = E * (a + x0)
         dF_dh = x1 * x4 * R_p2 / (2.0 * x2 * x3 * sqrt(x3))
-        C = dF_ddelta / 2.0
-        fading = (2.0 * reach - 2.0 * h) / reach
+        x5 = dF_ddelta / 2.0
+        C = x5
+        x6 = 1.0 / reach
+        fading = x6 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
         ahead = (0.0 if 0.0 > started else started)
+        x8 = 3.0 - 2.0 * ahead
         ahead_p2 = ahead * ahead
-        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        w = x8 * ahead_p2
+        w_h = -2.0 * x6 * (2.0 * x8 * ahead - 2.0 * ahead_p2)
         film = (w if pressed > 0.0 else 1.0)
         grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         rho = F_ela / zeta
         F = F_ela * grip
+        F_by_gap = F_ela * grip_h + grip * (dF_dh + x5)
+        F_by_distance = -x5 * grip
         friction = w * zeta
         remote = 0.0
         dh_dt = -rho / film
@@ -323,6 +330,8 @@ def cone_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: a
         out[5 * n + i] = C
         out[6 * n + i] = dF_dh
         out[7 * n + i] = dh_dt
+        out[8 * n + i] = F_by_gap
+        out[9 * n + i] = F_by_distance
 
 
 @jit

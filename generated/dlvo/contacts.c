@@ -13,10 +13,10 @@
  *     k_t = 2*E*Piecewise((a, delta >= 0), (18*sqrt(R)/(sqrt(1/h + 1/R)*(9*R/(4*a**2*(1/h + 1/R)) + 11)), True))/((2 - nu)*(nu + 1))
  *     drag translation = 6*pi*R*eta
  *     drag rotation = 8*pi*R**3*eta
- * Operations, 1824 in all:
+ * Operations, 1836 in all:
  *     iteration: 129 add, 296 mul, 51 div, 4 sqrt, 3 call
  *     tangent: 194 add, 467 mul, 70 div, 8 sqrt, 4 call
- *     state: 93 add, 251 mul, 40 div, 8 sqrt, 4 call
+ *     state: 96 add, 260 mul, 40 div, 8 sqrt, 4 call
  *     elastic: 16 add, 46 mul, 8 div, 4 sqrt
  *     weight: 3 add, 11 mul, 1 div
  *     side: 24 add, 58 mul, 20 div, 1 sqrt, 3 call
@@ -78,6 +78,7 @@ static inline double _fraction(double x)
     word.bits = ((word.bits + 0x95f619980c433) & 0xfffffffffffff) + 0x3fe6a09e667f3bcd;
     return word.number;
 }
+
 
 /* ln(2^k (1 + f)) + rest, for 1 + f from sqrt(1/2) to sqrt(2) and a small rest. */
 static inline double _ln_near(double k, double f, double rest)
@@ -567,7 +568,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
                 Y_h = x111 / 2.0 + x112 * x33;
                 Y_hh = -x106 * g;
                 x113 = 1.0 / zeta;
-                rho = x113 * (F_ela - F_adh * film);
+                rho = -x113 * (F_adh * film - F_ela);
                 rho_h = x113 * (dF_ddelta / 2.0 + dF_dh - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_delta / 2.0 + log_zeta_h);
                 x114 = rho * s;
                 x115 = Y - y_star;
@@ -793,7 +794,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
             Y_h = x125 / 2.0 + x126 * x36;
             Y_hh = -x120 * g;
             const double x127 = 1.0 / zeta;
-            rho = x127 * (F_ela - F_adh * film);
+            rho = -x127 * (F_adh * film - F_ela);
             const double x128 = log_zeta_delta / 2.0;
             const double x129 = dF_ddelta / 2.0;
             rho_h = x127 * (dF_dh + x129 - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_h + x128);
@@ -904,7 +905,7 @@ int64_t dlvo_contacts(int64_t n, double s, double reach, const double *restrict 
     return unsolved;
 }
 
-/* delta, a, F, friction, remote, C, dF_dh, dh_dt, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i. */
+/* delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i. */
 void dlvo_state(int64_t n, double reach, const double *restrict overlaps, const double *restrict gap, const double *restrict p, const double *restrict q, double *restrict out)
 {
     const double E = p[0];
@@ -995,9 +996,9 @@ void dlvo_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double x58 = delta_p2 * h_p2;
         const double x59 = 2.0 * x45;
         const double x60 = delta * x50;
-        const double x88 = x59 + x60;
-        const double x88_p2 = x88 * x88;
-        const double x61 = 1.0 / (x88_p2 * a);
+        const double x92 = x59 + x60;
+        const double x92_p2 = x92 * x92;
+        const double x61 = 1.0 / (x92_p2 * a);
         const double x62 = x61 * (3.0 * x49 + 8.0 * x53 + 4.0 * x55 + 8.0 * x56 + 2.0 * x57 + 2.0 * x58);
         const double x63 = 5.0 * a_p2;
         const double x64 = 1.0 / (x45 - x60);
@@ -1009,46 +1010,53 @@ void dlvo_state(int64_t n, double reach, const double *restrict overlaps, const 
         const double x68 = 1.0 / x50;
         const double x69 = x17 * x68 * (x45 - x50 * x8);
         const double dF_dh = 2.0 / 3.0 * x16 * (delta >= 0.0 ? x67 : x65 * x69 * a_p2);
-        const double C = dF_ddelta / 2.0;
-        const double fading = (2.0 * reach - 2.0 * h) / reach;
+        const double x70 = dF_ddelta / 2.0;
+        const double C = x70;
+        const double x71 = 1.0 / reach;
+        const double fading = x71 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
         const double ahead = 0.0 > started ? 0.0 : started;
+        const double x73 = 3.0 - 2.0 * ahead;
         const double ahead_p2 = ahead * ahead;
-        const double w = ahead_p2 * (3.0 - 2.0 * ahead);
+        const double w = x73 * ahead_p2;
+        const double w_h = -2.0 * x71 * (2.0 * x73 * ahead - 2.0 * ahead_p2);
         const double film = pressed > 0.0 ? w : 1.0;
         const double grip = pressed > 0.0 ? 1.0 : w;
-        const double rho = (F_ela - F_adh * film) / zeta;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
+        const double rho = -(F_adh * film - F_ela) / zeta;
         const double F = F_ela * grip;
+        const double F_by_gap = F_ela * grip_h + grip * (dF_dh + x70);
+        const double F_by_distance = -x70 * grip;
         const double friction = w * zeta;
         const double remote = F_adh * w;
         const double dh_dt = -rho / film;
         const double a_h = (delta >= 0.0 ? x67 : x64 * x69 * a) / 2.0;
         const double a_delta = delta >= 0.0 ? x62 * R / 4.0 : a / (2.0 * x9);
-        const double x71 = _lane_log1p(x17);
-        const double x72 = 32.0 * x71;
-        const double x73 = x71 * size_ratio;
-        const double x74 = x71 * R_p2;
-        const double x75 = 60.0 * a_p2;
-        const double x76 = 288.0 * x71;
-        const double x77 = x45 * a_p2;
-        const double x78 = x71 * R_p3;
-        const double x79 = 128.0 * a_p2;
-        const double x80 = x71 * h_p2;
-        const double x81 = 192.0 * size_ratio * a_p2;
-        const double sliding = x52 * x68 * (delta >= 0.0 ? x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x72 + x38 * x72 - 48.0 * x25 * x74 - 48.0 * x37 * x73 - 45.0 * x38) : R * (x75 * R_p2 + x45 * x75 + x47 * x76 + x49 * x76 + 256.0 * x71 * x77 + x74 * x79 + x79 * x80 - 432.0 * x25 * x78 - 135.0 * x47 - 432.0 * x49 * x73 - 384.0 * x73 * x77 - x74 * x81 - x80 * x81) / (4.0 * x51 + x66)) / 20.0;
-        const double x82 = 0.6 * x52;
-        const double coupling = x74 * x82;
-        const double rolling = x78 * x82;
-        const double x83 = E / ((own_nu + 1.0) * (2.0 - own_nu));
-        const double k_t = x83 * (delta >= 0.0 ? 2.0 * a : 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)));
-        const double x84 = sqrt(x50);
-        const double x85 = 44.0 * a_p3;
-        const double x86 = 36.0 * a_h;
-        const double x89 = 44.0 * x51 + x66;
-        const double x89_p2 = x89 * x89;
-        const double x87 = a / x89_p2;
-        const double k_t_h = x83 * (delta >= 0.0 ? 2.0 * a_h : 72.0 * x87 * R_p2 * (x86 * R * h_p3 + x85 * R + x85 * h + x49 * x86 - x66 * a) / (x84 * sqrt(h)));
-        const double k_t_delta = a_delta * x83 * (delta >= 0.0 ? 2.0 : 2592.0 * x84 * x87 * R_p3 * h * sqrt(h));
+        const double x75 = _lane_log1p(x17);
+        const double x76 = 32.0 * x75;
+        const double x77 = x75 * size_ratio;
+        const double x78 = x75 * R_p2;
+        const double x79 = 60.0 * a_p2;
+        const double x80 = 288.0 * x75;
+        const double x81 = x45 * a_p2;
+        const double x82 = x75 * R_p3;
+        const double x83 = 128.0 * a_p2;
+        const double x84 = x75 * h_p2;
+        const double x85 = 192.0 * size_ratio * a_p2;
+        const double sliding = x52 * x68 * (delta >= 0.0 ? x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x76 + x38 * x76 - 48.0 * x25 * x78 - 48.0 * x37 * x77 - 45.0 * x38) : R * (x79 * R_p2 + x45 * x79 + x47 * x80 + x49 * x80 + 256.0 * x75 * x81 + x78 * x83 + x83 * x84 - 432.0 * x25 * x82 - 135.0 * x47 - 432.0 * x49 * x77 - 384.0 * x77 * x81 - x78 * x85 - x84 * x85) / (4.0 * x51 + x66)) / 20.0;
+        const double x86 = 0.6 * x52;
+        const double coupling = x78 * x86;
+        const double rolling = x82 * x86;
+        const double x87 = E / ((own_nu + 1.0) * (2.0 - own_nu));
+        const double k_t = x87 * (delta >= 0.0 ? 2.0 * a : 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)));
+        const double x88 = sqrt(x50);
+        const double x89 = 44.0 * a_p3;
+        const double x90 = 36.0 * a_h;
+        const double x93 = 44.0 * x51 + x66;
+        const double x93_p2 = x93 * x93;
+        const double x91 = a / x93_p2;
+        const double k_t_h = x87 * (delta >= 0.0 ? 2.0 * a_h : 72.0 * x91 * R_p2 * (x90 * R * h_p3 + x89 * R + x89 * h + x49 * x90 - x66 * a) / (x88 * sqrt(h)));
+        const double k_t_delta = a_delta * x87 * (delta >= 0.0 ? 2.0 : 2592.0 * x88 * x91 * R_p3 * h * sqrt(h));
         const double friction_t = w * sliding;
         const double coupling_p2 = coupling * coupling;
         const double roll = w * (rolling - coupling_p2 * (1.0 - x26) / sliding);
@@ -1060,11 +1068,13 @@ void dlvo_state(int64_t n, double reach, const double *restrict overlaps, const 
         out[5 * n + i] = C;
         out[6 * n + i] = dF_dh;
         out[7 * n + i] = dh_dt;
-        out[8 * n + i] = friction_t;
-        out[9 * n + i] = roll;
-        out[10 * n + i] = k_t;
-        out[11 * n + i] = k_t_h;
-        out[12 * n + i] = k_t_delta;
+        out[8 * n + i] = F_by_gap;
+        out[9 * n + i] = F_by_distance;
+        out[10 * n + i] = friction_t;
+        out[11 * n + i] = roll;
+        out[12 * n + i] = k_t;
+        out[13 * n + i] = k_t_h;
+        out[14 * n + i] = k_t_delta;
     }
 }
 

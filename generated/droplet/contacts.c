@@ -10,10 +10,10 @@
  *     drag translation = 6*pi*R*eta
  * Left out, with the operations that each saved:
  *     no remote force: 425 -> 414
- * Operations, 1018 in all:
+ * Operations, 1030 in all:
  *     iteration: 128 add, 233 mul, 36 div, 3 sqrt, 2 call
  *     tangent: 130 add, 239 mul, 38 div, 3 sqrt, 2 call
- *     state: 48 add, 110 mul, 16 div, 3 sqrt, 2 call
+ *     state: 51 add, 119 mul, 16 div, 3 sqrt, 2 call
  *     elastic: 2 mul
  *     weight: 3 add, 11 mul, 1 div
  *     side: 2 add, 2 mul, 2 div
@@ -75,6 +75,7 @@ static inline double _fraction(double x)
     word.bits = ((word.bits + 0x95f619980c433) & 0xfffffffffffff) + 0x3fe6a09e667f3bcd;
     return word.number;
 }
+
 
 /* ln(2^k (1 + f)) + rest, for 1 + f from sqrt(1/2) to sqrt(2) and a small rest. */
 static inline double _ln_near(double k, double f, double rest)
@@ -638,7 +639,7 @@ int64_t droplet_contacts(int64_t n, double s, double reach, const double *restri
     return unsolved;
 }
 
-/* delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i. */
+/* delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i. */
 void droplet_state(int64_t n, double reach, const double *restrict overlaps, const double *restrict gap, const double *restrict p, const double *restrict q, double *restrict out)
 {
     const double eta = p[0];
@@ -701,16 +702,23 @@ void droplet_state(int64_t n, double reach, const double *restrict overlaps, con
         const double zeta = 3.141592653589793 * eta * of_radii * (excess + undragged_p1) * (10.0 * R + 9.0 * x5 * h + 20.0 * h) * (delta >= 0.0 ? 0.15 * (x18 * x23 + x20 + x21 + 2.0 * x22 + x23 * x25 + x31 * x34 + 6.0 * x33 - x27 * x29 - x27 * x30 - x31 * x32) / (R_p3 * h_p3 * (x15 + x16 + 8.0 * x18)) : 0.075 * x1 * x15 * (R + h) * (x38 * R_p4 + x37 * R_p2 + 58.0 * R * h * a_p4 + x37 * h_p2 - 36.0 * x16 * R_p3 - x38 * R_p2 * a_p2) / (184.0 * x34 * h_p2 + x18 * x35 + 55.0 * x20 + 55.0 * x21 + 36.0 * x22 + x25 * x35 + 184.0 * x33 - 382.0 * x32 * h_p2 - x29 * x36 - x30 * x36)) / (excess + 1.0);
         const double dF_ddelta = x3;
         const double dF_dh = 0.0;
-        const double C = dF_ddelta / 2.0;
-        const double fading = (2.0 * reach - 2.0 * h) / reach;
+        const double x39 = dF_ddelta / 2.0;
+        const double C = x39;
+        const double x40 = 1.0 / reach;
+        const double fading = x40 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
         const double ahead = 0.0 > started ? 0.0 : started;
+        const double x42 = 3.0 - 2.0 * ahead;
         const double ahead_p2 = ahead * ahead;
-        const double w = ahead_p2 * (3.0 - 2.0 * ahead);
+        const double w = x42 * ahead_p2;
+        const double w_h = -2.0 * x40 * (2.0 * x42 * ahead - 2.0 * ahead_p2);
         const double film = pressed > 0.0 ? w : 1.0;
         const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         const double rho = F_ela / zeta;
         const double F = F_ela * grip;
+        const double F_by_gap = F_ela * grip_h + grip * (dF_dh + x39);
+        const double F_by_distance = -x39 * grip;
         const double friction = w * zeta;
         const double remote = 0.0;
         const double dh_dt = -rho / film;
@@ -722,6 +730,8 @@ void droplet_state(int64_t n, double reach, const double *restrict overlaps, con
         out[5 * n + i] = C;
         out[6 * n + i] = dF_dh;
         out[7 * n + i] = dh_dt;
+        out[8 * n + i] = F_by_gap;
+        out[9 * n + i] = F_by_distance;
     }
 }
 

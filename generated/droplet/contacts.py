@@ -10,10 +10,10 @@ Law bbf87643f46d45d4, 3f944401bbdd72b3:
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
     no remote force: 425 -> 414
-Operations, 1018 in all:
+Operations, 1030 in all:
     iteration: 128 add, 233 mul, 36 div, 3 sqrt, 2 call
     tangent: 130 add, 239 mul, 38 div, 3 sqrt, 2 call
-    state: 48 add, 110 mul, 16 div, 3 sqrt, 2 call
+    state: 51 add, 119 mul, 16 div, 3 sqrt, 2 call
     elastic: 2 mul
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
@@ -479,7 +479,7 @@ def droplet_contacts(n: int, s: float, reach: float, overlaps: array, start: arr
 
 @jit
 def droplet_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
-    """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i."""
     eta = p[0]
     own_sigma = p[1]
     undragged_p1 = p[2]
@@ -540,16 +540,23 @@ def droplet_state(n: int, reach: float, overlaps: array, gap: array, p: array, q
         zeta = 3.141592653589793 * eta * of_radii * (excess + undragged_p1) * (10.0 * R + 9.0 * x5 * h + 20.0 * h) * (0.15 * (x18 * x23 + x20 + x21 + 2.0 * x22 + x23 * x25 + x31 * x34 + 6.0 * x33 - x27 * x29 - x27 * x30 - x31 * x32) / (R_p3 * h_p3 * (x15 + x16 + 8.0 * x18)) if delta >= 0.0 else 0.075 * x1 * x15 * (R + h) * (x38 * R_p4 + x37 * R_p2 + 58.0 * R * h * a_p4 + x37 * h_p2 - 36.0 * x16 * R_p3 - x38 * R_p2 * a_p2) / (184.0 * x34 * h_p2 + x18 * x35 + 55.0 * x20 + 55.0 * x21 + 36.0 * x22 + x25 * x35 + 184.0 * x33 - 382.0 * x32 * h_p2 - x29 * x36 - x30 * x36)) / (excess + 1.0)
         dF_ddelta = x3
         dF_dh = 0.0
-        C = dF_ddelta / 2.0
-        fading = (2.0 * reach - 2.0 * h) / reach
+        x39 = dF_ddelta / 2.0
+        C = x39
+        x40 = 1.0 / reach
+        fading = x40 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
         ahead = (0.0 if 0.0 > started else started)
+        x42 = 3.0 - 2.0 * ahead
         ahead_p2 = ahead * ahead
-        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        w = x42 * ahead_p2
+        w_h = -2.0 * x40 * (2.0 * x42 * ahead - 2.0 * ahead_p2)
         film = (w if pressed > 0.0 else 1.0)
         grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         rho = F_ela / zeta
         F = F_ela * grip
+        F_by_gap = F_ela * grip_h + grip * (dF_dh + x39)
+        F_by_distance = -x39 * grip
         friction = w * zeta
         remote = 0.0
         dh_dt = -rho / film
@@ -561,6 +568,8 @@ def droplet_state(n: int, reach: float, overlaps: array, gap: array, p: array, q
         out[5 * n + i] = C
         out[6 * n + i] = dF_dh
         out[7 * n + i] = dh_dt
+        out[8 * n + i] = F_by_gap
+        out[9 * n + i] = F_by_distance
 
 
 @jit

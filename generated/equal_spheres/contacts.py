@@ -15,10 +15,10 @@ Law a1b3b5f85522bbe7, 88b3d9c088ee178a:
     drag rotation = 8*pi*R**3*eta
 Left out, with the operations that each saved:
     no remote force: 731 -> 720
-Operations, 1665 in all:
+Operations, 1677 in all:
     iteration: 123 add, 285 mul, 47 div, 4 sqrt, 2 call
     tangent: 186 add, 455 mul, 66 div, 8 sqrt, 3 call
-    state: 91 add, 244 mul, 38 div, 8 sqrt, 3 call
+    state: 94 add, 253 mul, 38 div, 8 sqrt, 3 call
     elastic: 16 add, 46 mul, 8 div, 4 sqrt
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
@@ -641,7 +641,7 @@ def equal_spheres_contacts(n: int, s: float, reach: float, overlaps: array, star
 
 @jit
 def equal_spheres_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
-    """delta, a, F, friction, remote, C, dF_dh, dh_dt, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i."""
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i."""
     E = p[0]
     eta = p[1]
     own_nu = p[2]
@@ -726,9 +726,9 @@ def equal_spheres_state(n: int, reach: float, overlaps: array, gap: array, p: ar
         x58 = delta_p2 * h_p2
         x59 = 2.0 * x45
         x60 = delta * x50
-        x88 = x59 + x60
-        x88_p2 = x88 * x88
-        x61 = 1.0 / (x88_p2 * a)
+        x92 = x59 + x60
+        x92_p2 = x92 * x92
+        x61 = 1.0 / (x92_p2 * a)
         x62 = x61 * (3.0 * x49 + 8.0 * x53 + 4.0 * x55 + 8.0 * x56 + 2.0 * x57 + 2.0 * x58)
         x63 = 5.0 * a_p2
         x64 = 1.0 / (x45 - x60)
@@ -740,46 +740,53 @@ def equal_spheres_state(n: int, reach: float, overlaps: array, gap: array, p: ar
         x68 = 1.0 / x50
         x69 = x17 * x68 * (x45 - x50 * x8)
         dF_dh = (2.0 / 3.0) * x16 * (x67 if delta >= 0.0 else x65 * x69 * a_p2)
-        C = dF_ddelta / 2.0
-        fading = (2.0 * reach - 2.0 * h) / reach
+        x70 = dF_ddelta / 2.0
+        C = x70
+        x71 = 1.0 / reach
+        fading = x71 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
         ahead = (0.0 if 0.0 > started else started)
+        x73 = 3.0 - 2.0 * ahead
         ahead_p2 = ahead * ahead
-        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        w = x73 * ahead_p2
+        w_h = -2.0 * x71 * (2.0 * x73 * ahead - 2.0 * ahead_p2)
         film = (w if pressed > 0.0 else 1.0)
         grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         rho = F_ela / zeta
         F = F_ela * grip
+        F_by_gap = F_ela * grip_h + grip * (dF_dh + x70)
+        F_by_distance = -x70 * grip
         friction = w * zeta
         remote = 0.0
         dh_dt = -rho / film
         a_h = (x67 if delta >= 0.0 else x64 * x69 * a) / 2.0
         a_delta = (x62 * R / 4.0 if delta >= 0.0 else a / (2.0 * x9))
-        x71 = _lane_log1p(x17)
-        x72 = 32.0 * x71
-        x73 = x71 * size_ratio
-        x74 = x71 * R_p2
-        x75 = 60.0 * a_p2
-        x76 = 288.0 * x71
-        x77 = x45 * a_p2
-        x78 = x71 * R_p3
-        x79 = 128.0 * a_p2
-        x80 = x71 * h_p2
-        x81 = 192.0 * size_ratio * a_p2
-        sliding = x52 * x68 * (x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x72 + x38 * x72 - 48.0 * x25 * x74 - 48.0 * x37 * x73 - 45.0 * x38) if delta >= 0.0 else R * (x75 * R_p2 + x45 * x75 + x47 * x76 + x49 * x76 + 256.0 * x71 * x77 + x74 * x79 + x79 * x80 - 432.0 * x25 * x78 - 135.0 * x47 - 432.0 * x49 * x73 - 384.0 * x73 * x77 - x74 * x81 - x80 * x81) / (4.0 * x51 + x66)) / 20.0
-        x82 = 0.6 * x52
-        coupling = x74 * x82
-        rolling = x78 * x82
-        x83 = E / ((own_nu + 1.0) * (2.0 - own_nu))
-        k_t = x83 * (2.0 * a if delta >= 0.0 else 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)))
-        x84 = sqrt(x50)
-        x85 = 44.0 * a_p3
-        x86 = 36.0 * a_h
-        x89 = 44.0 * x51 + x66
-        x89_p2 = x89 * x89
-        x87 = a / x89_p2
-        k_t_h = x83 * (2.0 * a_h if delta >= 0.0 else 72.0 * x87 * R_p2 * (x86 * R * h_p3 + x85 * R + x85 * h + x49 * x86 - x66 * a) / (x84 * sqrt(h)))
-        k_t_delta = a_delta * x83 * (2.0 if delta >= 0.0 else 2592.0 * x84 * x87 * R_p3 * h * sqrt(h))
+        x75 = _lane_log1p(x17)
+        x76 = 32.0 * x75
+        x77 = x75 * size_ratio
+        x78 = x75 * R_p2
+        x79 = 60.0 * a_p2
+        x80 = 288.0 * x75
+        x81 = x45 * a_p2
+        x82 = x75 * R_p3
+        x83 = 128.0 * a_p2
+        x84 = x75 * h_p2
+        x85 = 192.0 * size_ratio * a_p2
+        sliding = x52 * x68 * (x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x76 + x38 * x76 - 48.0 * x25 * x78 - 48.0 * x37 * x77 - 45.0 * x38) if delta >= 0.0 else R * (x79 * R_p2 + x45 * x79 + x47 * x80 + x49 * x80 + 256.0 * x75 * x81 + x78 * x83 + x83 * x84 - 432.0 * x25 * x82 - 135.0 * x47 - 432.0 * x49 * x77 - 384.0 * x77 * x81 - x78 * x85 - x84 * x85) / (4.0 * x51 + x66)) / 20.0
+        x86 = 0.6 * x52
+        coupling = x78 * x86
+        rolling = x82 * x86
+        x87 = E / ((own_nu + 1.0) * (2.0 - own_nu))
+        k_t = x87 * (2.0 * a if delta >= 0.0 else 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)))
+        x88 = sqrt(x50)
+        x89 = 44.0 * a_p3
+        x90 = 36.0 * a_h
+        x93 = 44.0 * x51 + x66
+        x93_p2 = x93 * x93
+        x91 = a / x93_p2
+        k_t_h = x87 * (2.0 * a_h if delta >= 0.0 else 72.0 * x91 * R_p2 * (x90 * R * h_p3 + x89 * R + x89 * h + x49 * x90 - x66 * a) / (x88 * sqrt(h)))
+        k_t_delta = a_delta * x87 * (2.0 if delta >= 0.0 else 2592.0 * x88 * x91 * R_p3 * h * sqrt(h))
         friction_t = w * sliding
         coupling_p2 = coupling * coupling
         roll = w * (rolling - coupling_p2 * (1.0 - x26) / sliding)
@@ -791,11 +798,13 @@ def equal_spheres_state(n: int, reach: float, overlaps: array, gap: array, p: ar
         out[5 * n + i] = C
         out[6 * n + i] = dF_dh
         out[7 * n + i] = dh_dt
-        out[8 * n + i] = friction_t
-        out[9 * n + i] = roll
-        out[10 * n + i] = k_t
-        out[11 * n + i] = k_t_h
-        out[12 * n + i] = k_t_delta
+        out[8 * n + i] = F_by_gap
+        out[9 * n + i] = F_by_distance
+        out[10 * n + i] = friction_t
+        out[11 * n + i] = roll
+        out[12 * n + i] = k_t
+        out[13 * n + i] = k_t_h
+        out[14 * n + i] = k_t_delta
 
 
 @jit

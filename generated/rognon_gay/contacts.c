@@ -9,10 +9,10 @@
  *     drag translation = 6*pi*R*eta
  * Left out, with the operations that each saved:
  *     no remote force: 128 -> 117
- * Operations, 311 in all:
+ * Operations, 323 in all:
  *     iteration: 23 add, 61 mul, 20 div, 1 sqrt
  *     tangent: 25 add, 67 mul, 22 div, 1 sqrt
- *     state: 8 add, 32 mul, 11 div, 1 sqrt
+ *     state: 11 add, 41 mul, 11 div, 1 sqrt
  *     elastic: 2 add, 11 mul, 2 div, 1 sqrt
  *     weight: 3 add, 11 mul, 1 div
  *     side: 2 add, 2 mul, 2 div
@@ -346,7 +346,7 @@ int64_t rognon_gay_contacts(int64_t n, double s, double reach, const double *res
     return unsolved;
 }
 
-/* delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i. */
+/* delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i. */
 void rognon_gay_state(int64_t n, double reach, const double *restrict overlaps, const double *restrict gap, const double *restrict p, const double *restrict q, double *restrict out)
 {
     const double E = p[0];
@@ -377,16 +377,23 @@ void rognon_gay_state(int64_t n, double reach, const double *restrict overlaps, 
         const double x5 = 1.0 / a;
         const double dF_ddelta = x2 * (x0 * x5 * R + a);
         const double dF_dh = x3 * x5 * R_p3 / x1_p2;
-        const double C = dF_ddelta / 2.0;
-        const double fading = (2.0 * reach - 2.0 * h) / reach;
+        const double x6 = dF_ddelta / 2.0;
+        const double C = x6;
+        const double x7 = 1.0 / reach;
+        const double fading = x7 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
         const double ahead = 0.0 > started ? 0.0 : started;
+        const double x9 = 3.0 - 2.0 * ahead;
         const double ahead_p2 = ahead * ahead;
-        const double w = ahead_p2 * (3.0 - 2.0 * ahead);
+        const double w = x9 * ahead_p2;
+        const double w_h = -2.0 * x7 * (2.0 * x9 * ahead - 2.0 * ahead_p2);
         const double film = pressed > 0.0 ? w : 1.0;
         const double grip = pressed > 0.0 ? 1.0 : w;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
         const double rho = F_ela / zeta;
         const double F = F_ela * grip;
+        const double F_by_gap = F_ela * grip_h + grip * (dF_dh + x6);
+        const double F_by_distance = -x6 * grip;
         const double friction = w * zeta;
         const double remote = 0.0;
         const double dh_dt = -rho / film;
@@ -398,6 +405,8 @@ void rognon_gay_state(int64_t n, double reach, const double *restrict overlaps, 
         out[5 * n + i] = C;
         out[6 * n + i] = dF_dh;
         out[7 * n + i] = dh_dt;
+        out[8 * n + i] = F_by_gap;
+        out[9 * n + i] = F_by_distance;
     }
 }
 

@@ -9,10 +9,10 @@ Law b2a8534843dae832, 38dbbd0c7a1c46a1:
     drag translation = 6*pi*R*eta
 Left out, with the operations that each saved:
     no remote force: 128 -> 117
-Operations, 311 in all:
+Operations, 323 in all:
     iteration: 23 add, 61 mul, 20 div, 1 sqrt
     tangent: 25 add, 67 mul, 22 div, 1 sqrt
-    state: 8 add, 32 mul, 11 div, 1 sqrt
+    state: 11 add, 41 mul, 11 div, 1 sqrt
     elastic: 2 add, 11 mul, 2 div, 1 sqrt
     weight: 3 add, 11 mul, 1 div
     side: 2 add, 2 mul, 2 div
@@ -271,7 +271,7 @@ def rognon_gay_contacts(n: int, s: float, reach: float, overlaps: array, start: 
 
 @jit
 def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
-    """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i."""
     E = p[0]
     eta = p[1]
     undragged_p1 = p[2]
@@ -300,16 +300,23 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
         x5 = 1.0 / a
         dF_ddelta = x2 * (x0 * x5 * R + a)
         dF_dh = x3 * x5 * R_p3 / x1_p2
-        C = dF_ddelta / 2.0
-        fading = (2.0 * reach - 2.0 * h) / reach
+        x6 = dF_ddelta / 2.0
+        C = x6
+        x7 = 1.0 / reach
+        fading = x7 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
         ahead = (0.0 if 0.0 > started else started)
+        x9 = 3.0 - 2.0 * ahead
         ahead_p2 = ahead * ahead
-        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        w = x9 * ahead_p2
+        w_h = -2.0 * x7 * (2.0 * x9 * ahead - 2.0 * ahead_p2)
         film = (w if pressed > 0.0 else 1.0)
         grip = (1.0 if pressed > 0.0 else w)
+        grip_h = (0.0 if pressed > 0.0 else w_h)
         rho = F_ela / zeta
         F = F_ela * grip
+        F_by_gap = F_ela * grip_h + grip * (dF_dh + x6)
+        F_by_distance = -x6 * grip
         friction = w * zeta
         remote = 0.0
         dh_dt = -rho / film
@@ -321,6 +328,8 @@ def rognon_gay_state(n: int, reach: float, overlaps: array, gap: array, p: array
         out[5 * n + i] = C
         out[6 * n + i] = dF_dh
         out[7 * n + i] = dh_dt
+        out[8 * n + i] = F_by_gap
+        out[9 * n + i] = F_by_distance
 
 
 @jit

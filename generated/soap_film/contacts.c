@@ -8,10 +8,10 @@
  *     unequal = (4*R*size_ratio*(-4*(size_ratio + 1/5)*(1048576*size_ratio**8 + 4)/9 + 4)/(R*(22 - 68*size_ratio) + 16*h*size_ratio) + R/(2*h) + (size_ratio + 1/5)*(65536*size_ratio**8*log(20*R/(9*h) + 1) + (1 - 65536*size_ratio**8)*log(4*R/(9*h) + 1)) + 1)/(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)
  *     F_adh = pi*Pi0*Piecewise((R*ell - 2*R/(1/h + 1/R) + a**2, delta >= 0), (a**2*ell*(1/(2*h) + 1/(2*R)), True))*exp(-h/ell)
  *     drag translation = 6*pi*R*eta
- * Operations, 1266 in all:
+ * Operations, 1278 in all:
  *     iteration: 142 add, 265 mul, 40 div, 3 sqrt, 3 call
  *     tangent: 146 add, 272 mul, 42 div, 3 sqrt, 3 call
- *     state: 51 add, 120 mul, 18 div, 3 sqrt, 3 call
+ *     state: 54 add, 129 mul, 18 div, 3 sqrt, 3 call
  *     elastic: 2 mul
  *     weight: 3 add, 11 mul, 1 div
  *     side: 34 add, 79 mul, 15 div, 2 sqrt, 3 call
@@ -73,6 +73,7 @@ static inline double _fraction(double x)
     word.bits = ((word.bits + 0x95f619980c433) & 0xfffffffffffff) + 0x3fe6a09e667f3bcd;
     return word.number;
 }
+
 
 /* ln(2^k (1 + f)) + rest, for 1 + f from sqrt(1/2) to sqrt(2) and a small rest. */
 static inline double _ln_near(double k, double f, double rest)
@@ -528,7 +529,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
                 Y_h = x105 / 2.0 + x106 * x23;
                 Y_hh = -x34 * g;
                 x107 = 1.0 / zeta;
-                rho = x107 * (F_ela - F_adh * film);
+                rho = -x107 * (F_adh * film - F_ela);
                 rho_h = x107 * (dF_ddelta / 2.0 + dF_dh - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_delta / 2.0 + log_zeta_h);
                 x108 = rho * s;
                 x109 = Y - y_star;
@@ -720,7 +721,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
             Y_h = x105 / 2.0 + x106 * x23;
             Y_hh = -x34 * g;
             x107 = 1.0 / zeta;
-            rho = x107 * (F_ela - F_adh * film);
+            rho = -x107 * (F_adh * film - F_ela);
             x108 = log_zeta_delta / 2.0;
             x109 = dF_ddelta / 2.0;
             rho_h = x107 * (dF_dh + x109 - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_h + x108);
@@ -749,7 +750,7 @@ int64_t soap_film_contacts(int64_t n, double s, double reach, const double *rest
     return unsolved;
 }
 
-/* delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i. */
+/* delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i. */
 void soap_film_state(int64_t n, double reach, const double *restrict overlaps, const double *restrict gap, const double *restrict p, const double *restrict q, double *restrict out)
 {
     const double eta = p[0];
@@ -816,16 +817,23 @@ void soap_film_state(int64_t n, double reach, const double *restrict overlaps, c
         const double F_adh = 3.141592653589793 * own_Pi0 * (delta >= 0.0 ? R * own_ell + a_p2 - 2.0 * x3 * R : x2 * own_ell * a_p2 / 2.0) * _lane_exp(-h / own_ell);
         const double dF_ddelta = x4;
         const double dF_dh = 0.0;
-        const double C = dF_ddelta / 2.0;
-        const double fading = (2.0 * reach - 2.0 * h) / reach;
+        const double x40 = dF_ddelta / 2.0;
+        const double C = x40;
+        const double x41 = 1.0 / reach;
+        const double fading = x41 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
         const double ahead = 0.0 > started ? 0.0 : started;
+        const double x43 = 3.0 - 2.0 * ahead;
         const double ahead_p2 = ahead * ahead;
-        const double w = ahead_p2 * (3.0 - 2.0 * ahead);
+        const double w = x43 * ahead_p2;
+        const double w_h = -2.0 * x41 * (2.0 * x43 * ahead - 2.0 * ahead_p2);
         const double film = pressed > 0.0 ? w : 1.0;
         const double grip = pressed > 0.0 ? 1.0 : w;
-        const double rho = (F_ela - F_adh * film) / zeta;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
+        const double rho = -(F_adh * film - F_ela) / zeta;
         const double F = F_ela * grip;
+        const double F_by_gap = F_ela * grip_h + grip * (dF_dh + x40);
+        const double F_by_distance = -x40 * grip;
         const double friction = w * zeta;
         const double remote = F_adh * w;
         const double dh_dt = -rho / film;
@@ -837,6 +845,8 @@ void soap_film_state(int64_t n, double reach, const double *restrict overlaps, c
         out[5 * n + i] = C;
         out[6 * n + i] = dF_dh;
         out[7 * n + i] = dh_dt;
+        out[8 * n + i] = F_by_gap;
+        out[9 * n + i] = F_by_distance;
     }
 }
 

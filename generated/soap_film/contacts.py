@@ -8,10 +8,10 @@ Law 6bd00ef615be7c1f, 3f944401bbdd72b3:
     unequal = (4*R*size_ratio*(-4*(size_ratio + 1/5)*(1048576*size_ratio**8 + 4)/9 + 4)/(R*(22 - 68*size_ratio) + 16*h*size_ratio) + R/(2*h) + (size_ratio + 1/5)*(65536*size_ratio**8*log(20*R/(9*h) + 1) + (1 - 65536*size_ratio**8)*log(4*R/(9*h) + 1)) + 1)/(R/(2*h) + 9*log(20*R/(9*h) + 1)/20 + 1)
     F_adh = pi*Pi0*Piecewise((R*ell - 2*R/(1/h + 1/R) + a**2, delta >= 0), (a**2*ell*(1/(2*h) + 1/(2*R)), True))*exp(-h/ell)
     drag translation = 6*pi*R*eta
-Operations, 1266 in all:
+Operations, 1278 in all:
     iteration: 142 add, 265 mul, 40 div, 3 sqrt, 3 call
     tangent: 146 add, 272 mul, 42 div, 3 sqrt, 3 call
-    state: 51 add, 120 mul, 18 div, 3 sqrt, 3 call
+    state: 54 add, 129 mul, 18 div, 3 sqrt, 3 call
     elastic: 2 mul
     weight: 3 add, 11 mul, 1 div
     side: 34 add, 79 mul, 15 div, 2 sqrt, 3 call
@@ -359,7 +359,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
                 Y_h = x105 / 2.0 + x106 * x23
                 Y_hh = -x34 * g
                 x107 = 1.0 / zeta
-                rho = x107 * (F_ela - F_adh * film)
+                rho = -x107 * (F_adh * film - F_ela)
                 rho_h = x107 * (dF_ddelta / 2.0 + dF_dh - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
                 x108 = rho * s
                 x109 = Y - y_star
@@ -548,7 +548,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
             Y_h = x105 / 2.0 + x106 * x23
             Y_hh = -x34 * g
             x107 = 1.0 / zeta
-            rho = x107 * (F_ela - F_adh * film)
+            rho = -x107 * (F_adh * film - F_ela)
             x108 = log_zeta_delta / 2.0
             x109 = dF_ddelta / 2.0
             rho_h = x107 * (dF_dh + x109 - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_h + x108)
@@ -576,7 +576,7 @@ def soap_film_contacts(n: int, s: float, reach: float, overlaps: array, start: a
 
 @jit
 def soap_film_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
-    """delta, a, F, friction, remote, C, dF_dh, dh_dt of n contacts: out[k*n + i] is quantity k of contact i."""
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance of n contacts: out[k*n + i] is quantity k of contact i."""
     eta = p[0]
     own_Pi0 = p[1]
     own_ell = p[2]
@@ -641,16 +641,23 @@ def soap_film_state(n: int, reach: float, overlaps: array, gap: array, p: array,
         F_adh = 3.141592653589793 * own_Pi0 * (R * own_ell + a_p2 - 2.0 * x3 * R if delta >= 0.0 else x2 * own_ell * a_p2 / 2.0) * _lane_exp(-h / own_ell)
         dF_ddelta = x4
         dF_dh = 0.0
-        C = dF_ddelta / 2.0
-        fading = (2.0 * reach - 2.0 * h) / reach
+        x40 = dF_ddelta / 2.0
+        C = x40
+        x41 = 1.0 / reach
+        fading = x41 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
         ahead = (0.0 if 0.0 > started else started)
+        x43 = 3.0 - 2.0 * ahead
         ahead_p2 = ahead * ahead
-        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        w = x43 * ahead_p2
+        w_h = -2.0 * x41 * (2.0 * x43 * ahead - 2.0 * ahead_p2)
         film = (w if pressed > 0.0 else 1.0)
         grip = (1.0 if pressed > 0.0 else w)
-        rho = (F_ela - F_adh * film) / zeta
+        grip_h = (0.0 if pressed > 0.0 else w_h)
+        rho = -(F_adh * film - F_ela) / zeta
         F = F_ela * grip
+        F_by_gap = F_ela * grip_h + grip * (dF_dh + x40)
+        F_by_distance = -x40 * grip
         friction = w * zeta
         remote = F_adh * w
         dh_dt = -rho / film
@@ -662,6 +669,8 @@ def soap_film_state(n: int, reach: float, overlaps: array, gap: array, p: array,
         out[5 * n + i] = C
         out[6 * n + i] = dF_dh
         out[7 * n + i] = dh_dt
+        out[8 * n + i] = F_by_gap
+        out[9 * n + i] = F_by_distance
 
 
 @jit

@@ -13,10 +13,10 @@
  *     k_t = 2*E*Piecewise((a, delta >= 0), (18*sqrt(R)/(sqrt(1/h + 1/R)*(9*R/(4*a**2*(1/h + 1/R)) + 11)), True))/((2 - nu)*(nu + 1))
  *     drag translation = 6*pi*R*eta
  *     drag rotation = 8*pi*R**3*eta
- * Operations, 1917 in all:
+ * Operations, 1929 in all:
  *     iteration: 130 add, 312 mul, 52 div, 16 sqrt, 2 call
  *     tangent: 195 add, 483 mul, 71 div, 20 sqrt, 3 call
- *     state: 94 add, 261 mul, 40 div, 16 sqrt, 3 call
+ *     state: 97 add, 270 mul, 40 div, 16 sqrt, 3 call
  *     elastic: 16 add, 46 mul, 8 div, 4 sqrt
  *     weight: 3 add, 11 mul, 1 div
  *     side: 25 add, 67 mul, 20 div, 9 sqrt, 2 call
@@ -78,6 +78,7 @@ static inline double _fraction(double x)
     word.bits = ((word.bits + 0x95f619980c433) & 0xfffffffffffff) + 0x3fe6a09e667f3bcd;
     return word.number;
 }
+
 
 /* ln(2^k (1 + f)) + rest, for 1 + f from sqrt(1/2) to sqrt(2) and a small rest. */
 static inline double _ln_near(double k, double f, double rest)
@@ -539,7 +540,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
                 Y_h = x115 / 2.0 + x116 * x33;
                 Y_hh = -g / h_p3;
                 x117 = 1.0 / zeta;
-                rho = x117 * (F_ela - F_adh * film);
+                rho = -x117 * (F_adh * film - F_ela);
                 rho_h = x117 * (dF_ddelta / 2.0 + dF_dh - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_delta / 2.0 + log_zeta_h);
                 x118 = rho * s;
                 x119 = Y - y_star;
@@ -768,7 +769,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
             Y_h = x129 / 2.0 + x130 * x36;
             Y_hh = -g / h_p3;
             const double x131 = 1.0 / zeta;
-            rho = x131 * (F_ela - F_adh * film);
+            rho = -x131 * (F_adh * film - F_ela);
             const double x132 = log_zeta_delta / 2.0;
             const double x133 = dF_ddelta / 2.0;
             rho_h = x131 * (dF_dh + x133 - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_h + x132);
@@ -879,7 +880,7 @@ int64_t steric_contacts(int64_t n, double s, double reach, const double *restric
     return unsolved;
 }
 
-/* delta, a, F, friction, remote, C, dF_dh, dh_dt, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i. */
+/* delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i. */
 void steric_state(int64_t n, double reach, const double *restrict overlaps, const double *restrict gap, const double *restrict p, const double *restrict q, double *restrict out)
 {
     const double E = p[0];
@@ -970,9 +971,9 @@ void steric_state(int64_t n, double reach, const double *restrict overlaps, cons
         const double x59 = delta_p2 * h_p2;
         const double x60 = 2.0 * x45;
         const double x61 = delta * x50;
-        const double x89 = x60 + x61;
-        const double x89_p2 = x89 * x89;
-        const double x62 = 1.0 / (x89_p2 * a);
+        const double x93 = x60 + x61;
+        const double x93_p2 = x93 * x93;
+        const double x62 = 1.0 / (x93_p2 * a);
         const double x63 = x62 * (3.0 * x49 + 8.0 * x54 + 4.0 * x56 + 8.0 * x57 + 2.0 * x58 + 2.0 * x59);
         const double x64 = 5.0 * a_p2;
         const double x65 = 1.0 / (x45 - x61);
@@ -984,46 +985,53 @@ void steric_state(int64_t n, double reach, const double *restrict overlaps, cons
         const double x69 = 1.0 / x50;
         const double x70 = x17 * x69 * (x45 - x50 * x8);
         const double dF_dh = 2.0 / 3.0 * x16 * (delta >= 0.0 ? x68 : x66 * x70 * a_p2);
-        const double C = dF_ddelta / 2.0;
-        const double fading = (2.0 * reach - 2.0 * h) / reach;
+        const double x71 = dF_ddelta / 2.0;
+        const double C = x71;
+        const double x72 = 1.0 / reach;
+        const double fading = x72 * (2.0 * reach - 2.0 * h);
         const double started = 1.0 < fading ? 1.0 : fading;
         const double ahead = 0.0 > started ? 0.0 : started;
+        const double x74 = 3.0 - 2.0 * ahead;
         const double ahead_p2 = ahead * ahead;
-        const double w = ahead_p2 * (3.0 - 2.0 * ahead);
+        const double w = x74 * ahead_p2;
+        const double w_h = -2.0 * x72 * (2.0 * x74 * ahead - 2.0 * ahead_p2);
         const double film = pressed > 0.0 ? w : 1.0;
         const double grip = pressed > 0.0 ? 1.0 : w;
-        const double rho = (F_ela - F_adh * film) / zeta;
+        const double grip_h = pressed > 0.0 ? 0.0 : w_h;
+        const double rho = -(F_adh * film - F_ela) / zeta;
         const double F = F_ela * grip;
+        const double F_by_gap = F_ela * grip_h + grip * (dF_dh + x71);
+        const double F_by_distance = -x71 * grip;
         const double friction = w * zeta;
         const double remote = F_adh * w;
         const double dh_dt = -rho / film;
         const double a_h = (delta >= 0.0 ? x68 : x65 * x70 * a) / 2.0;
         const double a_delta = delta >= 0.0 ? x63 * R / 4.0 : a / (2.0 * x9);
-        const double x72 = _lane_log1p(x17);
-        const double x73 = 32.0 * x72;
-        const double x74 = x72 * size_ratio;
-        const double x75 = x72 * R_p2;
-        const double x76 = 60.0 * a_p2;
-        const double x77 = 288.0 * x72;
-        const double x78 = x45 * a_p2;
-        const double x79 = x72 * R_p3;
-        const double x80 = 128.0 * a_p2;
-        const double x81 = x72 * h_p2;
-        const double x82 = 192.0 * size_ratio * a_p2;
-        const double sliding = x52 * x69 * (delta >= 0.0 ? x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x73 + x38 * x73 - 48.0 * x25 * x75 - 48.0 * x37 * x74 - 45.0 * x38) : R * (x76 * R_p2 + x45 * x76 + x47 * x77 + x49 * x77 + 256.0 * x72 * x78 + x75 * x80 + x80 * x81 - 432.0 * x25 * x79 - 135.0 * x47 - 432.0 * x49 * x74 - 384.0 * x74 * x78 - x75 * x82 - x81 * x82) / (4.0 * x51 + x67)) / 20.0;
-        const double x83 = 0.6 * x52;
-        const double coupling = x75 * x83;
-        const double rolling = x79 * x83;
-        const double x84 = E / ((own_nu + 1.0) * (2.0 - own_nu));
-        const double k_t = x84 * (delta >= 0.0 ? 2.0 * a : 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)));
-        const double x85 = sqrt(x50);
-        const double x86 = 44.0 * a_p3;
-        const double x87 = 36.0 * a_h;
-        const double x90 = 44.0 * x51 + x67;
-        const double x90_p2 = x90 * x90;
-        const double x88 = a / x90_p2;
-        const double k_t_h = x84 * (delta >= 0.0 ? 2.0 * a_h : 72.0 * x88 * R_p2 * (x87 * R * h_p3 + x86 * R + x86 * h + x49 * x87 - x67 * a) / (x85 * sqrt(h)));
-        const double k_t_delta = a_delta * x84 * (delta >= 0.0 ? 2.0 : 2592.0 * x85 * x88 * R_p3 * h * sqrt(h));
+        const double x76 = _lane_log1p(x17);
+        const double x77 = 32.0 * x76;
+        const double x78 = x76 * size_ratio;
+        const double x79 = x76 * R_p2;
+        const double x80 = 60.0 * a_p2;
+        const double x81 = 288.0 * x76;
+        const double x82 = x45 * a_p2;
+        const double x83 = x76 * R_p3;
+        const double x84 = 128.0 * a_p2;
+        const double x85 = x76 * h_p2;
+        const double x86 = 192.0 * size_ratio * a_p2;
+        const double sliding = x52 * x69 * (delta >= 0.0 ? x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x77 + x38 * x77 - 48.0 * x25 * x79 - 48.0 * x37 * x78 - 45.0 * x38) : R * (x80 * R_p2 + x45 * x80 + x47 * x81 + x49 * x81 + 256.0 * x76 * x82 + x79 * x84 + x84 * x85 - 432.0 * x25 * x83 - 135.0 * x47 - 432.0 * x49 * x78 - 384.0 * x78 * x82 - x79 * x86 - x85 * x86) / (4.0 * x51 + x67)) / 20.0;
+        const double x87 = 0.6 * x52;
+        const double coupling = x79 * x87;
+        const double rolling = x83 * x87;
+        const double x88 = E / ((own_nu + 1.0) * (2.0 - own_nu));
+        const double k_t = x88 * (delta >= 0.0 ? 2.0 * a : 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)));
+        const double x89 = sqrt(x50);
+        const double x90 = 44.0 * a_p3;
+        const double x91 = 36.0 * a_h;
+        const double x94 = 44.0 * x51 + x67;
+        const double x94_p2 = x94 * x94;
+        const double x92 = a / x94_p2;
+        const double k_t_h = x88 * (delta >= 0.0 ? 2.0 * a_h : 72.0 * x92 * R_p2 * (x91 * R * h_p3 + x90 * R + x90 * h + x49 * x91 - x67 * a) / (x89 * sqrt(h)));
+        const double k_t_delta = a_delta * x88 * (delta >= 0.0 ? 2.0 : 2592.0 * x89 * x92 * R_p3 * h * sqrt(h));
         const double friction_t = w * sliding;
         const double coupling_p2 = coupling * coupling;
         const double roll = w * (rolling - coupling_p2 * (1.0 - x26) / sliding);
@@ -1035,11 +1043,13 @@ void steric_state(int64_t n, double reach, const double *restrict overlaps, cons
         out[5 * n + i] = C;
         out[6 * n + i] = dF_dh;
         out[7 * n + i] = dh_dt;
-        out[8 * n + i] = friction_t;
-        out[9 * n + i] = roll;
-        out[10 * n + i] = k_t;
-        out[11 * n + i] = k_t_h;
-        out[12 * n + i] = k_t_delta;
+        out[8 * n + i] = F_by_gap;
+        out[9 * n + i] = F_by_distance;
+        out[10 * n + i] = friction_t;
+        out[11 * n + i] = roll;
+        out[12 * n + i] = k_t;
+        out[13 * n + i] = k_t_h;
+        out[14 * n + i] = k_t_delta;
     }
 }
 

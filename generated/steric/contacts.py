@@ -13,10 +13,10 @@ Law 75c5daff457f09fe, 88b3d9c088ee178a:
     k_t = 2*E*Piecewise((a, delta >= 0), (18*sqrt(R)/(sqrt(1/h + 1/R)*(9*R/(4*a**2*(1/h + 1/R)) + 11)), True))/((2 - nu)*(nu + 1))
     drag translation = 6*pi*R*eta
     drag rotation = 8*pi*R**3*eta
-Operations, 1917 in all:
+Operations, 1929 in all:
     iteration: 130 add, 312 mul, 52 div, 16 sqrt, 2 call
     tangent: 195 add, 483 mul, 71 div, 20 sqrt, 3 call
-    state: 94 add, 261 mul, 40 div, 16 sqrt, 3 call
+    state: 97 add, 270 mul, 40 div, 16 sqrt, 3 call
     elastic: 16 add, 46 mul, 8 div, 4 sqrt
     weight: 3 add, 11 mul, 1 div
     side: 25 add, 67 mul, 20 div, 9 sqrt, 2 call
@@ -359,7 +359,7 @@ def steric_contacts(n: int, s: float, reach: float, overlaps: array, start: arra
                 Y_h = x115 / 2.0 + x116 * x33
                 Y_hh = -g / h_p3
                 x117 = 1.0 / zeta
-                rho = x117 * (F_ela - F_adh * film)
+                rho = -x117 * (F_adh * film - F_ela)
                 rho_h = x117 * (dF_ddelta / 2.0 + dF_dh - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_delta / 2.0 + log_zeta_h)
                 x118 = rho * s
                 x119 = Y - y_star
@@ -585,7 +585,7 @@ def steric_contacts(n: int, s: float, reach: float, overlaps: array, start: arra
             Y_h = x129 / 2.0 + x130 * x36
             Y_hh = -g / h_p3
             x131 = 1.0 / zeta
-            rho = x131 * (F_ela - F_adh * film)
+            rho = -x131 * (F_adh * film - F_ela)
             x132 = log_zeta_delta / 2.0
             x133 = dF_ddelta / 2.0
             rho_h = x131 * (dF_dh + x133 - F_adh * film_h - film * (remote_delta / 2.0 + remote_h)) - rho * (log_zeta_h + x132)
@@ -695,7 +695,7 @@ def steric_contacts(n: int, s: float, reach: float, overlaps: array, start: arra
 
 @jit
 def steric_state(n: int, reach: float, overlaps: array, gap: array, p: array, q: array, out: array) -> None:
-    """delta, a, F, friction, remote, C, dF_dh, dh_dt, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i."""
+    """delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance, friction_t, roll, k_t, k_t_h, k_t_delta of n contacts: out[k*n + i] is quantity k of contact i."""
     E = p[0]
     eta = p[1]
     own_L = p[2]
@@ -784,9 +784,9 @@ def steric_state(n: int, reach: float, overlaps: array, gap: array, p: array, q:
         x59 = delta_p2 * h_p2
         x60 = 2.0 * x45
         x61 = delta * x50
-        x89 = x60 + x61
-        x89_p2 = x89 * x89
-        x62 = 1.0 / (x89_p2 * a)
+        x93 = x60 + x61
+        x93_p2 = x93 * x93
+        x62 = 1.0 / (x93_p2 * a)
         x63 = x62 * (3.0 * x49 + 8.0 * x54 + 4.0 * x56 + 8.0 * x57 + 2.0 * x58 + 2.0 * x59)
         x64 = 5.0 * a_p2
         x65 = 1.0 / (x45 - x61)
@@ -798,46 +798,53 @@ def steric_state(n: int, reach: float, overlaps: array, gap: array, p: array, q:
         x69 = 1.0 / x50
         x70 = x17 * x69 * (x45 - x50 * x8)
         dF_dh = (2.0 / 3.0) * x16 * (x68 if delta >= 0.0 else x66 * x70 * a_p2)
-        C = dF_ddelta / 2.0
-        fading = (2.0 * reach - 2.0 * h) / reach
+        x71 = dF_ddelta / 2.0
+        C = x71
+        x72 = 1.0 / reach
+        fading = x72 * (2.0 * reach - 2.0 * h)
         started = (1.0 if 1.0 < fading else fading)
         ahead = (0.0 if 0.0 > started else started)
+        x74 = 3.0 - 2.0 * ahead
         ahead_p2 = ahead * ahead
-        w = ahead_p2 * (3.0 - 2.0 * ahead)
+        w = x74 * ahead_p2
+        w_h = -2.0 * x72 * (2.0 * x74 * ahead - 2.0 * ahead_p2)
         film = (w if pressed > 0.0 else 1.0)
         grip = (1.0 if pressed > 0.0 else w)
-        rho = (F_ela - F_adh * film) / zeta
+        grip_h = (0.0 if pressed > 0.0 else w_h)
+        rho = -(F_adh * film - F_ela) / zeta
         F = F_ela * grip
+        F_by_gap = F_ela * grip_h + grip * (dF_dh + x71)
+        F_by_distance = -x71 * grip
         friction = w * zeta
         remote = F_adh * w
         dh_dt = -rho / film
         a_h = (x68 if delta >= 0.0 else x65 * x70 * a) / 2.0
         a_delta = (x63 * R / 4.0 if delta >= 0.0 else a / (2.0 * x9))
-        x72 = _lane_log1p(x17)
-        x73 = 32.0 * x72
-        x74 = x72 * size_ratio
-        x75 = x72 * R_p2
-        x76 = 60.0 * a_p2
-        x77 = 288.0 * x72
-        x78 = x45 * a_p2
-        x79 = x72 * R_p3
-        x80 = 128.0 * a_p2
-        x81 = x72 * h_p2
-        x82 = 192.0 * size_ratio * a_p2
-        sliding = x52 * x69 * (x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x73 + x38 * x73 - 48.0 * x25 * x75 - 48.0 * x37 * x74 - 45.0 * x38) if delta >= 0.0 else R * (x76 * R_p2 + x45 * x76 + x47 * x77 + x49 * x77 + 256.0 * x72 * x78 + x75 * x80 + x80 * x81 - 432.0 * x25 * x79 - 135.0 * x47 - 432.0 * x49 * x74 - 384.0 * x74 * x78 - x75 * x82 - x81 * x82) / (4.0 * x51 + x67)) / 20.0
-        x83 = 0.6 * x52
-        coupling = x75 * x83
-        rolling = x79 * x83
-        x84 = E / ((own_nu + 1.0) * (2.0 - own_nu))
-        k_t = x84 * (2.0 * a if delta >= 0.0 else 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)))
-        x85 = sqrt(x50)
-        x86 = 44.0 * a_p3
-        x87 = 36.0 * a_h
-        x90 = 44.0 * x51 + x67
-        x90_p2 = x90 * x90
-        x88 = a / x90_p2
-        k_t_h = x84 * (2.0 * a_h if delta >= 0.0 else 72.0 * x88 * R_p2 * (x87 * R * h_p3 + x86 * R + x86 * h + x49 * x87 - x67 * a) / (x85 * sqrt(h)))
-        k_t_delta = a_delta * x84 * (2.0 if delta >= 0.0 else 2592.0 * x85 * x88 * R_p3 * h * sqrt(h))
+        x76 = _lane_log1p(x17)
+        x77 = 32.0 * x76
+        x78 = x76 * size_ratio
+        x79 = x76 * R_p2
+        x80 = 60.0 * a_p2
+        x81 = 288.0 * x76
+        x82 = x45 * a_p2
+        x83 = x76 * R_p3
+        x84 = 128.0 * a_p2
+        x85 = x76 * h_p2
+        x86 = 192.0 * size_ratio * a_p2
+        sliding = x52 * x69 * (x3 * (20.0 * R * a_p2 + x43 * a_p2 + x37 * x77 + x38 * x77 - 48.0 * x25 * x79 - 48.0 * x37 * x78 - 45.0 * x38) if delta >= 0.0 else R * (x80 * R_p2 + x45 * x80 + x47 * x81 + x49 * x81 + 256.0 * x76 * x82 + x79 * x84 + x84 * x85 - 432.0 * x25 * x83 - 135.0 * x47 - 432.0 * x49 * x78 - 384.0 * x78 * x82 - x79 * x86 - x85 * x86) / (4.0 * x51 + x67)) / 20.0
+        x87 = 0.6 * x52
+        coupling = x79 * x87
+        rolling = x83 * x87
+        x88 = E / ((own_nu + 1.0) * (2.0 - own_nu))
+        k_t = x88 * (2.0 * a if delta >= 0.0 else 36.0 * x1 / ((2.25 * x5 * R / a_p2 + 11.0) * sqrt(x4)))
+        x89 = sqrt(x50)
+        x90 = 44.0 * a_p3
+        x91 = 36.0 * a_h
+        x94 = 44.0 * x51 + x67
+        x94_p2 = x94 * x94
+        x92 = a / x94_p2
+        k_t_h = x88 * (2.0 * a_h if delta >= 0.0 else 72.0 * x92 * R_p2 * (x91 * R * h_p3 + x90 * R + x90 * h + x49 * x91 - x67 * a) / (x89 * sqrt(h)))
+        k_t_delta = a_delta * x88 * (2.0 if delta >= 0.0 else 2592.0 * x89 * x92 * R_p3 * h * sqrt(h))
         friction_t = w * sliding
         coupling_p2 = coupling * coupling
         roll = w * (rolling - coupling_p2 * (1.0 - x26) / sliding)
@@ -849,11 +856,13 @@ def steric_state(n: int, reach: float, overlaps: array, gap: array, p: array, q:
         out[5 * n + i] = C
         out[6 * n + i] = dF_dh
         out[7 * n + i] = dh_dt
-        out[8 * n + i] = friction_t
-        out[9 * n + i] = roll
-        out[10 * n + i] = k_t
-        out[11 * n + i] = k_t_h
-        out[12 * n + i] = k_t_delta
+        out[8 * n + i] = F_by_gap
+        out[9 * n + i] = F_by_distance
+        out[10 * n + i] = friction_t
+        out[11 * n + i] = roll
+        out[12 * n + i] = k_t
+        out[13 * n + i] = k_t_h
+        out[14 * n + i] = k_t_delta
 
 
 @jit
