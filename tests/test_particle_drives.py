@@ -370,6 +370,7 @@ def couple(force: Any, **changes: Any) -> ParticleScene:
     return free(**settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [{}, {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": 1.0, "nu": 0.5}}])
 @pytest.mark.parametrize("tangential", [False, True])
 def test_a_jump_of_the_forces_moves_particles_at_once(law: dict[str, Any], tangential: bool) -> None:

@@ -364,6 +364,7 @@ def test_the_help_names_the_stock_scenes(capsys: pytest.CaptureFixture[str]) -> 
     assert set(stock_scenes()) <= set(words)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tangential", [False, True])
 def test_a_run_in_two_parts_is_the_run(tmp_path: Path, tangential: bool) -> None:
     """Films, tangential forces and the tilt of the box are taken over: what differs is what the tolerance allows."""

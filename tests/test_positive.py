@@ -308,6 +308,7 @@ def test_springs_that_start_without_stiffness_run_in_both_engines(name: str) -> 
     assert contact["delta"][0] == pytest.approx(size, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Pogorelov", "any power, pressed"])
 def test_a_force_that_starts_from_zero_or_turns_is_followed_or_refused_by_name(name: str) -> None:
     law, own = spring(name), {"n": 1.5} if "any" in name else {}

@@ -116,6 +116,7 @@ def test_friction_is_right_from_contact_to_far_apart_with_and_without_drag() -> 
         assert cell.outcome == stress.RIGHT, cell
 
 
+@pytest.mark.slow
 def test_random_ordinary_scenes_keep_ten_times_the_default_tolerance() -> None:
     counts = random_scenes(40)
     assert counts["right"] == 40, counts

@@ -661,6 +661,7 @@ def coefficients(gap: float) -> tuple[float, float, float]:
     return float(A), float(G), 1 + gap / 2
 
 
+@pytest.mark.slow
 def test_opposite_torques_roll_a_free_pair() -> None:
     """Without drag: one on the other, at the rate of rolling alone; the pair stays where it is, all work is lost there.
 
