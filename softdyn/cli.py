@@ -581,7 +581,7 @@ def _generate_stock(options: argparse.Namespace) -> int:
             print("softdyn: generated/ is not what the tool would write; run softdyn generate --stock", file=sys.stderr)
         return 1 if differences else 0
     changed = write_stock()
-    print("\n".join(f"wrote generated/{name}" for name in changed) or "nothing changed")
+    print("\n".join(changed) or "nothing changed")
     return 0
 
 

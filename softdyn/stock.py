@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from softdyn.errors import SceneError
@@ -10,11 +13,15 @@ from softdyn.laws import law_of, package_folder, stock_laws
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
-    from softdyn.derive.contact_kernel import ContactNeeds
+    from softdyn.derive.contact_kernel import ContactIR, ContactNeeds
+    from softdyn.derive.kernel import KernelIR
     from softdyn.derive.law import ContactLaw
     from softdyn.derive.specialise import Needs
 
-GENERATED = package_folder("generated")
+#: Beside derive/ in a checkout, and not installed.
+GENERATED = package_folder("derive").resolve().parent / "generated"
+#: The law whose kernels are there to be read; of the others there are digests.
+SHOWN = "rognon_gay"
 
 
 def kinds() -> dict[str, Needs]:
@@ -39,8 +46,9 @@ def generated_files() -> dict[str, str]:
     """Path below ``generated/`` and text of every file that the tool writes there.
 
     For each stock law: its derivation, the verdicts on its limits, its regimes, and kernels for three kinds of scene on
-    both targets: ``approach`` (constant compressive force), ``general`` (any force, as a table; every output), and
-    ``contacts`` (many particles of different radii in a fluid, whose contacts have a range).
+    all targets: ``approach`` (constant compressive force), ``general`` (any force, as a table; every output), and
+    ``contacts`` (many particles of different radii in a fluid, whose contacts have a range). The kernels of one law are
+    there to be read; of the others there is ``kernels.txt``, a digest of each.
     """
     from softdyn.derive.contact_kernel import contact_ir
     from softdyn.derive.emit import emit, suffix
@@ -61,33 +69,54 @@ def generated_files() -> dict[str, str]:
         files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
         diagram = discover(law)
         files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram), presence_of(diagram))
-        for kind, needs in kinds().items():
-            ir = kernel_ir(law, needs)
-            for target in TARGETS:
-                files[f"{name}/{kind}{suffix(target)}"] = emit(ir, target)
+        made: dict[str, KernelIR | ContactIR] = {kind: kernel_ir(law, needs) for kind, needs in kinds().items()}
         if not is_rigid(law) and not is_dry(law):
-            contacts = contact_ir(law, contact_needs(law))
-            for target in TARGETS:
-                files[f"{name}/contacts{suffix(target)}"] = emit(contacts, target)
+            made["contacts"] = contact_ir(law, contact_needs(law))
+        kernels = {f"{kind}{suffix(target)}": emit(ir, target) for kind, ir in made.items() for target in TARGETS}
+        if name == SHOWN:
+            files |= {f"{name}/{file}": text for file, text in kernels.items()}
+        else:
+            lines = (f"{sha256(text.encode()).hexdigest()}  {file}\n" for file, text in kernels.items())
+            files[f"{name}/kernels.txt"] = "".join(lines)
     return files
 
 
+def _left_over(files: Iterable[str]) -> list[Path]:
+    """Files in the folders of laws that the tool would not write."""
+    written = {GENERATED / name for name in files}
+    folders = sorted({path.parent for path in written})
+    return [path for folder in folders if folder.is_dir() for path in sorted(folder.iterdir()) if path not in written]
+
+
+def _require_checkout() -> None:
+    if not GENERATED.is_dir():
+        raise SceneError(
+            f"generated/ belongs to a checkout of softdyn, and {GENERATED} is none: this is an installation"
+        )
+
+
 def write_stock() -> list[str]:
-    """Rewrite the files of ``generated/`` that changed; returns their names."""
-    changed = []
-    for name, text in generated_files().items():
+    """Rewrite the files of ``generated/`` that changed, and remove what is left over; returns what was done to each."""
+    _require_checkout()
+    changed, files = [], generated_files()
+    for path in _left_over(files):
+        path.unlink()
+        changed.append(f"removed generated/{path.relative_to(GENERATED).as_posix()}")
+    for name, text in files.items():
         path = GENERATED / name
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             with written_whole(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
-            changed.append(name)
+            changed.append(f"wrote generated/{name}")
     return changed
 
 
 def stock_differences() -> str:
     """Unified diff between what is in ``generated/`` and what would be written; empty if nothing would change."""
-    found: list[str] = []
-    for name, text in generated_files().items():
+    _require_checkout()
+    files = generated_files()
+    found = [f"generated/{path.relative_to(GENERATED).as_posix()} would not be written\n" for path in _left_over(files)]
+    for name, text in files.items():
         path = GENERATED / name
         try:
             old = path.read_text(encoding="utf-8") if path.is_file() else ""

@@ -24,8 +24,9 @@ from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
 from softdyn.pair.run import kernel_needs
 from softdyn.scene import drive_of
+from softdyn.stock import GENERATED
 
-STORED = Path(softdyn.__file__).parent / "generated" / "bench" / "bench.json"
+STORED = GENERATED / "bench" / "bench.json"
 
 
 @pytest.mark.parametrize("case", [case for case in cases() if case.drive == "constant"], ids=lambda case: case.name)

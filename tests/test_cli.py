@@ -211,6 +211,22 @@ def test_a_changed_generated_file_is_a_difference(
     assert capsys.readouterr().out == "wrote generated/rognon_gay/approach.c\n"
     assert changed.read_text() == original
     assert (tmp_path / "rognon_gay" / "general.c").stat().st_mtime_ns == stamp  # unchanged files are not rewritten
+    (tmp_path / "rognon_gay" / "old.c").write_text("of a kernel that is no more")
+    capsys.readouterr()
+    assert main(["generate", "--stock", "--check"]) == 1
+    assert "generated/rognon_gay/old.c would not be written" in capsys.readouterr().out
+    assert main(["generate", "--stock"]) == 0
+    assert capsys.readouterr().out == "removed generated/rognon_gay/old.c\n"
+
+
+def test_generated_files_are_those_of_a_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from softdyn import stock
+
+    monkeypatch.setattr(stock, "GENERATED", tmp_path / "none")
+    assert main(["generate", "--stock", "--check"]) == 2
+    assert "generated/ belongs to a checkout of softdyn" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

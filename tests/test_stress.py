@@ -13,6 +13,7 @@ import pytest
 import softdyn
 from softdyn.bench.precise import how_made
 from softdyn.errors import IntegrationError
+from softdyn.stock import GENERATED
 from softdyn.stress import reference
 from softdyn.stress import run as stress
 from softdyn.stress.far_field import far_field_cells
@@ -23,7 +24,7 @@ from softdyn.stress.scenes import random_scenes
 from softdyn.stress.units import random_unit_cells
 from softdyn.stress.varying import varying_cells
 
-STORED = Path(softdyn.__file__).parent / "generated" / "stress" / "stress.json"
+STORED = GENERATED / "stress" / "stress.json"
 GROUPS = ("pull", "zero", "jump", "spring", "moved", "film", "snap-in")
 
 

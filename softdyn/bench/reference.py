@@ -2,7 +2,7 @@
 
 A reference is made by collocation, too, but in mpmath, with 16 stages at 34 digits and the law as the paper prints it,
 on the steps of an engine run at 1e-10: on these an error of order 9 is 1e-10, and one of order 17 about 1e-18. It is
-stored in ``generated/bench/reference.json``; ``python -m softdyn.bench.reference`` makes what the file lacks.
+stored in ``reference.json`` beside this module; ``python -m softdyn.bench.reference`` makes what the file lacks.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import mpmath as mp
@@ -18,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.bench.precise import DIGITS, UNIT, collocate, deflection, digits, elastic_force, gap_rate, remake, stored
-from softdyn.laws import package_folder
 
 Array = NDArray[np.float64]
-FILE = package_folder("generated") / "bench" / "reference.json"
+FILE = Path(__file__).with_name("reference.json")
 OUTPUTS = 50
 #: kappa -> time at which h = 1e-3 R is reached from 100 R, rounded; each run ends there.
 CONSTANT = {1e-6: 2.103e9, 1e-2: 4.168e6, 0.3: 1.185e7}

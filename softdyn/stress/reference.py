@@ -4,7 +4,7 @@ Under a constant force times at gaps are an integral over ln h, by Gauss's rule 
 the equations, with the law as the paper prints it, are integrated in mpmath by collocation on 16 stages at 34 digits,
 as those of the benchmark are, on the steps of an engine run at 1e-10 (1e-12 where the centres are moved): on these an
 error of order 9 is 1e-10, and one of order 17 about 1e-18. R = E = eta = 1.
-``python -m softdyn.stress.reference`` makes ``generated/stress/reference.json`` anew; it takes some minutes.
+``python -m softdyn.stress.reference`` makes ``reference.json`` beside this module anew; it takes some minutes.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import mpmath as mp
 import numpy as np
 
 from softdyn.bench.precise import DIGITS, UNIT, collocate, deflection, digits, elastic_force, gap_rate, remake, stored
-from softdyn.laws import package_folder
 
-FILE = package_folder("generated") / "stress" / "reference.json"
+FILE = Path(__file__).with_name("reference.json")
 KAPPAS = (1e-14, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0)
 STARTS = (1e4, 1e2, 1.0, 1e-6)
 NEAREST = 1e-15

@@ -1,1 +1,0 @@
-"""What softdyn wrote for the stock laws (``softdyn generate --stock``): committed, never edited."""
