@@ -19,7 +19,7 @@ from itertools import combinations, count
 from typing import TYPE_CHECKING, Literal
 
 import mpmath
-from sympy import Add, Eq, Expr, Mul, Rational, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
+from sympy import Add, Eq, Expr, Float, Mul, Rational, S, Symbol, diff, exp, lambdify, log, powsimp, simplify
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import (
@@ -360,8 +360,9 @@ def sign_within(law: ContactLaw, directions: Mapping[Symbol, Normal], cone: Cone
 
     A logarithm has the sign that it has along an inner ray of the cone, not that of any numbers.
     """
-    # most forms are products of what is positive, once the parameters that do not scale are numbers
-    fixed = {symbol: value for symbol, value in sample_values(law).items() if symbol not in directions}
+    # most forms are products of what is positive, once the parameters that do not scale are numbers: of 50 digits, lest
+    # a high power of one has a million
+    fixed = {symbol: Float(value, 50) for symbol, value in sample_values(law).items() if symbol not in directions}
     simple = state.xreplace(fixed)
     if (simple.is_Mul or simple.is_Pow or simple.is_Symbol) and (simple.is_positive or simple.is_negative):
         return 1 if simple.is_positive else -1
