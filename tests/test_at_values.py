@@ -415,6 +415,7 @@ def test_a_notebook_marks_what_is_absent() -> None:
     assert text.count("absent there") == sum(not one.there for one in presence_of(regimes_of(dlvo)).values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spring", [log(1 + Abs(delta) / R), Abs(delta / R) ** Rational(3, 2), LambertW(Abs(delta) / R)]
 )

@@ -306,6 +306,7 @@ def numbers_of(law: ContactLaw, text: str, folder: Path) -> tuple[Array, Array]:
     return state.reshape(-1, n), np.array([gap, force])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [equal_spheres, *(pytest.param(law, marks=pytest.mark.slow) for law in (dlvo, steric))],

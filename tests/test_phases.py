@@ -289,6 +289,7 @@ def test_the_maps_of_laws_that_differ_in_tension_are_two() -> None:
     assert phases.sides_of(diagram_of("film")) == SIDES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rognon_gay", "film"])
 def test_parts_are_drawn_alone_for_a_report(name: str, tmp_path: Path) -> None:
     diagram = diagram_of(name)

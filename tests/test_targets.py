@@ -267,6 +267,7 @@ def elastic_force(law: ContactLaw, p: Array, h_values: Array, delta_values: Arra
         return Exact([function(*pair, *_in(mpmath.mpf, p)) for pair in pairs])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize(
     ("law_name", "deflection"),
@@ -295,6 +296,7 @@ def test_no_force_no_deflection(target: str, tmp_path: Path) -> None:
     assert np.array_equal(kernel.solve_delta(np.ones(3), h, np.zeros(50)), np.zeros(50))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_where_no_deflection_balances_the_force_there_is_nan(target: str, tmp_path: Path) -> None:
     saturating = ContactLaw("saturating", a=sqrt(R * h), F_ela=E * R**2 * tanh(delta / R), zeta=eta * R)
@@ -311,6 +313,7 @@ def test_where_no_deflection_balances_the_force_there_is_nan(target: str, tmp_pa
     assert np.isnan(pulled_only.solve_delta(p, gaps[:1], np.array([0.1]))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "source",
     [
