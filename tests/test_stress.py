@@ -157,6 +157,7 @@ def test_the_stored_report_is_of_the_cases_there_are_and_nothing_in_it_is_wrong(
     names = {cell["name"] for cell in stored["cells"]}
     for case in cases():
         assert case.name in names or f"{case.name}, at gaps" in names
+    assert {"pulled", "elastohydrodynamics", "units", "far field"} <= {cell["group"] for cell in stored["cells"]}
     assert stress.tally(stored)[stress.WRONG] == 0
     assert all(batch[stress.WRONG] == 0 for batch in stored["random"])
     assert stored["random"][0]["scenes"] >= 1000
