@@ -140,3 +140,12 @@ def test_the_error_expected_of_energy_is_one_where_a_power_fades(rate: float, si
     expected = power_error(power)
     assert abs(off) < expected
     assert expected == pytest.approx(float(abs(ERROR @ power))) or rate > 0.3  # and no more where steps are short
+
+
+@given(power=st.lists(st.floats(-1, 1), min_size=3, max_size=3), decades=st.integers(-290, 300))
+def test_the_estimated_error_of_a_power_is_in_its_units(power: list[float], decades: int) -> None:
+    """Whatever they are: no square of it is computed."""
+    values = np.array(power)
+    found = power_error(values * 10.0**decades)
+    # below the smallest normal number digits are lost
+    assert found == pytest.approx(power_error(values) * 10.0**decades, rel=1e-9, abs=max(1e-300, 1e-15 * 10.0**decades))

@@ -213,8 +213,12 @@ def power_error(power: Array) -> float:
     a sixth within the step. Of an exponential it is the square of the first difference over the power itself, which is
     not: a part of that is added where it falls by a third or more.
     """
-    fades = 0 < power[-1] * power[0] < 2 / 3 * power[0] ** 2
-    return float(abs(ERROR @ power) + (FADING * (power[-1] - power[0]) ** 2 / np.abs(power).max() if fades else 0.0))
+    size = float(np.abs(power).max())
+    if not 0 < size < math.inf:
+        return float(abs(ERROR @ power))
+    part = power / size  # of a square there may be no number
+    fades = np.sign(part[-1]) == np.sign(part[0]) and 0 < abs(part[-1]) < 2 / 3 * abs(part[0])
+    return float(size * (abs(ERROR @ part) + (FADING * (part[-1] - part[0]) ** 2 if fades else 0.0)))
 
 
 def _with_rates(system: System, z_rate: Array) -> Box:
