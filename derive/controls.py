@@ -61,18 +61,19 @@ dF_ddelta_h, dF_ddelta_delta = Symbol("dF_ddelta_h", real=True), Symbol("dF_ddel
 
 def slopes_of_any_law() -> dict[Symbol, Expr]:
     """Return these slopes in the derivation's symbols."""
-    by_gap, by_deflection = generic_dynamics(general=True).by_gap, 2 * generic_dynamics(general=True).stiffness
+    generic = generic_dynamics(general=True)
+    along_h, along_delta = generic.by_gap, 2 * generic.stiffness
     return {
-        dF_dh: by_gap,
-        dF_ddelta: by_deflection,
+        dF_dh: along_h,
+        dF_ddelta: along_delta,
         log_zeta_h: total(zeta, h) / zeta,
         log_zeta_delta: total(zeta, delta) / zeta,
         remote_h: total(F_adh, h),
         remote_delta: total(F_adh, delta),
-        dF_dh_h: total(by_gap, h),
-        dF_dh_delta: total(by_gap, delta),
-        dF_ddelta_h: total(by_deflection, h),
-        dF_ddelta_delta: total(by_deflection, delta),
+        dF_dh_h: total(along_h, h),
+        dF_dh_delta: total(along_h, delta),
+        dF_ddelta_h: total(along_delta, h),
+        dF_ddelta_delta: total(along_delta, delta),
     }
 
 

@@ -236,6 +236,7 @@ def tool_digest() -> str:
         f"softdyn/{name}": here / name
         for name in ("kernels.py", "particles/kernel.py", "laws.py", "expression.py", "enclosure.py")
     }
+    files |= {f"softdyn/targets/{path.name}": path for path in (here / "targets").glob("*.py")}
     for package, ending in (("derive", "*.py"), ("templates", "*.j2")):
         folder = package_folder(package)
         files |= {f"{package}/{path.relative_to(folder).as_posix()}": path for path in folder.rglob(ending)}
