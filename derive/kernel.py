@@ -26,19 +26,18 @@ from softdyn.derive.law import (
     range_text,
     ranges_of,
 )
-from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
-from softdyn.derive.radau import PANEL_NODES, STAGES
-from softdyn.derive.specialise import (
+from softdyn.derive.pair_equations import (
     OUTPUTS,
-    RULES,
     Deflection,
-    Equations,
     Needs,
-    Rule,
-    contact_equations,
+    integrated,
     output_name,
     outputs_of,
+    pair_equations,
 )
+from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
+from softdyn.derive.radau import PANEL_NODES, STAGES
+from softdyn.derive.rules import RULES, Rule, Saving, specialised
 from softdyn.derive.symbols import F, a, delta, h
 from softdyn.errors import LawError
 
@@ -49,15 +48,6 @@ if TYPE_CHECKING:
 NEWTON = Symbol("newton", real=True)
 #: Of a division, a root and a function, over that of an addition.
 COSTS = {"div": 8, "sqrt": 8, "call": 20}
-
-
-@dataclass(frozen=True)
-class Saving:
-    """Operations of a kernel's law before and after one rule."""
-
-    rule: str
-    before: int
-    after: int
 
 
 @dataclass(frozen=True)
@@ -181,15 +171,8 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     # in the code, the names of a law's own parameters are none of anything else
     codes = code_names(law)
     own = replace(needs, fixed={codes[name]: value for name, value in needs.fixed.items()})
-    equations = contact_equations(in_code(law), needs.control)
-    savings, before = [], _total(equations)
-    for rule in rules:
-        if rule.applies(equations, own):
-            equations = rule.apply(equations, own)
-            after = _total(equations)
-            savings.append(Saving(rule.name, before, after))
-            before = after
-
+    expression = isinstance(needs.drive, tuple)
+    equations, savings = specialised(pair_equations(in_code(law), needs.control, expression), own, rules)
     definitions = equations.definitions
     # rigid particles transmit any force, without a deflection
     rigid = is_rigid(law)
@@ -197,13 +180,10 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
     gap_terms, terms, newton = ([], (), []) if rigid else newton_step(definitions, rising)
     by_force = needs.control == "force"
     gap_rate = straight_line([dh_dt] if by_force else [dh_dt, ddelta_dt], definitions)
-    entries = (SLOPES[0], SLOPES[2]) if by_force else SLOPES
-    if by_force and isinstance(needs.drive, tuple):
-        entries = (*entries, BY_FORCE)
+    entries = tuple(symbol for symbol in integrated(needs.control, expression) if symbol in (*SLOPES, BY_FORCE))
     slopes = straight_line(entries, definitions)
     asked = [_symbol_named(definitions, name) for name in outputs]
     quantities = straight_line(asked, definitions)
-    expression = isinstance(needs.drive, tuple)
     # what the integrator needs of the drive is its value, or the rate at which it moves the centres
     only = F if needs.control in ("force", "velocity") else dF_dt
     drive = drive_code(needs.drive, only == F) if isinstance(needs.drive, tuple) else DriveCode()
@@ -252,7 +232,7 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
         force=code(force),
         given=code(given),
         given_name=only.name,
-        savings=tuple(savings),
+        savings=savings,
         operations={
             part: operations(lines)
             for part, lines in (
@@ -366,12 +346,6 @@ def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], name
 
 def _symbol_named(definitions: dict[Symbol, Expr], name: str) -> Symbol:
     return next(symbol for symbol in definitions if output_name(symbol) == name)
-
-
-def _total(equations: Equations) -> int:
-    """Operations of all that the kernel evaluates, computed once."""
-    order = [symbol for symbol in equations.definitions if symbol in equations.wanted]
-    return sum(operations(straight_line(order, equations.definitions)).values())
 
 
 def _names_in(lines: list[Assignment]) -> set[str]:

@@ -127,7 +127,7 @@ def get_kernel(
         A stock law's name, a law file, or a law.
     target : "auto", "c" or "numba"
     drive, control, deflection, fixed, outputs
-        See :class:`softdyn.derive.specialise.Needs`.
+        See :class:`softdyn.derive.pair_equations.Needs`.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     from softdyn.derive.emit import write
     from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import expressions, is_dry, parameters_of, plain_ranges
-    from softdyn.derive.specialise import Needs
+    from softdyn.derive.pair_equations import Needs
     from softdyn.laws import load
 
     law, depends = load(reference)

@@ -13,10 +13,11 @@ from softdyn.laws import law_of, package_folder, stock_laws
 from softdyn.results import written_whole
 
 if TYPE_CHECKING:
-    from softdyn.derive.contact_kernel import ContactIR, ContactNeeds
+    from softdyn.derive.contact_equations import ContactNeeds
+    from softdyn.derive.contact_kernel import ContactIR
     from softdyn.derive.kernel import KernelIR
     from softdyn.derive.law import ContactLaw
-    from softdyn.derive.specialise import Needs
+    from softdyn.derive.pair_equations import Needs
 
 #: Beside derive/ in a checkout, and not installed.
 GENERATED = package_folder("derive").resolve().parent / "generated"
@@ -26,7 +27,7 @@ SHOWN = "rognon_gay"
 
 def kinds() -> dict[str, Needs]:
     """Kinds of scene that kernels are shown for: one approach, and whatever may come."""
-    from softdyn.derive.specialise import Needs
+    from softdyn.derive.pair_equations import Needs
 
     return {
         "approach": Needs(drive="constant", deflection="compression", outputs=("a", "X", "dh_dt")),
@@ -36,7 +37,7 @@ def kinds() -> dict[str, Needs]:
 
 def contact_needs(law: ContactLaw) -> ContactNeeds:
     """What kernels of many contacts are shown for."""
-    from softdyn.derive.contact_kernel import ContactNeeds
+    from softdyn.derive.contact_equations import ContactNeeds
 
     slides = law.tangential is not None
     return ContactNeeds(varying=("R", "size_ratio"), fading=True, tangential=slides, drag=True)

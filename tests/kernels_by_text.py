@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from softdyn.derive import ContactLaw
 from softdyn.derive.emit import emit
 from softdyn.derive.kernel import KernelIR, kernel_ir
-from softdyn.derive.specialise import Needs
+from softdyn.derive.pair_equations import Needs
 from softdyn.targets import c as c_target
 
 Array = NDArray[np.float64]

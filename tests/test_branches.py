@@ -30,8 +30,8 @@ import softdyn
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.branches import has_kinks
 from softdyn.derive.films import find_films
+from softdyn.derive.pair_equations import Needs
 from softdyn.derive.regimes import discover
-from softdyn.derive.specialise import Needs
 from softdyn.errors import LawError
 
 A, L = Symbol("A", positive=True), Symbol("L", positive=True)

@@ -16,7 +16,8 @@ from scipy.spatial import cKDTree
 from sympy import Abs, Rational, Symbol, diff, exp, lambdify, limit, log, oo, simplify, sqrt
 
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
-from softdyn.derive.contact_kernel import STATE, ContactNeeds, contact_ir, g, stage_equation
+from softdyn.derive.contact_equations import STATE, ContactNeeds, g, stage_equation
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.emit import emit
 from softdyn.derive.law import sample_values
 from softdyn.derive.laws.rognon_gay import law as rognon_gay

@@ -8,11 +8,12 @@ from dataclasses import replace
 import pytest
 from sympy import Matrix
 
-from softdyn.derive import contact_kernel, controls, dynamics, specialise
-from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+from softdyn.derive import contact_equations, controls, dynamics, pair_equations
+from softdyn.derive.contact_equations import ContactNeeds
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics
 from softdyn.derive.kernel import kernel_ir
-from softdyn.derive.specialise import Needs
+from softdyn.derive.pair_equations import Needs
 from softdyn.laws import law_of
 
 NUMBERS = ("X", "by_gap", "stiffness", "friction", "dh_dt", "ddelta_dt", "dX_dt")
@@ -39,7 +40,7 @@ KERNELS: dict[str, tuple[Callable[[], object], list[str | tuple[str, int, int]]]
 }
 CACHED = (
     controls.rates, controls.by_force, controls.by_centres, controls.by_gap, controls.without_film,
-    contact_kernel.stage_equation, specialise.contact_equations,
+    contact_equations.stage_equation, pair_equations.pair_equations,
 )  # fmt: skip
 
 
@@ -74,7 +75,7 @@ def test_a_wrong_derivation_gives_another_kernel_or_is_refused(kind: str, monkey
     for what in made_of:
         forget()
         wrong = {general: falsified(generic, what) for general, generic in right.items()}
-        for module in (dynamics, controls, specialise):
+        for module in (dynamics, controls, pair_equations):
             monkeypatch.setattr(module, "generic_dynamics", lambda general=False, wrong=wrong: wrong[general])
         try:
             found = make()

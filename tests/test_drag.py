@@ -91,7 +91,8 @@ def test_what_is_no_drag_is_refused(drag: Any, message: str) -> None:
 
 
 def test_without_drag_there_is_none_of_it_in_the_kernel() -> None:
-    from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+    from softdyn.derive.contact_equations import ContactNeeds
+    from softdyn.derive.contact_kernel import contact_ir
     from softdyn.derive.emit import emit
 
     texts = [emit(contact_ir(mobile, ContactNeeds(drag=drag)), "c") for drag in (False, True)]

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from sympy import exp, log
 
 from softdyn.derive import ContactLaw, E, R, h
-from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+from softdyn.derive.contact_equations import ContactNeeds
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.elementary import FUNCTIONS, constants, exp_series, log_series, nested
 from softdyn.derive.emit import emit, with_functions
 from softdyn.derive.laws.dlvo import law as dlvo

@@ -15,7 +15,8 @@ from sympy import Rational, Symbol, expand_log, log, pi, simplify, sqrt
 from sympy.codegen.cfunctions import log1p
 
 from softdyn.derive import DIMENSIONLESS, Drag, E, R, eta, h, size_ratio
-from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+from softdyn.derive.contact_equations import ContactNeeds
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.emit import emit
 from softdyn.derive.far_field import excess, far_friction, is_bounded, undeflected_friction
 from softdyn.derive.laws.equal_spheres import law as equal_spheres

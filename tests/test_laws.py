@@ -26,8 +26,8 @@ from softdyn.derive.law import parameters_of, sample_values
 from softdyn.derive.laws import cone, dlvo, droplet, equal_spheres, soap_film, steric
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.limits import check_limits
+from softdyn.derive.pair_equations import Needs
 from softdyn.derive.regimes import discover
-from softdyn.derive.specialise import Needs
 from softdyn.errors import SceneError
 from softdyn.laws import stock_laws
 from softdyn.study.compare import compare, comparison_text

@@ -21,8 +21,8 @@ from softdyn.derive.far_field import excess, far_friction
 from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.law import code_names, in_code, parameters_of
 from softdyn.derive.limits import check_limits
+from softdyn.derive.pair_equations import Needs
 from softdyn.derive.printing import power_name
-from softdyn.derive.specialise import Needs
 from softdyn.derive.symbols import DERIVED, MEANINGS, Parameter
 from softdyn.derive.typeset import FORMATS
 from softdyn.errors import SceneError
@@ -147,7 +147,7 @@ def test_what_is_derived_has_names_that_are_listed() -> None:
     """A law's own symbol is never one of these: every symbol that meets a law's, by its name in the source."""
     folder = Path(derive_package.__file__).parent
     named = set()
-    for module in ("dynamics", "specialise", "balance", "forms", "asymptotics"):
+    for module in ("dynamics", "pair_equations", "balance", "forms", "asymptotics"):
         for node in ast.walk(ast.parse((folder / f"{module}.py").read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Symbol":
                 named |= {part.value for part in node.args if isinstance(part, ast.Constant)}

@@ -26,13 +26,16 @@ from sympy import Abs, Expr, Integer, Max, Min, Piecewise, Pow, Rational, Symbol
 import softdyn
 from softdyn.derive import E, R, a, h
 from softdyn.derive import emit as emit_module
+from softdyn.derive.contact_equations import ContactNeeds
+from softdyn.derive.contact_kernel import ContactIR, contact_ir
 from softdyn.derive.emit import emit, header
 from softdyn.derive.kernel import Code, KernelIR, kernel_ir, total_operations
 from softdyn.derive.law import law_hash
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
+from softdyn.derive.pair_equations import OUTPUTS, Needs
 from softdyn.derive.printing import KINDS, operations, straight_line
-from softdyn.derive.specialise import OUTPUTS, RULES, Needs
+from softdyn.derive.rules import RULES
 from softdyn.errors import LawError
 from softdyn.expression import parse
 from softdyn.targets import TARGETS
@@ -54,7 +57,7 @@ def text_of(name: str, target: str, **needs: Any) -> str:
     return text.split("#include <stdint.h>", 1)[1] if target == "c" else text.split('"""', 2)[2]
 
 
-def rules_of(ir: KernelIR) -> list[str]:
+def rules_of(ir: KernelIR | ContactIR) -> list[str]:
     """Return the names of the rules that were applied."""
     return [saving.rule for saving in ir.savings]
 
@@ -85,12 +88,27 @@ def test_no_rule_costs_operations_and_they_add_up(name: str, scene: dict[str, An
         assert late.before == early.after
 
 
-def test_each_rule_saves_operations_of_the_papers_law() -> None:
-    pushed = ir_of("rognon_gay", deflection="compression", fixed=(("R", "1"),))
-    moved = ir_of("rognon_gay", control="velocity")
-    assert {*rules_of(pushed), *rules_of(moved)} == {rule.name for rule in RULES}
-    for saving in (*pushed.savings, *moved.savings):
+def test_each_rule_saves_operations() -> None:
+    """Of the paper's law; its particles do not slide, and those that do need no rule for radii otherwise."""
+    made = [
+        ir_of("rognon_gay", deflection="compression", fixed=(("R", "1"),)),
+        ir_of("rognon_gay", control="velocity"),
+        contact_ir(rognon_gay, ContactNeeds()),
+        contact_ir(equal_spheres, ContactNeeds(tangential=True)),
+    ]
+    assert {rule for ir in made for rule in rules_of(ir)} == {rule.name for rule in RULES}
+    for saving in (saving for ir in made for saving in ir.savings):
         assert saving.after < saving.before, saving
+
+
+def test_what_an_expression_needs_besides_is_counted() -> None:
+    """The slope of the rate by the force itself: 4 operations that a table of forces does not take."""
+    moving, table = (ir_of("rognon_gay", drive=drive) for drive in (parse("sin(t)").shape, "table"))
+    assert operations(moving.slopes.lines) != operations(table.slopes.lines)
+    assert [saving.rule for saving in moving.savings] == [saving.rule for saving in table.savings]
+    for one, other in zip(moving.savings, table.savings, strict=True):
+        assert one.before > other.before
+        assert one.after > other.after
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,8 @@ from sympy import Abs, Rational, Symbol, pi, sqrt
 
 from softdyn.derive import LENGTH, ContactLaw, E, R, Tangential, a, delta, eta, h, size_ratio
 from softdyn.derive import tangential as stage
-from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+from softdyn.derive.contact_equations import ContactNeeds
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.emit import emit
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay

@@ -27,7 +27,7 @@ from softdyn.derive.emit import emit
 from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.law import parameters_of
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
-from softdyn.derive.specialise import OUTPUTS, Deflection, Needs
+from softdyn.derive.pair_equations import OUTPUTS, Deflection, Needs
 from softdyn.errors import LawError
 from softdyn.expression import parse
 from softdyn.kernels import get_kernel

@@ -11,7 +11,8 @@ import pytest
 
 from softdyn import kernels, targets, templates
 from softdyn.derive import emit
-from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+from softdyn.derive.contact_equations import ContactNeeds
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.kernels import get_kernel
 from softdyn.laws import law_of
 

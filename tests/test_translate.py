@@ -18,7 +18,7 @@ from kernels_by_text import compile_c
 
 from softdyn.derive.emit import kernel_body
 from softdyn.derive.kernel import kernel_ir
-from softdyn.derive.specialise import OUTPUTS, Needs
+from softdyn.derive.pair_equations import OUTPUTS, Needs
 from softdyn.derive.translate import TranslationError, to_c
 
 HEAD = "#include <math.h>\n#include <stdint.h>\n"

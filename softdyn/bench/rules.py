@@ -23,7 +23,8 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
     """
     from softdyn.derive.emit import write
     from softdyn.derive.kernel import kernel_ir, total_operations
-    from softdyn.derive.specialise import RULES, Needs, Rule
+    from softdyn.derive.pair_equations import Needs
+    from softdyn.derive.rules import RULES, Rule
 
     declared, full = law_of(law), Needs(**needs)
     back_end = target_module("c")

@@ -74,7 +74,8 @@ class ContactKernel:
 def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
     """Derive a contact kernel; imports the derivation stage."""
     from softdyn.derive.checks import pressed_only
-    from softdyn.derive.contact_kernel import ContactNeeds, contact_ir
+    from softdyn.derive.contact_equations import ContactNeeds
+    from softdyn.derive.contact_kernel import contact_ir
     from softdyn.derive.emit import write
     from softdyn.derive.far_field import is_bounded
     from softdyn.derive.law import parameters_of, plain_ranges

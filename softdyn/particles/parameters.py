@@ -138,7 +138,7 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
 def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
     """Varying parameters of the law for each contact, shape (parameters, n).
 
-    R is 2 R1 R2/(R1 + R2) and E the harmonic mean: see :mod:`softdyn.derive.contact_kernel`, where walls are derived.
+    R is 2 R1 R2/(R1 + R2) and E the harmonic mean: derived, for walls too, in :mod:`softdyn.derive.contact_equations`.
     """
     count = len(checked.radii)
     wall = j >= count

@@ -110,7 +110,7 @@ def simulate_particles(
 
 
 def kernel_needs(scene: ParticleScene, checked: Checked) -> dict[str, Any]:
-    """What a scene needs of the kernel of its contacts; the fields of ``derive.contact_kernel.ContactNeeds``."""
+    """What a scene needs of the kernel of its contacts; the fields of ``derive.contact_equations.ContactNeeds``."""
     return {
         "varying": tuple(sorted(varying_parameters(scene, checked))),
         "fading": math.isfinite(checked.reach),

@@ -39,9 +39,9 @@ from softdyn.derive.law import (
     ranges_of,
 )
 from softdyn.derive.limits import Finding, ordering, side_of
+from softdyn.derive.pair_equations import Needs
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side
-from softdyn.derive.specialise import Needs
 from softdyn.derive.symbols import E, F, R, eta
 from softdyn.derive.typeset import (
     RATES,

@@ -1,21 +1,21 @@
-"""Taking away from a law's equations what a scene does not need.
+"""The equations of a pair, from which its kernels are made.
 
-Input: the equations of one contact (:func:`contact_equations`) and what the scene needs. Output: the equations left,
-and for each rule the operations that it saved. The rules are pure, and applied in order.
+Input: a law, and what the scene gives: a force, or the motion of the centres. Output: the equations of one contact, all
+that there is to say of it (:func:`pair_equations`). The rules of :mod:`softdyn.derive.rules` leave out of them what a
+scene does not need.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
-from sympy import Abs, Dummy, Expr, Max, Min, Rational, S, Symbol, sign
-from sympy.core.relational import Relational
+from sympy import Expr, Symbol
 
 from softdyn.derive import controls
-from softdyn.derive.controls import SLOPES, X, centres_rate, compliance, lambda1, lambda2
+from softdyn.derive.controls import BY_FORCE, SLOPES, X, centres_rate, lambda1, lambda2
 from softdyn.derive.dynamics import (
     C,
     D,
@@ -33,9 +33,10 @@ from softdyn.derive.dynamics import (
     partials,
     zeta,
 )
+from softdyn.derive.equations import Equations
 from softdyn.derive.law import in_code, is_dry, is_rigid
 from softdyn.derive.soundness import sound
-from softdyn.derive.symbols import F, a, delta
+from softdyn.derive.symbols import F, a
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
@@ -79,26 +80,16 @@ class Needs:
     outputs: tuple[str, ...] | None = ("a", "X")
 
 
-@dataclass(frozen=True)
-class Equations:
-    """The equations of one contact: each symbol in terms of h, delta, F, dF_dt, parameters and earlier symbols.
-
-    ``wanted`` are those that the kernel uses; whatever these do not need is not emitted.
-    """
-
-    definitions: dict[Symbol, Expr]
-    wanted: frozenset[Symbol]
-
-
 @lru_cache(maxsize=32)
-def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
+def pair_equations(law: ContactLaw, control: Control = "force", expression: bool = False) -> Equations:
     """Everything there is to say about a contact, before any specialisation.
 
     Where the force is given, delta follows from the force balance, and the state is ln h; else it is (ln h, delta),
-    dX_dt stands for the given velocity, of the centres or of the base of a spring, and F is F_ela.
+    dX_dt stands for the given velocity, of the centres or of the base of a spring, and F is F_ela. Where an expression
+    of time is what is given, ``expression``, the integration needs a slope more.
     """
     if is_rigid(law) or is_dry(law):
-        return _one_sided_equations(law, control)
+        return _one_sided_equations(law, control, expression)
     values, generic = partials(law), generic_dynamics(law.general)
     forms = controls.rates() | {X: generic.X} | (controls.by_force() if control == "force" else controls.by_centres())
     forms = {**forms, lambda2: controls.by_force()[lambda2]}
@@ -118,10 +109,10 @@ def contact_equations(law: ContactLaw, control: Control = "force") -> Equations:
     if control != "force":
         ordered = (*ORDER, *SLOPES)
         definitions = {symbol: definitions[symbol] for symbol in ordered}
-    return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
+    return Equations(definitions, frozenset(integrated(control, expression)) | named(OUTPUTS, definitions))
 
 
-def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
+def _one_sided_equations(law: ContactLaw, control: Control, expression: bool) -> Equations:
     """Equations of rigid particles, which follow the gap, or of a dry contact, which follows the force.
 
     Raises
@@ -151,101 +142,28 @@ def _one_sided_equations(law: ContactLaw, control: Control) -> Equations:
             F_adh: values[F_adh],
             **{symbol: form.xreplace(slopes) for symbol, form in forms.items()},
         }
-    return Equations(definitions, _integrated(control) | _named(OUTPUTS, definitions))
+    return Equations(definitions, frozenset(integrated(control, expression)) | named(OUTPUTS, definitions))
 
 
 def outputs_of(law: ContactLaw) -> tuple[str, ...]:
     """Those of OUTPUTS that a law has: rigid particles have no stiffness, a dry contact has no friction."""
     # the equations that the kernels are made of, so that they are derived once
-    named = {output_name(symbol) for symbol in contact_equations(in_code(law)).definitions}
+    named = {output_name(symbol) for symbol in pair_equations(in_code(law)).definitions}
     return tuple(name for name in OUTPUTS if name in named)
 
 
-def _integrated(control: Control) -> frozenset[Symbol]:
-    """What the integration itself uses."""
-    if control == "force":
-        return frozenset({F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2]})
-    return frozenset({F_ela, dF_ddelta, dh_dt, ddelta_dt, *SLOPES})
+def integrated(control: Control, expression: bool) -> tuple[Symbol, ...]:
+    """What the integration itself uses; the slopes last: under a given force that of ln h and that of delta by ln h."""
+    if control != "force":
+        return F_ela, dF_ddelta, dh_dt, ddelta_dt, *SLOPES
+    return F_ela, dF_ddelta, dh_dt, SLOPES[0], SLOPES[2], *((BY_FORCE,) if expression else ())
 
 
-def _named(names: tuple[str, ...], definitions: Mapping[Symbol, Expr]) -> frozenset[Symbol]:
+def named(names: tuple[str, ...], definitions: Mapping[Symbol, Expr]) -> frozenset[Symbol]:
+    """Those of the defined symbols that are asked for by these names."""
     return frozenset(symbol for symbol in definitions if output_name(symbol) in names)
 
 
 def output_name(symbol: Symbol) -> str:
     """Name under which a symbol is asked for."""
     return "dX_dt" if symbol == centres_rate else symbol.name
-
-
-@dataclass(frozen=True)
-class Rule:
-    """One specialisation: its name, when it applies, and what it does."""
-
-    name: str
-    applies: Callable[[Equations, Needs], bool]
-    apply: Callable[[Equations, Needs], Equations]
-
-
-def _map(equations: Equations, change: Callable[[Expr], Expr]) -> Equations:
-    return replace(equations, definitions={symbol: change(expr) for symbol, expr in equations.definitions.items()})
-
-
-def one_sign(equations: Equations, needs: Needs) -> Equations:
-    """Without abs(delta) and sign(delta), nor the branches of the other sign."""
-    size = Dummy("delta", positive=True)
-    side = 1 if needs.deflection == "compression" else -1
-
-    def resolve(expr: Expr) -> Expr:
-        if not expr.has(Abs, sign, Max, Min, Relational):
-            return expr
-        return expr.subs(delta, side * size).subs(size, side * delta)
-
-    return _map(equations, resolve)
-
-
-def constant_force(equations: Equations, needs: Needs) -> Equations:
-    """Without the terms in dF_ext/dt."""
-    return _map(equations, lambda expr: expr.subs(dF_dt, 0))
-
-
-def no_remote_force(equations: Equations, needs: Needs) -> Equations:
-    """Without F_adh."""
-    return _map(equations, lambda expr: expr.subs(F_adh, 0))
-
-
-def fixed_parameters(equations: Equations, needs: Needs) -> Equations:
-    """With numbers, exact, in the place of parameters."""
-    known = {name: Rational(value) for name, value in needs.fixed.items()}
-
-    def insert(expr: Expr) -> Expr:
-        return expr.subs({symbol: known[symbol.name] for symbol in expr.free_symbols if symbol.name in known})
-
-    return _map(equations, insert)
-
-
-def asked_outputs(equations: Equations, needs: Needs) -> Equations:
-    """Without outputs that nobody asked for."""
-    wanted = _integrated(needs.control) | _named(needs.outputs or (), equations.definitions)
-    return replace(equations, wanted=wanted)
-
-
-def rigid_drive(equations: Equations, needs: Needs) -> Equations:
-    """Without the compliance of a spring, where the centres themselves are moved."""
-    return _map(equations, lambda expr: expr.subs(compliance, 0))
-
-
-RULES = (
-    Rule("one sign of delta", lambda _, needs: needs.deflection != "either", one_sign),
-    Rule("constant force", lambda _, needs: needs.control == "force" and needs.drive == "constant", constant_force),
-    Rule("rigid drive", lambda _, needs: needs.control in ("position", "velocity"), rigid_drive),
-    Rule("no remote force", lambda equations, _: equations.definitions.get(F_adh) == S.Zero, no_remote_force),
-    Rule("fixed parameters", lambda _, needs: bool(needs.fixed), fixed_parameters),
-    Rule(
-        "outputs asked for",
-        lambda equations, needs: (
-            needs.outputs is not None
-            and bool(_named(OUTPUTS, equations.definitions) - _named(needs.outputs, equations.definitions))
-        ),
-        asked_outputs,
-    ),
-)
