@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from softdyn.api import check, films, load_result, read_scene, regimes, simulate, write_report
     from softdyn.pair.batch import Batch
     from softdyn.results import PairResult
-    from softdyn.scene import Scene, Table
+    from softdyn.scene.pair_scene import Scene
+    from softdyn.scene.time_tables import Table
 
 __version__ = "0.1.0"
 __all__ = [

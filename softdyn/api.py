@@ -15,8 +15,12 @@ from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.run import simulate_pair
 from softdyn.results import PairResult, load_result
-from softdyn.scene import DRIVES, Scene, Table, is_particle_scene, read_toml, suggestion
-from softdyn.scene import read_scene as read_pair_scene
+from softdyn.scene.pair_drive import DRIVES
+from softdyn.scene.pair_scene import Scene
+from softdyn.scene.pair_scene import read_scene as read_pair_scene
+from softdyn.scene.reading import is_particle_scene, read_toml
+from softdyn.scene.time_tables import Table
+from softdyn.words import suggestion
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw

@@ -533,20 +533,21 @@ def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     from softdyn.api import read_scene
     from softdyn.kernels import make_manifest
     from softdyn.laws import find
-    from softdyn.scene import Scene
+    from softdyn.scene.pair_scene import Scene
 
     scene = None if options.scene is None else read_scene(options.scene)
     needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
     if isinstance(scene, Scene):
         from softdyn.pair.run import kernel_needs as pair_needs
-        from softdyn.scene import check_scene, drive_of
+        from softdyn.scene.pair_drive import drive_of
+        from softdyn.scene.pair_scene import check_scene
 
         check_scene(scene)
         needs = pair_needs(scene, drive_of(scene))
     elif scene is not None:
         from softdyn.particles.kernel import contact_manifest
+        from softdyn.particles.particle_scene import check
         from softdyn.particles.run import kernel_needs
-        from softdyn.particles.scene import check
 
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
@@ -594,7 +595,9 @@ def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.run import simulate_pair
     from softdyn.particles.export import WRITERS
     from softdyn.results import ENDINGS, SUFFIXES
-    from softdyn.scene import is_particle_scene, read_scene, read_toml, suggestion
+    from softdyn.scene.pair_scene import read_scene
+    from softdyn.scene.reading import is_particle_scene, read_toml
+    from softdyn.words import suggestion
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file: Path = options.scene
@@ -648,7 +651,7 @@ def _closure(stats: Any) -> str:
 
 def _sweep(options: argparse.Namespace) -> int:
     from softdyn.pair.sweep import in_words, read_varied, sweep
-    from softdyn.scene import read_scene
+    from softdyn.scene.pair_scene import read_scene
 
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")

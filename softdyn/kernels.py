@@ -24,7 +24,7 @@ import softdyn
 from softdyn import cache
 from softdyn.errors import SceneError
 from softdyn.laws import LawReference, digest, find, package_folder
-from softdyn.scene import Range
+from softdyn.scene.numbers import Range
 from softdyn.targets import TARGETS, LoadError, target_module
 
 #: Functions of a kernel by their names, as attributes.

@@ -22,8 +22,8 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import get_kernel
 from softdyn.particles.balance import Newton, contact_forces
 from softdyn.particles.geometry import directions, flow, lattice
+from softdyn.particles.particle_scene import ParticleScene
 from softdyn.particles.run import prepare
-from softdyn.particles.scene import ParticleScene
 from softdyn.particles.start import start
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def simulate_by_velocities(
     checked, system = prepare(scene)
     if scene.tangential:
         raise SceneError("the route by velocities knows normal contacts only: leave [contacts] tangential out")
-    if checked.walls or checked.fixed.any() or scene.reach is not None or system.kernel.varying:
+    if checked.walls or checked.fixed.any() or scene.range is not None or system.kernel.varying:
         raise SceneError("the route by velocities is for free clusters of equal spheres without a range of contacts")
     state = start(scene, checked, system, Newton())
     contacts = state.contacts

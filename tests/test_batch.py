@@ -13,7 +13,9 @@ import softdyn
 from softdyn.errors import SceneError
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.run import simulate_pair
-from softdyn.scene import QUANTITIES, Scene, Table
+from softdyn.scene.pair_quantities import QUANTITIES
+from softdyn.scene.pair_scene import Scene
+from softdyn.scene.time_tables import Table
 
 PAPER: dict[str, Any] = {"law": "rognon_gay", "parameters": {"R": 2.0, "E": 3.0, "eta": 0.5}, "h": 10.0}
 FORCES = np.geomspace(1e-5, 0.3, 40)

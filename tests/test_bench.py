@@ -23,7 +23,7 @@ from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
 from softdyn.pair.run import kernel_needs
-from softdyn.scene import drive_of
+from softdyn.scene.pair_drive import drive_of
 from softdyn.stock import GENERATED
 
 STORED = GENERATED / "bench" / "bench.json"

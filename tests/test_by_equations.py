@@ -18,9 +18,9 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.particles import portions
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 
 Array = NDArray[np.float64]
 
@@ -94,12 +94,12 @@ def by_the_engine(rtol: float) -> ParticleResult:
             positions=X0,
             radii=RADII,
             gap=GAP,
-            reach=RANGE,
-            walls=[Wall([0.0, 0.0], [0.0, -1.0])],
+            range=RANGE,
+            wall=[Wall([0.0, 0.0], [0.0, -1.0])],
             shear_rate=RATE,
             drag=1.0,
-            pushes=[Push([k], [f"{float(pull)!r}*{when}" for pull in pulls[k]]) for k in range(3)],
-            until=UNTIL,
+            push=[Push([k], [f"{float(pull)!r}*{when}" for pull in pulls[k]]) for k in range(3)],
+            until_t=UNTIL,
             times=2,
             rtol=rtol,
         )
@@ -137,10 +137,10 @@ def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
         radii=radii,
         box=box.tolist(),
         gap=0.02,
-        reach=0.5,
+        range=0.5,
         shear_rate=1e-2,
         drag=1.0,
-        until=2.0,
+        until_t=2.0,
         times=4,
         rtol=1e-3,
     )

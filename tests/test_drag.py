@@ -13,9 +13,9 @@ from softdyn.derive import DIMENSIONLESS, Drag, E, R, eta, h
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import LawError
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 
 lam = Symbol("lam", nonnegative=True)
 #: A droplet with a mobile surface, its viscosity lam times that of the fluid around it (Hadamard and Rybczynski).
@@ -34,10 +34,10 @@ def falling(law: Any, target: str = "c", **changes: Any) -> ParticleResult:
         "parameters": {"E": 1.0, "eta": 0.5},
         "positions": [[0.0, 0.0], [10.0, 0.0]],
         "radii": [1.0, 2.0],
-        "reach": 0.5,
+        "range": 0.5,
         "drag": 1.0,
-        "pushes": [Push([0, 1], [0.0, -1e-3])],
-        "until": 10.0,
+        "push": [Push([0, 1], [0.0, -1e-3])],
+        "until_t": 10.0,
         "times": 2,
         "target": target,
         **changes,
@@ -70,7 +70,7 @@ def test_parameters_of_the_drag_are_those_of_the_species() -> None:
 def test_the_rotation_is_resisted_as_declared() -> None:
     """In a shear flow a lone sphere turns with it, whatever resists."""
     slow = replace(equal_spheres, name="slow", drag=Drag(rotation=8 * pi * eta * R**3 * Rational(1, 3)))
-    settings = {"tangential": True, "shear_rate": 1e-2, "pushes": [], "parameters": {"E": 1.0, "eta": 0.5, "nu": 0.5}}
+    settings = {"tangential": True, "shear_rate": 1e-2, "push": [], "parameters": {"E": 1.0, "eta": 0.5, "nu": 0.5}}
     for law in (equal_spheres, slow):
         result = falling(law, **settings)
         np.testing.assert_allclose(result.spin[-1], -5e-3, rtol=1e-6)

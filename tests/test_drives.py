@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 import softdyn
 from softdyn.errors import SceneError
-from softdyn.scene import read_scene
+from softdyn.scene.pair_scene import read_scene
 
 UNIT = {"R": 1.0, "E": 1.0, "eta": 1.0}
 TIMES = list(np.linspace(0.0, 2000.0, 21))

@@ -239,7 +239,7 @@ def test_parts_of_a_sweep_of_another_kind_are_refused_by_name(
     content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from softdyn.pair import sweep
-    from softdyn.scene import read_scene
+    from softdyn.scene.pair_scene import read_scene
 
     (tmp_path / "scene.toml").write_text(SCENE)
     scene, values = read_scene(tmp_path / "scene.toml"), {"force": np.array([0.01, 0.02])}

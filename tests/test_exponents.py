@@ -12,7 +12,7 @@ from test_phases import diagram_of
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.results import PairResult
-from softdyn.scene import Scene
+from softdyn.scene.pair_scene import Scene
 from softdyn.study import exponents, plane
 from softdyn.targets import c
 

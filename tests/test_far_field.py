@@ -24,8 +24,8 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import LawError, SceneError
 from softdyn.laws import stock_laws
 from softdyn.particles.geometry import Wall
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 from softdyn.stress import two_spheres
 
 STOKES = 6 * np.pi
@@ -37,7 +37,7 @@ def speeds(law: Any = "equal_spheres", **changes: Any) -> np.ndarray:
     """Velocities at the end of a short run."""
     settings: dict[str, Any] = {
         "law": law, "parameters": PARAMETERS.get(law, PARAMETERS["equal_spheres"]), "radii": 1.0, "drag": 1.0,
-        "until": 1e-3, "times": 2, "rtol": 1e-6, **changes,
+        "until_t": 1e-3, "times": 2, "rtol": 1e-6, **changes,
     }  # fmt: skip
     result = simulate_particles(ParticleScene(**settings))
     return np.asarray(result.v[-1])
@@ -52,7 +52,7 @@ def approaching(gap: float, ratio: float = 1.0, **changes: Any) -> float:
     R = 2 * ratio / (1 + ratio)
     until = 1e-3 * gap * 3 * np.pi * R * (1 + R / (2 * gap))
     x = [[0.0, 0.0], [1.0 + ratio + gap, 0.0]]
-    v = speeds(**{"positions": x, "radii": [1.0, ratio], "pushes": pushes, "until": until, **changes})
+    v = speeds(**{"positions": x, "radii": [1.0, ratio], "push": pushes, "until_t": until, **changes})
     return 1.0 / float(v[0, 0] - v[1, 0])
 
 
@@ -66,8 +66,8 @@ def settling(gap: float, radius: float = 1.0, **changes: Any) -> float:
     """Friction of a sphere that is pushed to a wall, force over speed, over that of Stokes."""
     until = 1e-3 * gap * STOKES * (radius + radius**2 / gap)
     v = speeds(**{
-        "positions": [[0.0, gap + radius]], "radii": [radius], "walls": [Wall([0.0, 0.0], [0.0, -1.0])], "until": until,
-        "pushes": [Push([0], [0.0, -1.0])], **changes,
+        "positions": [[0.0, gap + radius]], "radii": [radius], "wall": [Wall([0.0, 0.0], [0.0, -1.0])],
+        "until_t": until, "push": [Push([0], [0.0, -1.0])], **changes,
     })  # fmt: skip
     return -1.0 / float(v[0, 1]) / (STOKES * radius)
 
@@ -107,7 +107,7 @@ def test_without_drag_the_contact_has_all_of_the_friction(gap: float) -> None:
 def test_distant_spheres_do_not_slow_one_that_is_pushed(law: str, count: int) -> None:
     """However many they are, and without a word of a range."""
     x = np.array([[100.0 * i, 100.0 * ((7 * i) % 11), 0.0] for i in range(count)])
-    v = speeds(law, positions=x, pushes=[Push([0], [1.0, 0.0, 0.0])])
+    v = speeds(law, positions=x, push=[Push([0], [1.0, 0.0, 0.0])])
     assert v[0, 0] * STOKES == pytest.approx(1.0, rel=0.01)
 
 
@@ -115,8 +115,8 @@ def test_distant_spheres_do_not_slow_one_that_is_pushed(law: str, count: int) ->
 @pytest.mark.parametrize("radius", [1.0, 0.1])
 def test_a_sphere_far_from_a_wall_moves_as_stokes_says(law: str, radius: float) -> None:
     v = speeds(
-        law, positions=[[0.0, 201.0 * radius], [500.0, 300.0]], radii=[radius, 1.0], until=1e-3 * radius**2,
-        walls=[Wall([0.0, 0.0], [0.0, -1.0])], pushes=[Push([0], [0.0, -1.0])], reach=200 * radius,
+        law, positions=[[0.0, 201.0 * radius], [500.0, 300.0]], radii=[radius, 1.0], until_t=1e-3 * radius**2,
+        wall=[Wall([0.0, 0.0], [0.0, -1.0])], push=[Push([0], [0.0, -1.0])], range=200 * radius,
     )  # fmt: skip
     assert -v[0, 1] * STOKES * radius == pytest.approx(1.0, rel=1e-6)
 
@@ -174,12 +174,12 @@ def test_a_law_that_holds_distant_particles_together_needs_a_range_with_drag() -
     assert not is_bounded(growing)
     spheres: dict[str, Any] = {
         "law": growing, "parameters": PARAMETERS["rognon_gay"], "positions": [[0.0, 0.0], [2.1, 0.0]],
-        "pushes": [Push([0], [0.0, 1.0])],
+        "push": [Push([0], [0.0, 1.0])],
     }  # fmt: skip
     with pytest.raises(SceneError, match="give contacts a range"):
         speeds(**spheres)
-    speeds(**spheres, reach=1.0)
-    speeds(**{**spheres, "drag": 0.0, "pushes": [Push([0], [1e-3, 0.0]), Push([1], [-1e-3, 0.0])]})
+    speeds(**spheres, range=1.0)
+    speeds(**{**spheres, "drag": 0.0, "push": [Push([0], [1e-3, 0.0]), Push([1], [-1e-3, 0.0])]})
 
 
 def test_a_law_of_lubrication_alone_keeps_all_of_its_friction() -> None:

@@ -23,7 +23,7 @@ MUTATIONS: tuple[Callable[[bytes, Random], bytes], ...] = (mutated_bytes, mutate
 def scene(**more: Any) -> particles.ParticleScene:
     return particles.ParticleScene(
         law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, positions=[[1.0, 1.0], [2.95, 1.1], [4.0, 3.0]], radii=1.0,
-        gap=0.05, reach=0.4, box=[7.0, 7.0], shear_rate=1e-3, drag=1.0, until=60.0, times=5, rtol=1e-3, **more,
+        gap=0.05, range=0.4, box=[7.0, 7.0], shear_rate=1e-3, drag=1.0, until_t=60.0, times=5, rtol=1e-3, **more,
     )  # fmt: skip
 
 
@@ -68,7 +68,13 @@ def test_a_run_goes_on_from_what_is_whole_alone(tmp_path: Path) -> None:
         def go_on(path: Path = path) -> None:
             given = particles.read_particles(path)
             more = {name: value for name, value in given.items() if name not in ("names",)}
-            base = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}, "reach": 0.4, "drag": 1.0, "until": 1.0}
+            base = {
+                "law": "rognon_gay",
+                "parameters": {"E": 1.0, "eta": 1.0},
+                "range": 0.4,
+                "drag": 1.0,
+                "until_t": 1.0,
+            }
             found = particles.simulate(particles.ParticleScene(**{**base, **more}), progress=some_steps(5))
             assert np.isfinite(found.x).all()
 

@@ -18,7 +18,8 @@ from softdyn.pair.run import simulate_pair
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.scene import is_particle_scene, read_scene, read_toml
+from softdyn.scene.pair_scene import read_scene
+from softdyn.scene.reading import is_particle_scene, read_toml
 from softdyn.targets import c
 
 pytestmark = pytest.mark.slow

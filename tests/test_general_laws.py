@@ -23,8 +23,8 @@ from softdyn.derive import ContactLaw, E, Limit, R, a, delta, eta, h
 from softdyn.derive.films import relaxation_rate
 from softdyn.derive.regimes import discover
 from softdyn.errors import LawError, SceneError
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 
 Array = NDArray[np.float64]
 Forces = Callable[[Any, Any], tuple[Any, Any, Any]]
@@ -147,9 +147,9 @@ def test_particles_are_what_their_balance_says(name: str) -> None:
     start = np.concatenate([x0.reshape(-1), np.log([0.05, 0.12, 0.15])])
     end = solve_ivp(rates, (0.0, T), start, method="Radau", rtol=1e-9, atol=1e-11)
     scene = ParticleScene(
-        law=LAWS[name], parameters=VALUES[name], positions=x0, radii=np.ones(3), drag=1.0, until=T, times=2, rtol=1e-5,
-        films={"i": i, "j": j, "h": np.array([0.05, 0.12, 0.15])},
-        pushes=[Push([k], [f"{-float(p)!r}*cos(0.02*t)" for p in pull[k]]) for k in range(3)],
+        law=LAWS[name], parameters=VALUES[name], positions=x0, radii=np.ones(3), drag=1.0, until_t=T, times=2,
+        rtol=1e-5, films={"i": i, "j": j, "h": np.array([0.05, 0.12, 0.15])},
+        push=[Push([k], [f"{-float(p)!r}*cos(0.02*t)" for p in pull[k]]) for k in range(3)],
     )  # fmt: skip
     result = simulate_particles(scene)
     assert result.stats["warnings"] == []
@@ -202,12 +202,12 @@ def test_one_sided_laws_have_nothing_of_the_other_side() -> None:
 
 def test_a_range_needs_a_force_at_rest_that_has_faded() -> None:
     scene = ParticleScene(
-        law=sticky, parameters=VALUES["sticky"], positions=[[0.0, 0.0], [2.03, 0.0]], radii=[1.0, 1.0], reach=0.2,
-        drag=1.0, until=1.0,
+        law=sticky, parameters=VALUES["sticky"], positions=[[0.0, 0.0], [2.03, 0.0]], radii=[1.0, 1.0], range=0.2,
+        drag=1.0, until_t=1.0,
     )  # fmt: skip
     with pytest.raises(SceneError, match=r"of its largest: give a larger \[contacts\] range"):
         simulate_particles(scene)
-    assert simulate_particles(replace(scene, reach=2.0)).stats["steps"] > 0
+    assert simulate_particles(replace(scene, range=2.0)).stats["steps"] > 0
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ PHYSICS: dict[str, Any] = {
     "law": "rognon_gay",
     "parameters": {"E": 1.0, "eta": 1.0},
     "gap": 0.02,
-    "reach": 0.5,
+    "range": 0.5,
     "drag": 1.0,
     "shear_rate": 1e-5,
     "rtol": 1e-3,
@@ -23,7 +23,7 @@ PHYSICS: dict[str, Any] = {
 
 
 def run(**changes: Any) -> particles.ParticleResult:
-    scene = {"positions": X, "radii": RADII, "box": BOX, "times": 3, "until": 1e4, **PHYSICS, **changes}
+    scene = {"positions": X, "radii": RADII, "box": BOX, "times": 3, "until_t": 1e4, **PHYSICS, **changes}
     return particles.simulate(particles.ParticleScene(**scene))
 
 
@@ -38,7 +38,7 @@ def test_any_image_of_a_particle_is_that_particle(images: list, turns: int, cent
     tilt = 0.3 * BOX[0]
     cell = np.array([[BOX[0], tilt], [0.0, BOX[1]]])
     start = X @ (cell / np.diag(cell)[None, :]).T  # the same lattice of fractions in the leaning box
-    changes: dict[str, Any] = {"gap": 0.2, "times": [0.0], "until": 1.0, "shear_rate": 0.0}
+    changes: dict[str, Any] = {"gap": 0.2, "times": [0.0], "until_t": 1.0, "shear_rate": 0.0}
     at_home = run(positions=start, tilt=tilt, **changes)
     moved = start + np.array(images) @ cell.T - (cell.sum(axis=1) / 2 if centred else 0.0)
     elsewhere = run(positions=moved, tilt=tilt + turns * BOX[0], **changes)
@@ -53,12 +53,12 @@ def test_any_image_of_a_particle_is_that_particle(images: list, turns: int, cent
 @pytest.mark.parametrize("by_file", [False, True])
 def test_runs_in_sequence_are_one_run(tmp_path: Path, by_file: bool) -> None:
     """Positions, films and tilt are handed on: what differs is what the tolerance allows, and nothing jumps."""
-    whole = run(until=3e4, times=[0.0, 1e4, 2e4, 3e4])
+    whole = run(until_t=3e4, times=[0.0, 1e4, 2e4, 3e4])
     parts = [run(times=[0.0, 1e4])]
     for _ in range(2):
         last = parts[-1]
         placed = particles.read_particles(last.save(tmp_path / "last.npz")) if by_file else particles.from_result(last)
-        scene = particles.ParticleScene(**placed, **PHYSICS, until=1e4, times=[0.0, 1e4])
+        scene = particles.ParticleScene(**placed, **PHYSICS, until_t=1e4, times=[0.0, 1e4])
         parts.append(particles.simulate(scene))
         np.testing.assert_array_equal(parts[-1].x[0], last.x[-1])
         np.testing.assert_array_equal(parts[-1].cell[0], last.cell[-1])
@@ -71,7 +71,7 @@ def test_runs_in_sequence_are_one_run(tmp_path: Path, by_file: bool) -> None:
 
 def test_positions_alone_are_an_input_too() -> None:
     """What has left the box is taken: a whole box of strain leaves an upright lattice."""
-    result = run(until=1e5 * BOX[0] / BOX[1])
+    result = run(until_t=1e5 * BOX[0] / BOX[1])
     assert np.any((result.x[-1] < 0) | (result.x[-1] > BOX))
-    again = run(positions=result.x[-1], times=[0.0, 1.0], until=1.0)
+    again = run(positions=result.x[-1], times=[0.0, 1.0], until_t=1.0)
     np.testing.assert_array_equal(again.x[0], result.x[-1])

@@ -16,9 +16,9 @@ from softdyn.particles.balance import Balance, Given, Newton, balance
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
 from softdyn.particles.observables import strain
+from softdyn.particles.particle_scene import Hold, ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import prepare, simulate_particles
-from softdyn.particles.scene import Hold, ParticleScene
 from softdyn.particles.start import start
 from softdyn.particles.surroundings import condensed, coordinates, excess, placed
 from softdyn.particles.system import System
@@ -44,9 +44,9 @@ def packing(d: int = 2, **changes: Any) -> ParticleScene:
         "positions": np.mod(place + 0.05 * draw.uniform(-1, 1, place.shape), box),
         "radii": 1 + 0.05 * draw.uniform(-1, 1, len(place)),
         "box": list(box),
-        "reach": 0.4,
+        "range": 0.4,
         "gap": 0.05,
-        "until": 300.0,
+        "until_t": 300.0,
         "times": 4,
         "rtol": 1e-4,
         **changes,
@@ -116,13 +116,13 @@ def test_the_stress_is_as_imposed_with_tangential_forces(drag: float) -> None:
 def test_the_stress_of_a_shear_flow_imposed_gives_back_the_flow(drag: float) -> None:
     """The stress measured at a fixed rate, as a polynomial of t, imposed: the same strain, and the same gaps."""
     until = 1000.0
-    sheared = simulate_particles(packing(shear_rate=1e-4, until=until, drag=drag, times=101, rtol=1e-5))
+    sheared = simulate_particles(packing(shear_rate=1e-4, until_t=until, drag=drag, times=101, rtol=1e-5))
     stress = sheared.stress[:, 0, 1] + ETA * 1e-4
     late = sheared.t >= 0.02 * until  # with drag, particles first come to rest in the flow
     fit = np.polynomial.polynomial.polyfit(sheared.t[late] / until, stress[late], 12)
     missed = np.abs(np.polynomial.polynomial.polyval(sheared.t / until, fit) - stress).max() / stress.max()
     text = " + ".join(f"({float(factor)!r})*(t/{until})**{power}" for power, factor in enumerate(fit))
-    imposed = simulate_particles(packing(stress={"xy": text}, until=until, drag=drag, times=11, rtol=1e-5))
+    imposed = simulate_particles(packing(stress={"xy": text}, until_t=until, drag=drag, times=11, rtol=1e-5))
     strain = imposed.cell[:, 0, 1] / imposed.cell[:, 1, 1]
     # what is missed of the stress, relative to its largest, is missed of the strain of 0.1 at which it is reached
     np.testing.assert_allclose(strain, 1e-4 * imposed.t, atol=0.1 * (10 * missed + 1e-4))
@@ -134,10 +134,10 @@ def test_the_stress_of_a_shear_flow_imposed_gives_back_the_flow(drag: float) -> 
 
 def test_the_work_of_the_pressure_is_that_of_the_box_and_the_flow() -> None:
     """-integral of P dV, as it rises from that at the start; the rest goes to the fluid, 2 eta D : D."""
-    first = simulate_particles(packing(drag=1.0, until=1.0, times=2))
+    first = simulate_particles(packing(drag=1.0, until_t=1.0, times=2))
     p0 = -float(np.trace(first.stress[0])) / 2
     result = simulate_particles(
-        packing(drag=1.0, stress={"pressure": f"{p0!r} + 2e-5*t"}, until=2000.0, times=401, rtol=1e-5)
+        packing(drag=1.0, stress={"pressure": f"{p0!r} + 2e-5*t"}, until_t=2000.0, times=401, rtol=1e-5)
     )
     V = np.linalg.det(result.cell) * float(result.depth)
     assert V[-1] < 0.95 * V[0]
@@ -215,11 +215,11 @@ def test_a_wall_that_comes_is_a_particle_that_goes_to_it(tangential: bool) -> No
         scene = ParticleScene(
             positions=[[0.0, 1.3], [9.0, 1.3]],
             radii=1.0,
-            walls=[Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[wall if tangential else 0.0, wall])],
-            holds=[Hold([0, 1], "xy", [held if tangential else 0.0, held])],
-            reach=0.8,
+            wall=[Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[wall if tangential else 0.0, wall])],
+            hold=[Hold([0, 1], "xy", [held if tangential else 0.0, held])],
+            range=0.8,
             constants=constants,
-            until=900.0,
+            until_t=900.0,
             times=10,
             rtol=1e-5,
             **settings,
@@ -245,10 +245,10 @@ def test_a_fast_wall_passes_nobody() -> None:
         parameters={"E": 1.0, "eta": 1.0},
         positions=[[0.0, 5.0], [9.0, 5.0]],
         radii=1.0,
-        walls=[Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[0.0, 0.01])],
-        reach=0.5,
+        wall=[Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[0.0, 0.01])],
+        range=0.5,
         drag=1.0,
-        until=1000.0,
+        until_t=1000.0,
         times=3,
         rtol=1e-2,
     )
@@ -265,7 +265,7 @@ def test_a_fast_wall_passes_nobody() -> None:
         ({"stress": {"zz": 1.0}}, "unknown component 'zz'"),
         ({"stress": {"xy": 1.0}, "shear_rate": 1e-3, "drag": 1.0}, "give one of them"),
         ({"stress": {"pressure": 1.0, "yy": 1.0}}, "give either"),
-        ({"stress": {"xy": 1.0}, "holds": [Hold([0], "x")]}, "do not move with a box"),
+        ({"stress": {"xy": 1.0}, "hold": [Hold([0], "x")]}, "do not move with a box"),
         ({"stress": {"xy": 1.0}, "stress_viscosity": -1.0}, "must be a positive number"),
         ({"stress_viscosity": 1.0}, "none is"),
         ({"stress": {"xy": "1/t"}}, "no finite value at t = 0"),
@@ -321,12 +321,12 @@ until = {t = 10.0}
 
 def test_a_run_under_an_imposed_shear_stress_ends_at_a_strain() -> None:
     """Exactly there, with a frame of it, which is that of a run that goes on to a later time."""
-    creeping = packing(stress={"xy": 2e-3}, drag=1.0, until=1e5, until_strain=0.02, times=[0.0])
+    creeping = packing(stress={"xy": 2e-3}, drag=1.0, until_t=1e5, until_strain=0.02, times=[0.0])
     result = simulate_particles(creeping)
     lean = result.cell[-1, 0, 1] / result.cell[-1, 1, 1]
     assert lean == pytest.approx(0.02, rel=1e-8)
     assert result.t[-1] < 1e5
-    onward = simulate_particles(replace(creeping, until_strain=None, until=2 * result.t[-1], times=[result.t[-1]]))
+    onward = simulate_particles(replace(creeping, until_strain=None, until_t=2 * result.t[-1], times=[result.t[-1]]))
     passed = onward.cell[0, 0, 1] / onward.cell[0, 1, 1]
     assert passed == pytest.approx(0.02, rel=1e-3)  # ten times the tolerance of a step
 
@@ -345,7 +345,7 @@ def test_a_strain_that_is_no_end_is_refused(changes: dict[str, Any], message: st
 
 def test_a_shear_rate_that_changes_is_followed() -> None:
     """The box leans by the integral of its rate, energy is in balance; a constant may be given as text."""
-    swings = packing(shear_rate="g*w*cos(w*t)", constants={"g": 0.05, "w": 0.02}, drag=1.0, until=500.0, times=26)
+    swings = packing(shear_rate="g*w*cos(w*t)", constants={"g": 0.05, "w": 0.02}, drag=1.0, until_t=500.0, times=26)
     result = simulate_particles(swings)
     np.testing.assert_allclose(strain(result), 0.05 * np.sin(0.02 * result.t), atol=1e-15)
     np.testing.assert_allclose(result.gradient[:, 0, 1], 1e-3 * np.cos(0.02 * result.t), rtol=1e-9, atol=1e-12)
@@ -360,8 +360,8 @@ def test_a_shear_rate_that_changes_is_followed() -> None:
 def test_a_lone_particle_goes_with_a_flow_that_changes() -> None:
     """X = x0 + y times the strain, in a flow without a box."""
     flow = ParticleScene(
-        law="rognon_gay", parameters={"E": 1.0, "eta": ETA}, positions=[[0.0, 0.0], [0.0, 9.0]], radii=1.0, reach=0.5,
-        shear_rate="1e-2*sin(0.1*t)", drag=1.0, until=60.0, times=7, rtol=1e-5,
+        law="rognon_gay", parameters={"E": 1.0, "eta": ETA}, positions=[[0.0, 0.0], [0.0, 9.0]], radii=1.0, range=0.5,
+        shear_rate="1e-2*sin(0.1*t)", drag=1.0, until_t=60.0, times=7, rtol=1e-5,
     )  # fmt: skip
     result = simulate_particles(flow)
     np.testing.assert_allclose(result.x[:, 1, 0], 9 * 0.1 * (1 - np.cos(0.1 * result.t)), atol=1e-3)

@@ -22,9 +22,9 @@ from softdyn.particles.observables import (
     strain,
     wall_forces,
 )
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 
 Array = NDArray[np.float64]
 
@@ -85,10 +85,10 @@ def test_the_stress_is_the_force_that_planes_transmit(d: int, tangential: bool) 
             radii=1.0,
             box=[1.98 * n] * d,
             gap=0.05,
-            reach=0.4,
+            range=0.4,
             tangential=tangential,
             drag=1.0,
-            until=100.0,
+            until_t=100.0,
             times=3,
             rtol=1e-3,
             **shear,
@@ -140,10 +140,10 @@ NETWORK = [*HELD, (0, 4, 1.0), (1, 4, 1.0), (4, 5, 1.0), (3, 6, -1.0)]
 def test_walls_bear_what_particles_are_pushed_with() -> None:
     """Two on top of each other, without drag: their weights on the floor; of walls that shear, opposite forces."""
     floor, lid = Wall([0.0, -1.02], [0.0, -1.0], velocity=[1e-3, 0.0]), Wall([0.0, 3.04], [0.0, 1.0])
-    changes: dict[str, Any] = {"radii": 1.0, "reach": 0.5, "until": 50.0, "times": 3, "rtol": 1e-5}
+    changes: dict[str, Any] = {"radii": 1.0, "range": 0.5, "until_t": 50.0, "times": 3, "rtol": 1e-5}
     law: dict[str, Any] = {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": 1.0, "nu": 0.5}, "tangential": True}
     pushes = [Push("all", [0.0, -0.01])]
-    scene = ParticleScene(positions=[[0.0, 0.0], [0.0, 2.02]], walls=[floor, lid], pushes=pushes, **law | changes)
+    scene = ParticleScene(positions=[[0.0, 0.0], [0.0, 2.02]], wall=[floor, lid], push=pushes, **law | changes)
     result = simulate_particles(scene)
     forces = wall_forces(result)
     assert forces.shape == (3, 2, 2)

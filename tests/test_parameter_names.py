@@ -72,7 +72,7 @@ def test_names_change_nothing_of_a_run(target: str, names: list[str]) -> None:
         )  # fmt: skip
         scene = particles.ParticleScene(
             law=law, parameters={"E": 1.0, "eta": 1.0, **values}, positions=[[0, 0], [2.1, 0], [1, 2.0]], radii=1.0,
-            drag=1.0, pushes=[particles.Push([1], [-0.1, 0.0])], until=10.0, times=3, target=target,
+            drag=1.0, push=[particles.Push([1], [-0.1, 0.0])], until_t=10.0, times=3, target=target,
         )  # fmt: skip
         found.append((pair, particles.simulate(scene).x))
     (strange, x), (plain, y) = found

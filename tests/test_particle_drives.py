@@ -122,9 +122,9 @@ def free(**changes: Any) -> ParticleScene:
         "parameters": {"E": 1.0, "eta": 1.0},
         "positions": [[0.0, 0.0], [1000.0, 0.0]],
         "radii": 1.0,
-        "reach": 0.5,
+        "range": 0.5,
         "drag": 1.0,
-        "until": T,
+        "until_t": T,
         "times": 14,
         "rtol": RTOL,
         **changes,
@@ -136,7 +136,7 @@ def pushed(f: Given, impulse: float = 1.0) -> tuple[Array, ParticleResult]:
     """Displacement of a free sphere of which the push displaces it by some length in all, and the run."""
     size = float(np.abs(f.integral(np.linspace(0, T, 1001))).max())
     constants = {**f.constants, "F": impulse * STOKES / size if size else 1.0}
-    result = simulate_particles(free(pushes=[Push([0], [f"F*({f.text})", 0.0])], constants=constants))
+    result = simulate_particles(free(push=[Push([0], [f"F*({f.text})", 0.0])], constants=constants))
     return result.x[:, 0, 0] - impulse * f.integral(result.t) / size if size else result.x[:, 0, 0], result
 
 
@@ -168,7 +168,7 @@ def check_integrals(f: Given) -> None:
     exact = f.integral(np.linspace(0, T, 14)) / size
     text, constants = f"A*({f.text})", {**f.constants, "A": 1 / size}
     driven = free(
-        holds=[Hold([0], "x", [text])], walls=[Wall([0.0, 90.0], [0.0, 1.0], velocity=[0.0, text])],
+        hold=[Hold([0], "x", [text])], wall=[Wall([0.0, 90.0], [0.0, 1.0], velocity=[0.0, text])],
         constants=constants,
     )  # fmt: skip
     result = simulate_particles(driven)
@@ -227,11 +227,11 @@ def test_a_pulse_of_force_closes_a_gap_as_a_table_of_it_does(width: float) -> No
     result = simulate_particles(
         free(
             positions=[[0.0, 0.0], [2.5, 0.0]],
-            reach=None,
+            range=None,
             drag=0.0,
-            pushes=pushes,
+            push=pushes,
             times=2,
-            until=end,
+            until_t=end,
             constants={"c": c, "w": width},
         )
     )
@@ -255,13 +255,13 @@ def test_frames_are_as_good_as_the_steps() -> None:
 
 def _pulsed(f: Given) -> ParticleScene:
     size = float(f.integral(np.float64(T)))
-    return free(pushes=[Push([0], [f"F*({f.text})", 0.0])], constants={**f.constants, "F": STOKES / size})
+    return free(push=[Push([0], [f"F*({f.text})", 0.0])], constants={**f.constants, "F": STOKES / size})
 
 
 def test_what_changes_faster_than_any_step_is_not_passed_over() -> None:
     force = "1e10*exp(-((t - 500)/1e-9)**2)*sin(1/(abs(t - 500) + 1e-15))"
     with pytest.raises(IntegrationError, match="cannot go on at t=500, however short the step"):
-        simulate_particles(free(pushes=[Push([0], [force, 0.0])], times=2))
+        simulate_particles(free(push=[Push([0], [force, 0.0])], times=2))
 
 
 # Tables
@@ -286,11 +286,9 @@ def test_every_drive_may_be_a_table(name: str) -> None:
         return float(np.sum(np.diff(inside) * np.interp(middles, t, values)))
 
     exact = np.array([area(upper) for upper in frames])
-    forces = free(pushes=[Push([0], [(t, 1e-2 * STOKES * values), 0.0])], times=21)
+    forces = free(push=[Push([0], [(t, 1e-2 * STOKES * values), 0.0])], times=21)
     np.testing.assert_allclose(simulate_particles(forces).x[:, 0, 0], 1e-2 * exact, atol=RTOL)
-    moved = free(
-        holds=[Hold([0], "xy", [0.0, table])], walls=[Wall([-50, 0], [-1, 0], velocity=[table, 0.0])], times=21
-    )
+    moved = free(hold=[Hold([0], "xy", [0.0, table])], wall=[Wall([-50, 0], [-1, 0], velocity=[table, 0.0])], times=21)
     result = simulate_particles(moved)
     np.testing.assert_allclose(result.x[:, 0, 1], 1e-2 * exact, atol=1e-14)
     np.testing.assert_allclose(result.wall_point[:, 0, 0], -50 + 1e-2 * exact, atol=1e-13)
@@ -341,8 +339,8 @@ output = {times = 3}
         ({"shear_rate": ([1.0, T], [0.0, 0.0])}, r"\[flow\] shear_rate: the table starts at t = 1, after the run"),
         ({"shear_rate": ([0.0, 1.0], [0.0, 0.0])}, r"\[flow\] shear_rate: the table ends at t = 1"),
         ({"shear_rate": ([0.0, T, T / 2], [0.0, 0.0, 0.0])}, "times must increase"),
-        ({"pushes": [Push([0], [([0.0, T], [0.0, math.nan]), 0.0])]}, r"force along x.*finite"),
-        ({"pushes": [Push([0], [[1.0], 0.0])]}, "must be a number, an expression of t, or a table"),
+        ({"push": [Push([0], [([0.0, T], [0.0, math.nan]), 0.0])]}, r"force along x.*finite"),
+        ({"push": [Push([0], [[1.0], 0.0])]}, "must be a number, an expression of t, or a table"),
     ],
 )
 def test_what_is_no_table_is_refused(changes: dict[str, Any], words: str) -> None:
@@ -351,7 +349,7 @@ def test_what_is_no_table_is_refused(changes: dict[str, Any], words: str) -> Non
 
 
 def test_steps_end_at_the_kinks_of_expressions() -> None:
-    result = simulate_particles(free(pushes=[Push([0], ["1e-3*(abs(t - 123.4) - abs(t - 777.7))", 0.0])]))
+    result = simulate_particles(free(push=[Push([0], ["1e-3*(abs(t - 123.4) - abs(t - 777.7))", 0.0])]))
     assert np.isin([123.4, 777.7], result.step_t).all()
 
 
@@ -363,8 +361,8 @@ def couple(force: Any, **changes: Any) -> ParticleScene:
     settings: dict[str, Any] = {
         "positions": [[0.0, 0.0], [2.1, 0.0]],
         "drag": 0.0,
-        "reach": None,
-        "pushes": [Push([0], [force(1.0), 0.0]), Push([1], [force(-1.0), 0.0])],
+        "range": None,
+        "push": [Push([0], [force(1.0), 0.0]), Push([1], [force(-1.0), 0.0])],
         **changes,
     }
     return free(**settings)
@@ -433,9 +431,9 @@ def crowd(**changes: Any) -> ParticleScene:
         "positions": np.mod(place + 0.05 * draw.uniform(-1, 1, place.shape), box),
         "radii": 1.0,
         "box": list(box),
-        "reach": 0.4,
+        "range": 0.4,
         "gap": 0.05,
-        "until": 200.0,
+        "until_t": 200.0,
         "shear_rate": "g*w*cos(w*t)",
         "constants": {"g": 0.1, "w": 0.02},
         **changes,
@@ -450,9 +448,9 @@ def sediment(**changes: Any) -> ParticleScene:
     walls = [Wall([0, 0], [0, -1]), Wall([0, 0], [-1, 0]), Wall([7.3, 0], [1, 0])]
     settings: dict[str, Any] = {
         "positions": place + draw.uniform(-0.1, 0.1, place.shape),
-        "walls": walls,
-        "pushes": [Push("all", [0.0, -1e-2])],
-        "until": 2e4,
+        "wall": walls,
+        "push": [Push("all", [0.0, -1e-2])],
+        "until_t": 2e4,
         **changes,
     }
     return free(**settings)
@@ -473,10 +471,10 @@ def test_ordinary_runs_keep_their_energy_to_what_newton_leaves(drag: float, tang
 
 
 def test_a_restarted_run_and_a_sediment_keep_their_energy(tmp_path: Path) -> None:
-    first = simulate_particles(crowd(shear_rate=1e-3, constants={}, until=200.0))
+    first = simulate_particles(crowd(shear_rate=1e-3, constants={}, until_t=200.0))
     first.save(tmp_path / "first.npz")
     again = softdyn.particles.read_particles(tmp_path / "first.npz")
-    turned = simulate_particles(crowd(shear_rate=-1e-3, constants={}, until=200.0, gap=None, **again))
+    turned = simulate_particles(crowd(shear_rate=-1e-3, constants={}, until_t=200.0, gap=None, **again))
     for result in (first, turned, simulate_particles(sediment())):
         assert left_over(result) < 0.1 * RTOL
         assert not any("energy" in warning for warning in result.stats["warnings"])
@@ -492,7 +490,7 @@ def test_a_false_power_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> N
         return {**found, name: 1.01 * found[name]}
 
     monkeypatch.setattr(steps, "powers", false)
-    scene = sediment(until=2000.0) if name == "external" else crowd(shear_rate=1e-3, constants={}, until=100.0)
+    scene = sediment(until_t=2000.0) if name == "external" else crowd(shear_rate=1e-3, constants={}, until_t=100.0)
     result = simulate_particles(scene)
     assert any("which no error of the steps explains" in warning for warning in result.stats["warnings"])
 
@@ -523,7 +521,7 @@ def test_forces_that_balance_where_particles_are_given_are_borne(seed: int, tang
     pushes = [Push([k], list(force[k])) for k in range(3)]
     law = {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": 1.0, "nu": 0.5}}
     result = simulate_particles(
-        free(**law, positions=x, gap=0.05, drag=0.0, pushes=pushes, tangential=tangential, reach=None)
+        free(**law, positions=x, gap=0.05, drag=0.0, push=pushes, tangential=tangential, range=None)
     )
     assert 1e-4 < result.stats["torque_removed"] < 0.05
     assert left_over(result) < 0.1 * RTOL
@@ -537,14 +535,14 @@ def test_forces_that_balance_where_particles_are_given_are_borne(seed: int, tang
         wrong = pull - force
         assert np.abs(wrong).max() < 0.05 * np.abs(force).max()
     sideways = [Push([0], list(force[0] + [0, 1e-3])), Push([1], list(force[1] - [0, 1e-3])), pushes[2]]
-    unbalanced = free(**law, positions=x, gap=0.05, drag=0.0, pushes=sideways, reach=None)
+    unbalanced = free(**law, positions=x, gap=0.05, drag=0.0, push=sideways, range=None)
     with pytest.raises(IntegrationError, match=r"have the torque .* about the given positions"):
         simulate_particles(unbalanced)
 
 
 def test_forces_that_cease_to_balance_end_the_run_by_name() -> None:
     swing = [Push([0], ["1e-3", "1e-6*t"]), Push([1], ["-1e-3", "-1e-6*t"])]
-    scene = free(positions=[[0.0, 0.0], [2.02, 0.0]], drag=0.0, pushes=swing, reach=None)
+    scene = free(positions=[[0.0, 0.0], [2.02, 0.0]], drag=0.0, push=swing, range=None)
     with pytest.raises(IntegrationError, match=r"have the torque .* about the given positions"):
         simulate_particles(scene)
 
@@ -585,7 +583,7 @@ def test_the_rate_at_a_kink_is_that_before_it_and_at_the_start_that_behind() -> 
 def test_where_a_force_has_no_finite_rate_there_is_no_velocity() -> None:
     """Of particles that nothing resists: sqrt(t) rises infinitely fast at 0, and the run goes on."""
     pull = [Push([0], ["-1e-3*sqrt(t)", 0.0]), Push([1], ["1e-3*sqrt(t)", 0.0])]
-    scene = free(positions=[[0.0, 0.0], [2.02, 0.0]], drag=0.0, pushes=pull, reach=None, until=1.0, times=[0.0, 1.0])
+    scene = free(positions=[[0.0, 0.0], [2.02, 0.0]], drag=0.0, push=pull, range=None, until_t=1.0, times=[0.0, 1.0])
     result = simulate_particles(scene)
     assert np.isnan(result.v[0]).all()
     assert np.isfinite(result.v[1]).all()
@@ -614,7 +612,7 @@ def test_a_drive_whose_kinks_are_in_doubt_is_told_of() -> None:
     def told(text: str) -> list[str]:
         scene = ParticleScene(
             law="equal_spheres", parameters={"E": 1.0, "eta": 1.0, "nu": 0.5}, positions=[[0.0], [2.1]], radii=1.0,
-            drag=1.0, pushes=[Push([0], [text])], until=10.0, rtol=1e-3,
+            drag=1.0, push=[Push([0], [text])], until_t=10.0, rtol=1e-3,
         )  # fmt: skip
         return list(simulate_particles(scene).stats["warnings"])
 

@@ -15,9 +15,9 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 
 UNIT = {"E": 1.0, "eta": 1.0}
 
@@ -37,10 +37,10 @@ def sheared() -> ParticleResult:
             species=["soft" if k % 3 else "hard" for k in range(len(place))],
             box=list(box),
             gap=0.05,
-            reach=0.4,
+            range=0.4,
             shear_rate=1e-3,
             drag=1.0,
-            until=800.0,
+            until_t=800.0,
             times=5,
             rtol=1e-2,
         )
@@ -56,11 +56,11 @@ def walled() -> ParticleResult:
             parameters=UNIT,
             positions=[[0.0, 0.0, 2.0], [0.5, 0.0, 5.0]],
             radii=[1.0, 1.2],
-            walls=[Wall(np.zeros(3), np.array([0.0, 0.0, -1.0]))],
-            pushes=[Push([0, 1], [0.0, 0.0, -0.1])],
-            reach=0.4,
+            wall=[Wall(np.zeros(3), np.array([0.0, 0.0, -1.0]))],
+            push=[Push([0, 1], [0.0, 0.0, -0.1])],
+            range=0.4,
             drag=1.0,
-            until=1000.0,
+            until_t=1000.0,
             times=6,
         )
     )
@@ -77,12 +77,12 @@ def sliding(request: pytest.FixtureRequest) -> ParticleResult:
             parameters={**UNIT, "nu": 0.5},
             positions=[[0.0, 0.0, *pad], [1.0, 1.8, *pad]],
             radii=1.0,
-            walls=[Wall(np.array([0.0, -1.1, *pad]), np.array([0.0, -1.0, *pad]))],
+            wall=[Wall(np.array([0.0, -1.1, *pad]), np.array([0.0, -1.0, *pad]))],
             shear_rate=1e-3,
-            reach=0.5,
+            range=0.5,
             tangential=True,
             drag=1.0,
-            until=300.0,
+            until_t=300.0,
             times=3,
         )
     )

@@ -24,9 +24,9 @@ from softdyn.particles import integrate
 from softdyn.particles.files import particle_scene_from, read_particle_scene, read_particles, stock_scenes
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
+from softdyn.particles.particle_scene import check
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import check
 
 EMULSION = """
 law = "rognon_gay"
@@ -415,7 +415,7 @@ def test_a_scene_starts_from_an_earlier_result(tmp_path: Path) -> None:
 
 def test_films_hold_however_far_the_centres_are_and_end_with_the_range() -> None:
     films = {"i": [0, 1, 2], "j": [1, 2, 3], "h": [0.01, 0.3, 0.6]}
-    changes: dict[str, Any] = {"radii": 1.0, "reach": 0.5, "drag": 1.0, "times": [0.0]}
+    changes: dict[str, Any] = {"radii": 1.0, "range": 0.5, "drag": 1.0, "times": [0.0]}
     places = [[0.0, 0.0], [2.005, 0.0], [5.0, 0.0], [7.1, 0.0]]
     contacts = particles.simulate(particles.ParticleScene(positions=places, films=films, **RUN | changes)).contacts(0)
     # the last is not within the range: the pair has another, as its distance says
@@ -435,18 +435,18 @@ def test_a_strain_under_an_imposed_stress_counts_from_the_start(tmp_path: Path) 
 
 
 def test_walls_are_where_they_were_or_there_are_none(tmp_path: Path) -> None:
-    changes: dict[str, Any] = {"reach": 0.4, "drag": 1.0, "holds": [particles.Hold([0], "xy")]}
+    changes: dict[str, Any] = {"range": 0.4, "drag": 1.0, "hold": [particles.Hold([0], "xy")]}
     moving = particles.Wall([3.02, 0.0], [1.0, 0.0], velocity=[-2e-2, 0.0])
     places = {"positions": [[0.0, 0.0], [2.01, 0.0]], "radii": 1.0}
-    first = particles.simulate(particles.ParticleScene(walls=[moving], **places, **RUN | changes))
+    first = particles.simulate(particles.ParticleScene(wall=[moving], **places, **RUN | changes))
     placed = particles.read_particles(first.save(tmp_path / "first.npz"))
     there = replace(moving, point=first.wall_point[-1, 0])
-    second = particles.simulate(particles.ParticleScene(walls=[there], **placed, **RUN | changes))
+    second = particles.simulate(particles.ParticleScene(wall=[there], **placed, **RUN | changes))
     np.testing.assert_allclose(particles.wall_forces(second)[0], particles.wall_forces(first)[-1], rtol=1e-9)
     with pytest.raises(SceneError, match=r"wall 0 stood at \[3, 0\], with the normal \[1, 0\]"):
-        check(particles.ParticleScene(walls=[moving], **placed, **RUN | changes))
+        check(particles.ParticleScene(wall=[moving], **placed, **RUN | changes))
     with pytest.raises(SceneError, match="2 walls, and 1 in the earlier run"):
-        check(particles.ParticleScene(walls=[there, there], **placed, **RUN | changes))
+        check(particles.ParticleScene(wall=[there, there], **placed, **RUN | changes))
     alone = particles.simulate(particles.ParticleScene(**placed, **RUN | changes))
     assert alone.contacts(0)["j"].tolist() == [1]
 
@@ -468,7 +468,7 @@ def test_walls_are_where_they_were_or_there_are_none(tmp_path: Path) -> None:
         ({"films": {"i": [0], "j": [1], "h": [math.nan]}}, "h and T finite ones"),
         ({"tilt": "x"}, r"\[box\] tilt must be a finite number"),
         (
-            {"tilt": 21e6, "box": [20.0, 20.0], "reach": 0.5},
+            {"tilt": 21e6, "box": [20.0, 20.0], "range": 0.5},
             r"\[box\] tilt = 2\.1e\+07 is more than 1e\+06 lengths of the box",
         ),
         ({"tilt": 1.0}, r"\[box\] tilt: only a box that is periodic along x and y leans"),
@@ -481,7 +481,7 @@ def test_films_and_tilts_that_cannot_be_are_refused(changes: dict[str, Any], wor
 
 
 #: What a scene has besides its particles.
-RUN: dict[str, Any] = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}, "until": 1.0}
+RUN: dict[str, Any] = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}, "until_t": 1.0}
 
 
 def test_a_result_without_a_box_is_taken_as_it_is(tmp_path: Path) -> None:
@@ -489,8 +489,8 @@ def test_a_result_without_a_box_is_taken_as_it_is(tmp_path: Path) -> None:
     names = ["soft", "hard", "soft"]
     first = particles.ParticleScene(
         law="rognon_gay", parameters={"E": {"soft": 1.0, "hard": 2.0}, "eta": 1.0}, species=names,
-        radii=[1.0, 1.2, 1.0], positions=[[-50.0, 3.0], [-47.75, 3.0], [9.0, 3.0]], drag=1.0, until=5.0,
-        pushes=[particles.Push("hard", [-1e-2, 0.0])],
+        radii=[1.0, 1.2, 1.0], positions=[[-50.0, 3.0], [-47.75, 3.0], [9.0, 3.0]], drag=1.0, until_t=5.0,
+        push=[particles.Push("hard", [-1e-2, 0.0])],
     )  # fmt: skip
     result = particles.simulate(first)
     placed = particles.read_particles(result.save(tmp_path / "a.npz"))
@@ -504,12 +504,12 @@ def test_a_result_without_a_box_is_taken_as_it_is(tmp_path: Path) -> None:
 
 def test_a_box_that_stretches_is_taken_as_it_is_at_the_end(tmp_path: Path) -> None:
     x, lengths = lattice_packing("hexagonal", [6, 3], 1.9)
-    changes = {"gap": 0.05, "reach": 0.4, "stress": {"pressure": 0.02}, "until": 50.0}
+    changes = {"gap": 0.05, "range": 0.4, "stress": {"pressure": 0.02}, "until_t": 50.0}
     result = particles.simulate(particles.ParticleScene(positions=x, radii=1.0, box=lengths, **{**RUN, **changes}))
     placed = particles.read_particles(result.save(tmp_path / "a.npz"))
     np.testing.assert_array_equal(placed["box"], np.diag(result.cell[-1]))
     assert np.all(np.abs(placed["box"] / lengths - 1) > 1e-3)
-    check(particles.ParticleScene(**placed, **{**RUN, "gap": 0.05, "reach": 0.4}))
+    check(particles.ParticleScene(**placed, **{**RUN, "gap": 0.05, "range": 0.4}))
 
 
 def test_results_to_start_from_are_checked(tmp_path: Path) -> None:

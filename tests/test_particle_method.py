@@ -20,8 +20,8 @@ from softdyn.particles.method import (
     dense_row,
     rate_weights,
 )
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 from softdyn.particles.step import power_error
 
 Array = NDArray[np.float64]
@@ -104,8 +104,8 @@ def test_outputs_do_not_change_the_steps() -> None:
                 radii=1.0,
                 gap=0.1,
                 drag=1.0,
-                pushes=pushes,
-                until=2e3,
+                push=pushes,
+                until_t=2e3,
                 times=times,
                 rtol=rtol,
             )

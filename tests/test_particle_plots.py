@@ -20,10 +20,10 @@ from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles import plots
 from softdyn.particles.geometry import Wall
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.plots import draw_network
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 
 Array = NDArray[np.float64]
 
@@ -38,10 +38,10 @@ def two(d: int = 2, **changes: Any) -> ParticleScene:
         "radii": [1.0, 1.5],
         "species": ["soft", "hard"],
         "gap": 0.05,
-        "pushes": [Push([0], [3e-2, *pad]), Push([1], [-3e-2, *pad])],
-        "reach": 0.4,
+        "push": [Push([0], [3e-2, *pad]), Push([1], [-3e-2, *pad])],
+        "range": 0.4,
         "drag": 1.0,
-        "until": 300.0,
+        "until_t": 300.0,
         "times": 3,
         "rtol": 1e-3,
     }
@@ -59,10 +59,10 @@ def packing(strain: float) -> ParticleResult:
         radii=1.0,
         box=list(box),
         gap=0.05,
-        reach=0.4,
+        range=0.4,
         shear_rate=1e-3,
         drag=1.0,
-        until=1e3 * strain,
+        until_t=1e3 * strain,
         times=3,
         rtol=1e-2,
     )
@@ -96,7 +96,7 @@ def test_what_is_left_between_two_particles_is_the_gap() -> None:
 @pytest.mark.parametrize("rigid", [True, False])
 def test_a_rigid_wall_gives_in_by_nothing(rigid: bool) -> None:
     wall = Wall(np.array([0.0, -1.05]), np.array([0.0, -1.0]), rigid=rigid)
-    result = simulate_particles(two(walls=[wall], pushes=[Push([0], [0.0, -3e-2])], positions=[[0, 0], [8.0, 2.0]]))
+    result = simulate_particles(two(wall=[wall], push=[Push([0], [0.0, -3e-2])], positions=[[0, 0], [8.0, 2.0]]))
     outlines, _ = drawn(result, -1)
     contacts = result.contacts(-1)
     lowest = outlines[0][:, 1].min()
@@ -156,10 +156,10 @@ def spheres(strain: float = 0.7, count: int = 4) -> ParticleResult:
         radii=1.0,
         box=[1.98 * count] * 3,
         gap=0.05,
-        reach=0.4,
+        range=0.4,
         shear_rate=1e-3,
         drag=1.0,
-        until=1e3 * strain,
+        until_t=1e3 * strain,
         times=4,
         rtol=1e-2,
     )
@@ -200,7 +200,7 @@ def test_particles_in_space_are_seen_along_the_axis_where_they_are_nearest() -> 
     scene = two(
         3,
         positions=[[0.0, 0.0, 0.0], [2.55, 0.0, 0.5]],
-        walls=[Wall(np.array([0.0, 0.0, -1.05]), np.array([0.0, 0.0, -1.0]))],
+        wall=[Wall(np.array([0.0, 0.0, -1.05]), np.array([0.0, 0.0, -1.0]))],
     )
     result = simulate_particles(scene)
     axes = Figure().add_subplot()
@@ -220,7 +220,7 @@ def test_particles_in_space_are_seen_along_the_axis_where_they_are_nearest() -> 
 
 
 def test_a_wall_in_one_dimension_is_drawn() -> None:
-    result = simulate_particles(two(1, walls=[Wall(np.array([-1.1]), np.array([-1.0]))]))
+    result = simulate_particles(two(1, wall=[Wall(np.array([-1.1]), np.array([-1.0]))]))
     axes = Figure().add_subplot()
     artists, _ = draw_network(axes, result, -1, 1.0)
     assert len(artists) == 3

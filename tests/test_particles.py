@@ -23,9 +23,9 @@ from softdyn.particles.balance import Given, Newton, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
+from softdyn.particles.particle_scene import Hold, ParticleScene, Push, check
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
-from softdyn.particles.scene import Hold, ParticleScene, Push, check
 from softdyn.particles.start import start
 
 Array = NDArray[np.float64]
@@ -40,8 +40,8 @@ def scene(**changes: Any) -> ParticleScene:
         "positions": [[0.0, 0.0], [2.1, 0.0]],
         "radii": 1.0,
         "gap": 0.1,
-        "until": 1e4,
-        "pushes": [Push([0], [1e-2, 0]), Push([1], [-1e-2, 0])],
+        "until_t": 1e4,
+        "push": [Push([0], [1e-2, 0]), Push([1], [-1e-2, 0])],
         "times": 5,
         "rtol": 1e-5,
     }
@@ -56,7 +56,7 @@ def rhombus(force: float = 5e-3, gap: float = 0.02, turn: float = 0.0, **changes
     positions = np.array([[-half, 0], [half, 0], [0, side / 2], [0, -side / 2]]) @ rotation.T
     push = rotation @ np.array([force, 0.0])
     pushes = [Push([0], list(push)), Push([1], list(-push))]
-    settings = {"positions": positions, "gap": 1.01 * gap, "until": 5e4, "pushes": pushes, **changes}
+    settings = {"positions": positions, "gap": 1.01 * gap, "until_t": 5e4, "push": pushes, **changes}
     return scene(**settings)
 
 
@@ -71,7 +71,7 @@ def test_two_particles_are_the_pair(d: int) -> None:
     pad = [0.0] * (d - 1)
     pushes = [Push([0], [1e-2, *pad]), Push([1], [-1e-2, *pad])]
     positions = [[0.0, *pad], [2.1, *pad]]
-    result = simulate_particles(scene(positions=positions, pushes=pushes, until=2e3, rtol=5e-10))
+    result = simulate_particles(scene(positions=positions, push=pushes, until_t=2e3, rtol=5e-10))
     pair = softdyn.simulate(
         law="rognon_gay", parameters={"R": 1.0, **UNIT}, h=0.1, force=1e-2, until_t=2e3, times=5, rtol=1e-12
     )
@@ -85,7 +85,7 @@ def test_a_free_pair_in_space_may_lie_along_any_line(seed: int) -> None:
     along = np.random.default_rng(seed).standard_normal(3)
     along /= np.linalg.norm(along)
     pushes = [Push([0], list(1e-2 * along)), Push([1], list(-1e-2 * along))]
-    aslant = simulate_particles(scene(positions=[[0, 0, 0], 2.1 * along], pushes=pushes))
+    aslant = simulate_particles(scene(positions=[[0, 0, 0], 2.1 * along], push=pushes))
     np.testing.assert_allclose(aslant.contact_h, simulate_particles(scene()).contact_h, rtol=1e-7)
 
 
@@ -94,7 +94,7 @@ def test_two_particles_under_a_varying_force_are_the_pair() -> None:
     """The force as an expression of t, with constants, through compression and tension."""
     text, constants = "F0*cos(w*t)", {"F0": 1e-2, "w": 1e-2}
     pushes = [Push([0], [text, 0]), Push([1], [f"-{text}", 0])]
-    result = simulate_particles(scene(pushes=pushes, constants=constants, until=600.0, rtol=1e-8))
+    result = simulate_particles(scene(push=pushes, constants=constants, until_t=600.0, rtol=1e-8))
     pair = softdyn.simulate(
         law="rognon_gay",
         parameters={"R": 1.0, **UNIT},
@@ -113,7 +113,7 @@ def test_three_in_a_line_are_two_pairs() -> None:
     positions = [[0.0], [2.1], [4.2]]
     pushes = [Push([0], [1e-2]), Push([2], [-1e-2])]
     # the outer two are no neighbours of one another
-    result = simulate_particles(scene(positions=positions, pushes=pushes, reach=1.0, until=2e3, rtol=1e-7))
+    result = simulate_particles(scene(positions=positions, push=pushes, range=1.0, until_t=2e3, rtol=1e-7))
     pair = softdyn.simulate(
         law="rognon_gay", parameters={"R": 1.0, **UNIT}, h=0.1, force=1e-2, until_t=2e3, times=5, rtol=1e-12
     )
@@ -127,9 +127,9 @@ def test_unequal_spheres_are_a_pair_of_their_effective_radius(one: float, other:
     """The law sees R = 2 R1 R2/(R1 + R2) and E = 2 E1 E2/(E1 + E2), and nothing else of the two."""
     positions = [[0.0], [one + other + 0.1]]
     E = {"soft": 1.0, "hard": 3.0}
-    changes = {"positions": positions, "radii": [one, other], "species": ["soft", "hard"], "until": 1e3, "rtol": 1e-8}
+    changes = {"positions": positions, "radii": [one, other], "species": ["soft", "hard"], "until_t": 1e3, "rtol": 1e-8}
     pushes = [Push([0], [1e-2]), Push([1], [-1e-2])]
-    result = simulate_particles(scene(parameters={"E": E, "eta": 1.0}, pushes=pushes, **changes))
+    result = simulate_particles(scene(parameters={"E": E, "eta": 1.0}, push=pushes, **changes))
     effective = {"R": 2 * one * other / (one + other), "E": 1.5, "eta": 1.0}
     pair = softdyn.simulate(law="rognon_gay", parameters=effective, h=0.1, force=1e-2, until_t=1e3, times=5, rtol=1e-12)
     np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-7)
@@ -141,8 +141,8 @@ def test_unequal_spheres_are_a_pair_of_their_effective_radius(one: float, other:
 def test_a_wall_is_a_sphere_of_infinite_radius(rigid: bool) -> None:
     """R = 2 R1; a rigid wall doubles E, as it gives in by nothing; X = R1 + h - 2 delta."""
     wall = Wall(np.array([0.0, -1.1]), np.array([0.0, -2.0]), rigid=rigid)
-    changes = {"positions": [[0.0, 0.0], [30.0, 5.0]], "walls": [wall], "reach": 4.0, "drag": 1e-9, "until": 1e3}
-    result = simulate_particles(scene(pushes=[Push([0], [0, -1e-2])], rtol=1e-8, **changes))
+    changes = {"positions": [[0.0, 0.0], [30.0, 5.0]], "wall": [wall], "range": 4.0, "drag": 1e-9, "until_t": 1e3}
+    result = simulate_particles(scene(push=[Push([0], [0, -1e-2])], rtol=1e-8, **changes))
     effective = {"R": 2.0, "E": 2.0 if rigid else 1.0, "eta": 1.0}
     pair = softdyn.simulate(law="rognon_gay", parameters=effective, h=0.1, force=1e-2, until_t=1e3, times=5, rtol=1e-12)
     # the drag resists by 1e-9 of Stokes': some 1e-8 of the friction in the film
@@ -216,11 +216,11 @@ def test_without_drag_pairs_beyond_their_range_may_be_near(law: str) -> None:
     """The two that are pushed towards one another are listed from the start, as they are just out of range."""
     positions = [[0, 0], [2.02, 0], [1.01, 1.755], [1.01, -1.755]]
     pushes = [Push([2], [0, -1e-3]), Push([3], [0, 1e-3])]
-    changes = {"positions": positions, "pushes": pushes, "gap": 0.03, "until": 100.0, "law": law}
+    changes = {"positions": positions, "push": pushes, "gap": 0.03, "until_t": 100.0, "law": law}
     if law == "equal_spheres":
         changes |= {"parameters": {**UNIT, "nu": 0.5}, "tangential": True}
-    near = simulate_particles(scene(reach=1.25, **changes))
-    far = simulate_particles(scene(reach=1.0, **changes))
+    near = simulate_particles(scene(range=1.25, **changes))
+    far = simulate_particles(scene(range=1.0, **changes))
     assert len(near.contacts(0)["i"]) == len(far.contacts(0)["i"]) == 5
     # the weight of the film starts to fall at half the range, far from the gaps of all five
     np.testing.assert_allclose(near.contact_h, far.contact_h, rtol=1e-9)
@@ -241,7 +241,7 @@ def test_internal_forces_and_torques_sum_to_zero() -> None:
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_nothing_depends_on_place_direction_or_numbering(drag: float) -> None:
     """Same gaps after a translation, a rotation, another numbering: to the tolerance of Newton's iteration."""
-    changes = {"drag": drag, "until": 2e4, "rtol": 1e-6}
+    changes = {"drag": drag, "until_t": 2e4, "rtol": 1e-6}
     plain = simulate_particles(rhombus(**changes))
     moved = simulate_particles(rhombus(positions=np.array(rhombus().positions) + np.array([5.0, -3.0]), **changes))
     turned = simulate_particles(rhombus(turn=0.7, **changes))
@@ -250,7 +250,7 @@ def test_nothing_depends_on_place_direction_or_numbering(drag: float) -> None:
     order = [2, 0, 3, 1]
     pushes = [Push([1], [5e-3, 0]), Push([3], [-5e-3, 0])]
     renumbered = simulate_particles(
-        rhombus(positions=np.array(rhombus().positions)[order], **{**changes, "pushes": pushes})
+        rhombus(positions=np.array(rhombus().positions)[order], **{**changes, "push": pushes})
     )
     np.testing.assert_allclose(np.sort(gaps(renumbered)), np.sort(gaps(plain)), rtol=1e-5)
     again = simulate_particles(rhombus(**changes))
@@ -262,9 +262,9 @@ def test_a_flow_seen_from_another_height_is_the_same_flow() -> None:
     changes: dict[str, Any] = {
         "drag": 1.0,
         "shear_rate": 1e-3,
-        "until": 500.0,
-        "pushes": (),
-        "reach": 1.0,
+        "until_t": 500.0,
+        "push": (),
+        "range": 1.0,
         "rtol": 1e-5,
     }
     positions = np.array([[0.0, 0.0], [2.05, 0.8], [4.0, -0.3]])
@@ -286,10 +286,10 @@ def hexagons(rows: int = 6, compression: float = 0.9, **changes: Any) -> Particl
         "positions": np.mod(place + 0.05 * draw.uniform(-1, 1, place.shape), box),
         "radii": radii,
         "box": list(box),
-        "reach": 0.4,
+        "range": 0.4,
         "gap": 0.05,
-        "pushes": (),
-        "until": 100.0,
+        "push": (),
+        "until_t": 100.0,
         "times": 3,
         "rtol": 1e-4,
         **changes,
@@ -323,7 +323,7 @@ def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
 
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_a_sheared_periodic_packing_keeps_its_balances(drag: float) -> None:
-    result = simulate_particles(hexagons(shear_rate=1e-4, until=1000.0, drag=drag, rtol=1e-4))
+    result = simulate_particles(hexagons(shear_rate=1e-4, until_t=1000.0, drag=drag, rtol=1e-4))
     assert abs(result.energy["imbalance"]) < 1e-3
     assert result.energy["box"] > 0
     assert np.all(result.contact_h > 0)
@@ -332,7 +332,7 @@ def test_a_sheared_periodic_packing_keeps_its_balances(drag: float) -> None:
     # the work done by the moving box is the shear stress times the strain, as far as frames resolve it
     strain = result.t * 1e-4
     volume = float(np.prod(result.box) * result.depth)
-    fine = simulate_particles(hexagons(shear_rate=1e-4, until=1000.0, drag=drag, rtol=1e-4, times=201))
+    fine = simulate_particles(hexagons(shear_rate=1e-4, until_t=1000.0, drag=drag, rtol=1e-4, times=201))
     work = volume * np.trapezoid(fine.stress[:, 0, 1], fine.t * 1e-4)
     assert strain[-1] == pytest.approx(0.1)
     assert fine.energy["box"] == pytest.approx(work, rel=2e-2)
@@ -344,7 +344,7 @@ def test_contacts_come_and_go_without_a_jump_in_force() -> None:
     holds = [Hold([0], "xy", [1e-4, 0.0]), Hold([1], "xy")]
     times = np.linspace(0, 80000, 401)
     result = simulate_particles(
-        scene(positions=positions, holds=holds, pushes=(), gap=None, reach=0.5, until=80000.0, times=list(times))
+        scene(positions=positions, hold=holds, push=(), gap=None, range=0.5, until_t=80000.0, times=list(times))
     )
     assert result.stats["made"] == 1
     assert result.stats["dropped"] == 1
@@ -367,12 +367,12 @@ def test_a_wall_does_not_move_along_with_all_particles() -> None:
     falling = simulate_particles(
         scene(
             positions=[[0.0, 3.0], [5.0, 3.0]],
-            walls=[Wall(np.zeros(2), np.array([0.0, -1.0]))],
-            pushes=[Push([0, 1], [0.0, -0.1])],
+            wall=[Wall(np.zeros(2), np.array([0.0, -1.0]))],
+            push=[Push([0, 1], [0.0, -0.1])],
             gap=None,
-            reach=0.4,
+            range=0.4,
             drag=1.0,
-            until=1000.0,
+            until_t=1000.0,
         )
     )
     assert falling.stats["made"] == 2
@@ -383,18 +383,18 @@ def test_a_wall_does_not_move_along_with_all_particles() -> None:
 
 def test_a_ring_of_four_in_a_line_is_pressed_as_one_pair() -> None:
     """A periodic box of one dimension, which starts pressed: all gaps stay alike, each under the force F."""
-    settings: dict[str, Any] = {"positions": [[0.5], [2.5], [4.5], [6.5]], "box": [8.0], "gap": 0.1, "pushes": ()}
-    ring = simulate_particles(scene(**settings, reach=0.4, until=100.0))
+    settings: dict[str, Any] = {"positions": [[0.5], [2.5], [4.5], [6.5]], "box": [8.0], "gap": 0.1, "push": ()}
+    ring = simulate_particles(scene(**settings, range=0.4, until_t=100.0))
     assert len(ring.contacts(-1)["h"]) == 4
     held = [Hold([0, 1], "xy")]
-    pair = simulate_particles(scene(positions=[[0.0, 0.0], [2.0, 0.0]], holds=held, pushes=(), until=100.0, reach=0.4))
+    pair = simulate_particles(scene(positions=[[0.0, 0.0], [2.0, 0.0]], hold=held, push=(), until_t=100.0, range=0.4))
     for name in ("h", "F"):
         np.testing.assert_allclose(ring.contacts(-1)[name], pair.contacts(-1)[name][0], rtol=1e-6)
 
 
 def test_what_is_held_stays_where_it_is_given_however_bad_the_guess() -> None:
     """At a guess that is no number there are no forces: what may move comes back from it, and nothing else."""
-    checked, system = prepare(held := scene(holds=[Hold([0], "xy", [1e-3, 0.0])], pushes=(), gap=None, drag=1.0))
+    checked, system = prepare(held := scene(hold=[Hold([0], "xy", [1e-3, 0.0])], push=(), gap=None, drag=1.0))
     contacts = start(held, checked, system, Newton()).contacts
     s, x_star = 1.0, checked.x
     guess = x_star + s * system.velocity(s)
@@ -412,8 +412,8 @@ def test_pairs_beyond_the_range_have_no_part_in_the_first_equilibrium() -> None:
     place = np.concatenate([cell + np.array(k) * 1.9 * np.sqrt(2) for k in np.ndindex(3, 3, 3)])
     length = 3 * 1.9 * np.sqrt(2)
     x = np.mod(place + 0.05 * np.random.default_rng(2).uniform(-1, 1, place.shape), length)
-    settings: dict[str, Any] = {"positions": x, "box": [length] * 3, "reach": 0.4, "gap": 0.05, "pushes": ()}
-    result = simulate_particles(scene(**settings, until=300.0, rtol=1e-4))
+    settings: dict[str, Any] = {"positions": x, "box": [length] * 3, "range": 0.4, "gap": 0.05, "push": ()}
+    result = simulate_particles(scene(**settings, until_t=300.0, rtol=1e-4))
     assert abs(result.energy["imbalance"]) < 1e-3
 
 
@@ -421,14 +421,14 @@ def test_forces_that_start_from_none_are_found() -> None:
     """A wall that comes from rest towards particles far away: at first all forces are far below rounding of others."""
     wall = Wall(np.zeros(2), np.array([0.0, -1.0]), velocity=[0.0, "1e-4*t"])
     result = simulate_particles(
-        scene(positions=[[0.0, 1.5], [4.0, 1.5]], walls=[wall], pushes=(), gap=None, drag=1.0, until=10.0)
+        scene(positions=[[0.0, 1.5], [4.0, 1.5]], wall=[wall], push=(), gap=None, drag=1.0, until_t=10.0)
     )
     assert result.stats["rejected"] == 0
     assert np.all(result.v[-1, :, 1] > 0)
 
 
 def test_the_result_is_read_back(tmp_path: Any) -> None:
-    result = simulate_particles(scene(until=10.0))
+    result = simulate_particles(scene(until_t=10.0))
     again = load_particles(result.save(tmp_path / "two.npz"))
     assert dict(again.energy) == result.energy
     for name in result.arrays:
@@ -440,19 +440,19 @@ def test_the_result_is_read_back(tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"pushes": [Push([0], [1e-2, 0])]}, "sum to 0.01"),
-        ({"pushes": [Push([0], [0, 1e-2]), Push([1], [0, -1e-2])]}, "torque"),
-        ({"positions": [[0, 0], [2.1, 0], [9, 9]], "reach": 1.0}, "particle 2, without any contact"),
+        ({"push": [Push([0], [1e-2, 0])]}, "sum to 0.01"),
+        ({"push": [Push([0], [0, 1e-2]), Push([1], [0, -1e-2])]}, "torque"),
+        ({"positions": [[0, 0], [2.1, 0], [9, 9]], "range": 1.0}, "particle 2, without any contact"),
         (
-            {"positions": [[0, 0], [2.1, 0], [9, 9], [9, 11.1]], "reach": 1.0},
+            {"positions": [[0, 0], [2.1, 0], [9, 9], [9, 11.1]], "range": 1.0},
             "cluster of particles 0, 1 is connected to no other",
         ),
         # a chain of three can buckle sideways
         (
             {
                 "positions": [[0, 0], [2.1, 0], [4.2, 0]],
-                "reach": 1.0,
-                "pushes": [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])],
+                "range": 1.0,
+                "push": [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])],
             },
             "particles? .*1.* can give way",
         ),
@@ -470,39 +470,39 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"positions": [[0, 0], [0.9, 0]]}, "particle 0 and particle 1 overlap by 1.1, more than the radius 1"),
         ({"positions": [[0, 0], [1.9, 0]], "gap": None}, "particles 0 and 1: give the initial gap"),
         (
-            {"positions": [[1, 1], [3e7, 1]], "box": [20.0, 20.0], "reach": 1.0},
+            {"positions": [[1, 1], [3e7, 1]], "box": [20.0, 20.0], "range": 1.0},
             "particle 1 more than 1e.06 lengths outside",
         ),
         ({"positions": [[1, 1], [3.1, np.nan]]}, "particle 1 are not finite"),
         ({"radii": [1.0, -1.0]}, "unlike that of particle 1: "),
-        ({"box": [4.0, 4.0], "reach": 1.0, "positions": [[1, 1], [3.1, 1]]}, "too small along x, y"),
+        ({"box": [4.0, 4.0], "range": 1.0, "positions": [[1, 1], [3.1, 1]]}, "too small along x, y"),
         ({"parameters": {"E": {"a": 1.0}, "eta": 1.0}}, "particles have none"),
         ({"parameters": {"E": 1.0}}, "eta is missing"),
         ({"parameters": {**UNIT, "R": 1.0}}, "R follows from the radii"),
         ({"parameters": {"E": -1.0, "eta": 1.0}}, "E must be positive"),
-        ({"pushes": [Push([7], [1, 0])]}, r"no particle \[7\]"),
-        ({"pushes": [Push([0], [1])]}, "needs 2 components"),
-        ({"pushes": [Push([0], ["1/t", 0])]}, "no finite value at t = 0"),
+        ({"push": [Push([7], [1, 0])]}, r"no particle \[7\]"),
+        ({"push": [Push([0], [1])]}, "needs 2 components"),
+        ({"push": [Push([0], ["1/t", 0])]}, "no finite value at t = 0"),
         (
-            {"pushes": [Push("big", [1, 0])]},
+            {"push": [Push("big", [1, 0])]},
             r"\[\[push\]\] 0: there is no species 'big'; particles are named by 'all', or",
         ),
         (
-            {"species": ["big", "small"], "holds": [Hold("bog", "x")]},
+            {"species": ["big", "small"], "hold": [Hold("bog", "x")]},
             r"\[\[hold\]\] 0: there is no species 'bog'; particles are named by 'all', 'big', 'small', or a list",
         ),
         ({"species": ["all", "small"]}, "no species can have the name 'all'"),
-        ({"pushes": Push("all", [1, 0])}, r"pushes must be a list of Push\(\.\.\.\), not Push"),
-        ({"walls": [{"point": [0, -2], "normal": [0, -1]}]}, r"walls must be a list of Wall\(\.\.\.\)"),
-        ({"walls": [Wall([0, -2], [0, -1], velocity=1.0)]}, "wall 0: velocity needs 2 components"),
-        ({"holds": [Hold([0], None)]}, "axes must be some of 'xy', not None"),
-        ({"holds": [Hold([0], "x"), Hold([0], "xy")]}, "particle 0 held twice along x"),
-        ({"holds": [Hold([0], "z")]}, "axes must be some of 'xy'"),
-        ({"gap": 1.0, "reach": 0.5}, "must not exceed half of the range"),
+        ({"push": Push("all", [1, 0])}, r"push must be a list of Push\(\.\.\.\), not Push"),
+        ({"wall": [{"point": [0, -2], "normal": [0, -1]}]}, r"wall must be a list of Wall\(\.\.\.\)"),
+        ({"wall": [Wall([0, -2], [0, -1], velocity=1.0)]}, "wall 0: velocity needs 2 components"),
+        ({"hold": [Hold([0], None)]}, "axes must be some of 'xy', not None"),
+        ({"hold": [Hold([0], "x"), Hold([0], "xy")]}, "particle 0 held twice along x"),
+        ({"hold": [Hold([0], "z")]}, "axes must be some of 'xy'"),
+        ({"gap": 1.0, "range": 0.5}, "must not exceed half of the range"),
         ({"shear_rate": 1.0}, "here is neither"),
         ({"rtol": 1.0}, "rtol must lie between"),
-        ({"until": -1.0}, r"\[until\] t must be a positive number"),
-        ({"walls": [Wall(np.zeros(2), np.array([1.0, 0.0]))]}, "particles 0, 1 on the wrong side of wall 0"),
+        ({"until_t": -1.0}, r"\[until\] t must be a positive number"),
+        ({"wall": [Wall(np.zeros(2), np.array([1.0, 0.0]))]}, "particles 0, 1 on the wrong side of wall 0"),
         ({"times": [0.0, 2e4]}, "times must increase"),
         ({"constants": {"w": 1.0}}, "does not appear"),
         ({"parameters": None, "box": [9.0, 9.0], "stress": {"xy": 1.0}}, r"\[parameters\] must map names"),
@@ -510,7 +510,7 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"stress": 5}, r"\[stress\] must map names"),
         ({"constants": ["w"]}, r"\[constants\] must map names"),
         ({"box": 9.0}, "list of lengths"),
-        ({"walls": [Wall([0, -0.9], [0, -1])], "gap": None}, "first the contact of particle 0 and wall 0"),
+        ({"wall": [Wall([0, -0.9], [0, -1])], "gap": None}, "first the contact of particle 0 and wall 0"),
         ({"positions": np.random.default_rng(0).uniform(0, 500, (65, 2))}, "range of their contacts"),
     ],
 )
@@ -522,11 +522,11 @@ def test_bad_scenes_are_refused(changes: dict[str, Any], words: str) -> None:
 def test_particles_are_named_by_number_species_or_all() -> None:
     """In pushes and holds alike; numbers, lists and arrays make the same scene."""
     three = {"positions": [[0, 0], [2.1, 0], [4.2, 0]], "species": ["big", "small", "big"], "drag": 1.0}
-    named = check(scene(**three, pushes=[Push("big", [1.0, "2*t"]), Push("all", [0, 3.0])], holds=[Hold("small", "x")]))
+    named = check(scene(**three, push=[Push("big", [1.0, "2*t"]), Push("all", [0, 3.0])], hold=[Hold("small", "x")]))
     np.testing.assert_array_equal(named.force(1.0), [[1, 5], [0, 3], [1, 5]])
     np.testing.assert_array_equal(named.fixed, [[False, False], [True, False], [False, False]])
     forces = [Push(np.array([0, 2]), np.array([1.0, 2.0])), Push((0, 1, 2), (0, 3.0))]
-    numbered = check(scene(**three, pushes=forces, holds=[Hold([1], "x")]))
+    numbered = check(scene(**three, push=forces, hold=[Hold([1], "x")]))
     np.testing.assert_array_equal(numbered.force(1.0), named.force(1.0))
     np.testing.assert_array_equal(numbered.fixed, named.fixed)
 
@@ -534,7 +534,7 @@ def test_particles_are_named_by_number_species_or_all() -> None:
 def test_a_run_that_cannot_go_on_hands_over_its_last_good_state(tmp_path: Path) -> None:
     """The force has no finite value from t = 5 on."""
     pushes = [Push([0], ["1e-2*sqrt(5-t)", 0]), Push([1], ["-1e-2*sqrt(5-t)", 0])]
-    bad = scene(pushes=pushes, until=10.0, times=11)
+    bad = scene(push=pushes, until_t=10.0, times=11)
     with pytest.raises(IntegrationError, match="no finite value") as error:
         simulate_particles(bad)
     partial = error.value.partial
@@ -546,21 +546,21 @@ def test_a_run_that_cannot_go_on_hands_over_its_last_good_state(tmp_path: Path) 
     with pytest.raises(IntegrationError, match=r"the last good state, at t=.*, is in .*a\.checkpoint\.npz"):
         simulate_particles(bad, checkpoint=checkpoint)
     kept = simulate_particles(
-        scene(pushes=pushes, until=partial.step_t[-1], times=2), checkpoint=checkpoint, resume=True
+        scene(push=pushes, until_t=partial.step_t[-1], times=2), checkpoint=checkpoint, resume=True
     )
     assert np.array_equal(kept.step_t, partial.step_t)
 
 
 def test_numbers_are_the_same_on_both_targets() -> None:
     """To the roundings of a few hundred steps, each of which Newton's iteration ends at 1e-9 of the forces."""
-    c, numba = (simulate_particles(rhombus(until=1e4, rtol=1e-6, target=target)) for target in ("c", "numba"))
+    c, numba = (simulate_particles(rhombus(until_t=1e4, rtol=1e-6, target=target)) for target in ("c", "numba"))
     np.testing.assert_allclose(gaps(c), gaps(numba), rtol=1e-7)
 
 
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_conjugate_gradients_take_the_same_way(drag: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """What they leave, Newton's iteration corrects: the same positions to its tolerance, over some ten steps."""
-    problem = hexagons(shear_rate=1e-4, until=300.0, drag=drag)
+    problem = hexagons(shear_rate=1e-4, until_t=300.0, drag=drag)
     monkeypatch.setattr(linear, "PER_PRODUCT", 1e9)  # products dear: factors
     direct = simulate_particles(problem)
     monkeypatch.setattr(linear, "LARGEST_FACTOR", 0)
@@ -657,7 +657,7 @@ def test_conjugate_gradients_name_what_gives_way(monkeypatch: pytest.MonkeyPatch
     positions = [[0, 0], [2.1, 0], [4.2, 1e-9]]
     pushes = [Push([0], [1e-2, 0]), Push([2], [-1e-2, 0])]
     with pytest.raises(IntegrationError, match="can give way"):
-        simulate_particles(scene(positions=positions, reach=1.0, pushes=pushes))
+        simulate_particles(scene(positions=positions, range=1.0, push=pushes))
 
 
 @pytest.mark.slow
@@ -668,18 +668,18 @@ def test_the_duration_of_a_swap_depends_on_the_first_gaps() -> None:
     """
     durations = []
     for gap in (0.02, 0.01, 0.005):
-        result = simulate_particles(rhombus(gap=gap, until=3e5, times=301, rtol=1e-4))
+        result = simulate_particles(rhombus(gap=gap, until_t=3e5, times=301, rtol=1e-4))
         durations.append(swap_time(result, (2, 3), (0, 1)))
     # resolved: half of the frames make no difference beyond the interpolation's own error
-    coarse = simulate_particles(rhombus(until=3e5, times=151))
+    coarse = simulate_particles(rhombus(until_t=3e5, times=151))
     assert swap_time(coarse, (2, 3), (0, 1)) == pytest.approx(durations[0], rel=1e-2)
     assert durations[1] > 1.5 * durations[0]
     assert durations[2] > 1.5 * durations[1]
-    assert np.isnan(swap_time(simulate_particles(rhombus(until=10.0)), (2, 3), (0, 1)))
+    assert np.isnan(swap_time(simulate_particles(rhombus(until_t=10.0)), (2, 3), (0, 1)))
 
 
 def test_pairs_are_counted_once() -> None:
-    result = simulate_particles(rhombus(until=10.0))
+    result = simulate_particles(rhombus(until_t=10.0))
     pairs = list(zip(result.contacts(0)["i"].tolist(), result.contacts(0)["j"].tolist(), strict=True))
     assert pairs == list(itertools.combinations(range(4), 2))
 
@@ -695,9 +695,9 @@ def test_a_film_that_attraction_drains_ends_the_run_by_name(tangential: bool) ->
     """
     parameters = {"E": 1e9, "eta": 1.0, "nu": 0.5, "Pi0": 1e-3, "ell": 0.01, "A": 1e-3}
     places = [[0.0, 0.0, 0.0], [2.01, 0.0, 0.0]]
-    flow = {"drag": 1.0, "reach": 0.5, "until": 20.0, "tangential": tangential, "rtol": 1e-5, "gap": None}
+    flow = {"drag": 1.0, "range": 0.5, "until_t": 20.0, "tangential": tangential, "rtol": 1e-5, "gap": None}
     with pytest.raises(IntegrationError, match="film of the contact of particles 0 and 1 is drained") as stopped:
-        simulate_particles(scene(law="dlvo", parameters=parameters, positions=places, pushes=[], **flow))
+        simulate_particles(scene(law="dlvo", parameters=parameters, positions=places, push=[], **flow))
     values = {"R": 1.0, "delta": 0.0, **parameters}
     terms = [(term, {str(symbol): symbol for symbol in term.free_symbols}) for term in (dlvo.zeta, dlvo.F_adh)]
 
@@ -720,7 +720,7 @@ def pulled_apart(rtol: float) -> ParticleResult:
     pushes = [Push([0], [-1e-2, 0]), Push([1], [1e-2, 0])]
     places = [[0.0, 0.0], [2.02, 0.0]]
     return simulate_particles(
-        scene(positions=places, gap=0.02, reach=0.2, drag=1.0, pushes=pushes, until=3e4, times=3, rtol=rtol)
+        scene(positions=places, gap=0.02, range=0.2, drag=1.0, push=pushes, until_t=3e4, times=3, rtol=rtol)
     )
 
 
@@ -742,7 +742,7 @@ def test_what_is_outside_the_model_is_told() -> None:
     """Two particles pulled so hard that their surfaces would stretch by more than a radius."""
     pushes = [Push([0], [-3.0, 0.0]), Push([1], [3.0, 0.0])]
     pulled = simulate_particles(
-        scene(positions=[[0.0, 0.0], [2.02, 0.0]], gap=0.02, pushes=pushes, until=40.0, drag=1.0)
+        scene(positions=[[0.0, 0.0], [2.02, 0.0]], gap=0.02, push=pushes, until_t=40.0, drag=1.0)
     )
     (warning,) = pulled.stats["warnings"]
     assert "the contact of particles 0 and 1 is pulled to a deflection of" in warning
@@ -758,7 +758,7 @@ def test_no_particle_passes_through_another(push: float, aside: float) -> None:
     with pytest.raises(
         IntegrationError, match="the contact of particles 0 and 1 is pressed until its surfaces overlap by 1"
     ) as error:
-        simulate_particles(scene(positions=places, gap=None, holds=holds, pushes=pushes, drag=1.0, until=10.0))
+        simulate_particles(scene(positions=places, gap=None, hold=holds, push=pushes, drag=1.0, until_t=10.0))
     assert np.all(error.value.partial.x[:, 1, 0] > 0.9)
 
 
@@ -766,10 +766,10 @@ def test_no_particle_passes_through_another(push: float, aside: float) -> None:
 def test_no_wall_passes_through_a_particle(rigid: bool) -> None:
     walls = [Wall([0.0, -1.01], [0.0, -1.0], velocity=[0.0, 1.0]), Wall([0.0, 1.01], [0.0, 1.0], rigid=rigid)]
     with pytest.raises(IntegrationError, match=r"wall [01] is pressed until its surfaces .* no law of contacts"):
-        simulate_particles(scene(positions=[[0.0, 0.0], [2.5, 0.0]], gap=None, walls=walls, drag=1.0, until=10.0))
+        simulate_particles(scene(positions=[[0.0, 0.0], [2.5, 0.0]], gap=None, wall=walls, drag=1.0, until_t=10.0))
     walls = [Wall([1.01, 0.0], [1.0, 0.0], rigid=rigid)]
     pushed = scene(
-        positions=[[0.0, 0.0], [-50.0, 0.0]], gap=None, walls=walls, pushes=[Push([0], [1e5, 0.0])], drag=1.0, until=1.0
+        positions=[[0.0, 0.0], [-50.0, 0.0]], gap=None, wall=walls, push=[Push([0], [1e5, 0.0])], drag=1.0, until_t=1.0
     )
     with pytest.raises(IntegrationError, match=r"wall 0 is pressed until its surfaces .* no law of contacts") as error:
         simulate_particles(pushed)
@@ -779,19 +779,19 @@ def test_no_wall_passes_through_a_particle(rigid: bool) -> None:
 def test_a_periodic_box_needs_a_range_of_its_contacts() -> None:
     """Without one all pairs are in contact, and which image of a particle is meant nobody knows."""
     with pytest.raises(SceneError, match="in a periodic box contacts need a range"):
-        check(scene(positions=[[1.0, 1.0], [3.1, 1.0]], box=[20.0, 20.0], drag=1.0, reach=None))
+        check(scene(positions=[[1.0, 1.0], [3.1, 1.0]], box=[20.0, 20.0], drag=1.0, range=None))
 
 
 def test_a_pulled_pair_without_drag_has_an_equilibrium() -> None:
     """Overlapping at first, so that forces grow small on the way: what is left is compared, not its ratio to them."""
     pushes = [Push([0], [-1e-4, 0.0]), Push([1], [1e-4, 0.0])]
-    result = simulate_particles(scene(positions=[[0.0, 0.0], [1.98, 0.0]], gap=0.02, pushes=pushes, until=100.0))
+    result = simulate_particles(scene(positions=[[0.0, 0.0], [1.98, 0.0]], gap=0.02, push=pushes, until_t=100.0))
     np.testing.assert_allclose(result.contacts(0)["F"], -1e-4, rtol=1e-3)
 
 
 def test_what_is_too_large_to_be_searched_for_loose_particles_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(linear, "LARGEST_FACTOR", 0)
-    (warning,) = simulate_particles(hexagons(shear_rate=1e-4, until=30.0)).stats["warnings"]
+    (warning,) = simulate_particles(hexagons(shear_rate=1e-4, until_t=30.0)).stats["warnings"]
     assert "not searched for motions that nothing resists" in warning
 
 
@@ -799,7 +799,7 @@ def test_what_is_too_large_to_be_searched_for_loose_particles_is_told(monkeypatc
 def test_velocities_without_drag_are_rates_of_the_positions(rtol: float) -> None:
     """Of a pushed pair, half of dX/dt of the pair engine at the run's own gap, whatever the tolerance of its steps."""
     pushes = [Push([0], ["1e-2*(1 + 0.5*sin(1e-3*t))", 0.0]), Push([1], ["-1e-2*(1 + 0.5*sin(1e-3*t))", 0.0])]
-    result = simulate_particles(scene(pushes=pushes, until=1e4, times=9, rtol=rtol))
+    result = simulate_particles(scene(push=pushes, until_t=1e4, times=9, rtol=rtol))
     pair = softdyn.simulate(
         law="rognon_gay", parameters={"R": 1.0, "E": 1.0, "eta": 1.0}, h=float(result.contacts(0)["h"][0]),
         force="1e-2*(1 + 0.5*sin(1e-3*t))", until_t=1e4, times=9, quantities=("dX_dt",), rtol=1e-10,
@@ -812,8 +812,8 @@ def test_velocities_without_drag_are_rates_of_the_positions(rtol: float) -> None
 @pytest.mark.parametrize("held", [False, True])
 def test_velocities_without_drag_are_the_changes_of_positions(held: bool) -> None:
     """Of a sheared box, and with a driven particle, between two close outputs."""
-    changes = {"holds": [Hold([0], "xy", [1e-5, 2e-5])]} if held else {}
-    result = simulate_particles(hexagons(shear_rate=1e-4, until=60.0, times=[29.9, 30.0, 30.1], rtol=1e-6, **changes))
+    changes = {"hold": [Hold([0], "xy", [1e-5, 2e-5])]} if held else {}
+    result = simulate_particles(hexagons(shear_rate=1e-4, until_t=60.0, times=[29.9, 30.0, 30.1], rtol=1e-6, **changes))
     change = (result.x[2] - result.x[0]) / (result.t[2] - result.t[0])
     size = np.abs(change).max()
     np.testing.assert_allclose(result.v[1], change - (0 if held else np.mean(change, axis=0)), atol=1e-3 * size)
@@ -823,7 +823,7 @@ def test_particles_that_go_with_the_flow_and_touch_nothing_have_no_warning() -> 
     """All terms of their balance of energy are rounding, of which no part is much."""
     places = [[1.0, 1.0], [6.0, 2.5], [2.0, 7.0]]
     result = simulate_particles(
-        scene(positions=places, gap=None, box=[10.0, 10.0], reach=0.5, shear_rate=1e-2, drag=1.0, until=50.0, pushes=[])
+        scene(positions=places, gap=None, box=[10.0, 10.0], range=0.5, shear_rate=1e-2, drag=1.0, until_t=50.0, push=[])
     )
     assert result.stats["warnings"] == []
     np.testing.assert_allclose(result.v[-1, :, 0], 1e-2 * result.x[-1, :, 1], rtol=1e-9)

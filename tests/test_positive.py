@@ -301,7 +301,7 @@ def test_springs_that_start_without_stiffness_run_in_both_engines(name: str) -> 
     push = [Push([0], [force, 0, 0]), Push([1], [-force, 0, 0])]
     scene = ParticleScene(
         law=law, parameters={"E": 1.0, "eta": 1.0, **own}, positions=[[0.0, 0, 0], [2.05 - 2 * first, 0, 0]],
-        radii=[1.0, 1.0], gap=0.05, pushes=push, until=until, rtol=1e-7,
+        radii=[1.0, 1.0], gap=0.05, push=push, until_t=until, rtol=1e-7,
     )  # fmt: skip
     contact = particles.simulate(scene).contacts(-1)
     assert contact["h"][0] == pytest.approx(gap, rel=1e-5)
@@ -330,7 +330,7 @@ def test_particles_of_a_law_of_pressed_surfaces_end_by_name_where_they_part() ->
     pushes = [Push([0], ["1e-4*cos(w*t)", 0, 0]), Push([1], ["-1e-4*cos(w*t)", 0, 0])]
     scene = ParticleScene(
         law=spring("Hertz, pressed"), parameters={"E": 1.0, "eta": 1.0}, positions=[[0.0, 0, 0], [2.046, 0, 0]],
-        radii=[1.0, 1.0], gap=0.05, pushes=pushes, constants={"w": 1e-3}, until=3e3, rtol=1e-6,
+        radii=[1.0, 1.0], gap=0.05, push=pushes, constants={"w": 1e-3}, until_t=3e3, rtol=1e-6,
     )  # fmt: skip
     with pytest.raises(IntegrationError, match=r"defined for delta >= 0 alone.*particles 0 and 1"):
         particles.simulate(scene)

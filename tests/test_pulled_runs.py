@@ -51,8 +51,8 @@ def apart(speed: float, **law: Any) -> ParticleResult:
     """Two spheres in touch, moved apart by half a radius."""
     return simulate(
         ParticleScene(
-            **law, positions=[[0.0, 0.0], [2.0, 0.0]], radii=1.0, gap=0.004, times=101, until=0.5 / speed,
-            holds=[Hold([0], "xy"), Hold([1], "xy", velocity=[speed, 0.0])],
+            **law, positions=[[0.0, 0.0], [2.0, 0.0]], radii=1.0, gap=0.004, times=101, until_t=0.5 / speed,
+            hold=[Hold([0], "xy"), Hold([1], "xy", velocity=[speed, 0.0])],
         )
     )  # fmt: skip
 
@@ -75,8 +75,8 @@ def test_what_is_pulled_between_two_frames_is_told_of() -> None:
     pulse = "0.3*exp(-((t - 500)/10)**2)"
     result = simulate(
         ParticleScene(
-            **SOFT, positions=[[0.0, 0.0], [2.0, 0.0]], radii=1.0, gap=0.01, until=2000.0, times=2,
-            pushes=[Push([0], [f"0.01 - {pulse}", 0.0]), Push([1], [f"{pulse} - 0.01", 0.0])],
+            **SOFT, positions=[[0.0, 0.0], [2.0, 0.0]], radii=1.0, gap=0.01, until_t=2000.0, times=2,
+            push=[Push([0], [f"0.01 - {pulse}", 0.0]), Push([1], [f"{pulse} - 0.01", 0.0])],
         )
     )  # fmt: skip
     assert (result.contact_delta > -0.1).all(), "nothing of it is in the frames"
@@ -129,7 +129,7 @@ def test_a_deflection_is_measured_in_the_smaller_radius() -> None:
         pushes = [Push([0], [-0.15, 0.0]), Push([1], [0.15, 0.0])]
         places = [[0.0, 0.0], [3.02, 0.0]]
         return simulate(
-            ParticleScene(**SOFT, positions=places, radii=[3.02 - radius, radius], gap=0.02, pushes=pushes, until=1.0)
+            ParticleScene(**SOFT, positions=places, radii=[3.02 - radius, radius], gap=0.02, push=pushes, until_t=1.0)
         )
 
     deepest = {radius: float(np.max(-pulled(radius).contact_delta)) for radius in (0.5, 1.5)}

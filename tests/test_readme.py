@@ -12,8 +12,9 @@ import pytest
 
 import softdyn
 from softdyn.particles.files import particle_scene_from
-from softdyn.particles.scene import check
-from softdyn.scene import check_scene, is_particle_scene, scene_from
+from softdyn.particles.particle_scene import check
+from softdyn.scene.pair_scene import check_scene, scene_from
+from softdyn.scene.reading import is_particle_scene
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

@@ -7,7 +7,9 @@ import pytest
 
 from softdyn import simulate
 from softdyn.errors import SceneError
-from softdyn.scene import Table, check_scene, drive_of, parameter_values, read_scene, read_table, scene_from
+from softdyn.scene.pair_drive import drive_of
+from softdyn.scene.pair_scene import check_scene, parameter_values, read_scene, scene_from
+from softdyn.scene.time_tables import Table, read_table
 
 GOOD = """
 law = "rognon_gay"

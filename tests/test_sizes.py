@@ -14,29 +14,29 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles.files import particle_scene_from
 from softdyn.particles.geometry import Wall, close_pairs
 from softdyn.particles.packing import drawn_radii, random_packing
+from softdyn.particles.particle_scene import Hold, ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import Hold, ParticleScene, Push
 
 
 def run(**changes: Any) -> ParticleResult:
     settings: dict[str, Any] = {
         "law": "equal_spheres", "parameters": {"E": 1e6, "eta": 1.0, "nu": 0.5}, "positions": [[0.0, 0.0, 3.0]],
-        "radii": 1.0, "drag": 1.0, "until": 1.0, "times": 3, **changes,
+        "radii": 1.0, "drag": 1.0, "until_t": 1.0, "times": 3, **changes,
     }  # fmt: skip
     return simulate_particles(ParticleScene(**settings))
 
 
 def test_one_sphere_that_is_pushed_moves_as_stokes_says() -> None:
-    result = run(radii=2.0, pushes=[Push([0], [1.0, 0.0, 0.0])])
+    result = run(radii=2.0, push=[Push([0], [1.0, 0.0, 0.0])])
     assert result.x[-1, 0, 0] == pytest.approx(1 / (12 * np.pi), rel=1e-12)
     with pytest.raises(IntegrationError, match="without drag"):
-        run(drag=0.0, pushes=[Push([0], [1.0, 0.0, 0.0])])
+        run(drag=0.0, push=[Push([0], [1.0, 0.0, 0.0])])
 
 
 def test_one_sphere_settles_on_a_wall() -> None:
     result = run(
-        walls=[Wall([0.0, 0.0, 0.0], [0.0, 0.0, -1.0])], pushes=[Push([0], [0.0, 0.0, -1.0])], reach=1.0, until=100.0
+        wall=[Wall([0.0, 0.0, 0.0], [0.0, 0.0, -1.0])], push=[Push([0], [0.0, 0.0, -1.0])], range=1.0, until_t=100.0
     )
     assert len(result.contacts(-1)["h"]) == 1
     assert 0 < result.contacts(-1)["h"][0] < 0.1
@@ -51,7 +51,7 @@ def test_the_friction_of_two_spheres_near_contact_is_the_exact_leading_term_what
     zeta = 6 * np.pi * Re**2 / h
     result = run(
         parameters={"E": 1e12 * ratio, "eta": 1.0, "nu": 0.5}, positions=[[0.0, 0.0], [1 + small + h, 0.0]],
-        radii=[1.0, small], pushes=[Push([0], [1.0, 0.0]), Push([1], [-1.0, 0.0])], until=1e-3 * h * zeta, rtol=1e-6,
+        radii=[1.0, small], push=[Push([0], [1.0, 0.0]), Push([1], [-1.0, 0.0])], until_t=1e-3 * h * zeta, rtol=1e-6,
     )  # fmt: skip
     assert 1 / (result.v[-1, 0, 0] - result.v[-1, 1, 0]) == pytest.approx(zeta, rel=4e-3)
 
@@ -72,7 +72,7 @@ def test_two_pressed_spheres_near_contact_are_hertz_whatever_their_ratio(ratio: 
     rate = h**3 * F / (4 * np.pi * (Re * w) ** 2)
     result = run(
         parameters={"E": E, "eta": 1.0, "nu": nu}, positions=[[0.0, 0.0], [1 + small + h - w, 0.0]], gap=h,
-        radii=[1.0, small], holds=[Hold([0, 1], "xy")], until=1e-2 * h / rate, rtol=1e-6, drag=0.0,
+        radii=[1.0, small], hold=[Hold([0, 1], "xy")], until_t=1e-2 * h / rate, rtol=1e-6, drag=0.0,
     )  # fmt: skip
     first, last = result.contacts(0), result.contacts(-1)
     assert first["F"][0] == pytest.approx(F, rel=1e-4)
@@ -96,8 +96,8 @@ def test_a_contact_that_grows_as_wide_as_the_smaller_sphere_ends_the_run(
     with pytest.raises(IntegrationError, match=r"no law of contacts holds") as caught:
         run(
             law=law, parameters=parameters, positions=[[0.0, far], [0.0, 0.0]][: 1 if wall else 2], gap=1e-3,
-            radii=[1.0, other or 1.0][: 1 if wall else 2], walls=[Wall([0.0, 0.0], [0.0, -1.0])] if wall else [],
-            holds=[Hold([0], "xy", velocity=[0.0, -1e-3]), *([] if wall else [Hold([1], "xy")])], until=2e3, drag=0.0,
+            radii=[1.0, other or 1.0][: 1 if wall else 2], wall=[Wall([0.0, 0.0], [0.0, -1.0])] if wall else [],
+            hold=[Hold([0], "xy", velocity=[0.0, -1e-3]), *([] if wall else [Hold([1], "xy")])], until_t=2e3, drag=0.0,
             rtol=1e-3,
         )  # fmt: skip
     R = 2.0 if wall else 2 * far / (1 + 1 / 1.0) / far if other == 1.0 else 2 * (other or 1.0) / (1 + (other or 1.0))

@@ -15,7 +15,7 @@ def test_the_first_velocities_are_those_of_the_first_forces(rtol: float) -> None
     """Extrapolated from within the first step they were off by a tenth: pressed spheres spring apart within it."""
     scene = particles.ParticleScene(
         law="rognon_gay", parameters={"E": 100.0, "eta": 1.0}, positions=[[0.0, 0.0], [1.96, 0.0]], radii=1.0, gap=0.01,
-        pushes=[particles.Push([0], force=[0.1, -0.2])], drag=1.0, until=50.0, times=3, rtol=rtol,
+        push=[particles.Push([0], force=[0.1, -0.2])], drag=1.0, until_t=50.0, times=3, rtol=rtol,
     )  # fmt: skip
     result = particles.simulate(scene)
     F = result.contacts(0)["F"][0]
@@ -27,7 +27,7 @@ def test_a_box_under_stress_moves_from_the_start() -> None:
     """Its first frame said that it is at rest, while its particles were not."""
     scene = particles.ParticleScene(
         law="rognon_gay", parameters={"E": 10.0, "eta": 1.0}, positions=[[1.0, 1.0], [3.0, 1.2]], radii=1.0, gap=0.05,
-        reach=0.4, box=[6.0, 6.0], stress={"xy": 0.1}, drag=1.0, until=2.0, times=3, rtol=1e-4,
+        range=0.4, box=[6.0, 6.0], stress={"xy": 0.1}, drag=1.0, until_t=2.0, times=3, rtol=1e-4,
     )  # fmt: skip
     result = particles.simulate(scene)
     stress = (result.stress[0] + result.stress[0].T) / 2

@@ -161,7 +161,7 @@ def test_the_stored_report_is_of_the_cases_there_are_and_nothing_in_it_is_wrong(
     assert stress.tally(stored)[stress.WRONG] == 0
     assert all(batch[stress.WRONG] == 0 for batch in stored["random"])
     assert stored["random"][0]["scenes"] >= 1000
-    assert stored["random"][0]["rtol"] == softdyn.scene.Scene.rtol
+    assert stored["random"][0]["rtol"] == softdyn.Scene.rtol
     assert STORED.with_name("stress.txt").read_text(encoding="utf-8") == stress.report_text(stored)
     figure = stress.draw(stored)
     figure.savefig(tmp_path / "stress.png")

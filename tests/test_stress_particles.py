@@ -15,9 +15,9 @@ from sympy import Symbol, lambdify
 
 from softdyn.cli import main
 from softdyn.expression import evaluate, parse
+from softdyn.particles.particle_scene import ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import UNBALANCED, UNSEEN
-from softdyn.particles.scene import ParticleScene
 from softdyn.stress.judge import RIGHT, TOLD, WRONG
 from softdyn.stress.particles import compare
 from softdyn.stress.particles.cases import first_surroundings, set_up
@@ -80,7 +80,7 @@ def test_what_the_reference_takes_for_a_drive_is_what_its_text_says() -> None:
     t, random = Symbol("t", real=True), np.random.default_rng(1)
     for seed in range(60):
         case = random_case(seed)
-        until = float(case.scene.until)
+        until = float(case.scene.until_t)
         for text, pieces in case.drives.items():
             starts = [start for start, _ in pieces]
             assert starts == sorted(starts)

@@ -20,7 +20,8 @@ from softdyn.errors import SceneError
 from softdyn.pair import sweep as module
 from softdyn.pair.run import simulate_pair
 from softdyn.pair.sweep import read_values, read_varied, sweep
-from softdyn.scene import Scene, Table
+from softdyn.scene.pair_scene import Scene
+from softdyn.scene.time_tables import Table
 
 SCENE = Scene(
     law="rognon_gay", parameters={"R": 2.0, "E": 3.0, "eta": 0.5}, h=10.0, force=1e-2, until_h=0.1, gaps=[1.0, 0.1]

@@ -16,7 +16,8 @@ import softdyn
 from softdyn import particles, tables
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import Push, read_particles
-from softdyn.scene import read_scene, read_table
+from softdyn.scene.pair_scene import read_scene
+from softdyn.scene.time_tables import read_table
 
 SEPARATORS = st.sampled_from([",", ";", "\t", " ", "   ", ", ", " ; "])
 NUMBERS = st.floats(-1e300, 1e300, allow_nan=False)
@@ -278,7 +279,7 @@ def test_more_rows_than_a_run_may_take_steps_are_refused_before_it_starts() -> N
         particles.simulate(
             particles.ParticleScene(
                 law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, positions=[[0.0]], radii=1.0, drag=1.0,
-                pushes=[push], until=1.499999e6,
+                push=[push], until_t=1.499999e6,
             )
         )  # fmt: skip
 

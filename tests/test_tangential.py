@@ -31,9 +31,9 @@ from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall, curvatures, directions, lattice
 from softdyn.particles.observables import relative_viscosity
+from softdyn.particles.particle_scene import Hold, ParticleScene, Push
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
-from softdyn.particles.scene import Hold, ParticleScene, Push
 from softdyn.particles.sliding import rotations
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
@@ -52,7 +52,7 @@ def scene(**changes: Any) -> ParticleScene:
         "positions": [[0.0, 0.0, 0.0], [2.05, 0.0, 0.0]],
         "radii": 1.0,
         "tangential": True,
-        "until": 10.0,
+        "until_t": 10.0,
         "times": 5,
         "rtol": 1e-5,
     }
@@ -67,7 +67,7 @@ RADII = np.array([1.0, 1.2, 0.9, 1.0])
 def tetrahedron(d: int = 3, **changes: Any) -> ParticleScene:
     """Four unequal spheres in a shear flow."""
     places = PLACES if d == 3 else np.array([[0, 0], [2.1, 0.4], [1.0, 1.9], [3.0, 2.2]])
-    flow = {"drag": 1.0, "shear_rate": 0.01, "gap": 0.1, "until": 100.0}
+    flow = {"drag": 1.0, "shear_rate": 0.01, "gap": 0.1, "until_t": 100.0}
     return scene(**{"positions": places, "radii": RADII, **flow, **changes})
 
 
@@ -153,7 +153,7 @@ def test_a_law_of_its_own_parameters_slides() -> None:
         tangential=Tangential(sliding=eta * a**2 / (h + slip), k_t=E * a / 2),
         parameters={slip: LENGTH},
     )
-    result = simulate_particles(scene(law=own, parameters={"E": 1.0, "eta": 1.0, "slip": 0.1}, drag=1.0, until=1.0))
+    result = simulate_particles(scene(law=own, parameters={"E": 1.0, "eta": 1.0, "slip": 0.1}, drag=1.0, until_t=1.0))
     assert result.stats["steps"] > 0
     with pytest.raises(SceneError, match="slip is missing"):
         simulate_particles(scene(law=own, parameters={"E": 1.0, "eta": 1.0}, drag=1.0))
@@ -165,17 +165,17 @@ def test_a_law_of_its_own_parameters_slides() -> None:
         ({"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}, "declares none: give it tangential="),
         ({"positions": [[0.0], [2.05]]}, "in one dimension there is no tangential motion"),
         ({"tangential": "yes"}, "tangential must be true or false"),
-        ({"tangential": False, "holds": [Hold([0], "xyz", None, [0, 0, 1])]}, "spin has no meaning without"),
-        ({"holds": [Hold([0], "xyz", None, [1.0])]}, "spin needs 3 components in 3 dimensions"),
-        ({"tangential": False, "pushes": [Push([0], torque=[0, 0, 1])]}, "torque has no meaning without tangential"),
-        ({"pushes": [Push([0], torque=[1.0])]}, r"\[\[push\]\] 0: torque needs 3 components in 3 dimensions"),
+        ({"tangential": False, "hold": [Hold([0], "xyz", None, [0, 0, 1])]}, "spin has no meaning without"),
+        ({"hold": [Hold([0], "xyz", None, [1.0])]}, "spin needs 3 components in 3 dimensions"),
+        ({"tangential": False, "push": [Push([0], torque=[0, 0, 1])]}, "torque has no meaning without tangential"),
+        ({"push": [Push([0], torque=[1.0])]}, r"\[\[push\]\] 0: torque needs 3 components in 3 dimensions"),
         (
-            {"positions": [[0.0, 0.0], [2.05, 0.0]], "pushes": [Push([0], [0, 0], 1e-3)]},
+            {"positions": [[0.0, 0.0], [2.05, 0.0]], "push": [Push([0], [0, 0], 1e-3)]},
             "torque needs 1 component in 2 dimensions",
         ),
-        ({"pushes": [Push([0])]}, r"\[\[push\]\] 0: force or torque is missing"),
-        ({"pushes": [Push([0], torque=[0, 0, "1/t"])]}, "torque about z = '1/t' has no finite value at t = 0"),
-        ({"holds": [Hold([0], "x", None, [0, 0, 1]), Hold([0], "y", None, [0, 0, 1])]}, "particle 0 given two spins"),
+        ({"push": [Push([0])]}, r"\[\[push\]\] 0: force or torque is missing"),
+        ({"push": [Push([0], torque=[0, 0, "1/t"])]}, "torque about z = '1/t' has no finite value at t = 0"),
+        ({"hold": [Hold([0], "x", None, [0, 0, 1]), Hold([0], "y", None, [0, 0, 1])]}, "particle 0 given two spins"),
         ({"parameters": {**UNIT, "size_ratio": 0.2}}, "size_ratio follows from the radii"),
     ],
 )
@@ -262,12 +262,12 @@ def circling(spin: float, own: float, **changes: Any) -> ParticleScene:
         ]
         holds.append(Hold([number], "xyz", velocity, [0.0, 0.0, spin + (own if number == 0 else 0.0)]))
     settings_of = {"positions": [first, second], "radii": [1.0, 1.2], "gap": 0.05, "constants": {"w": spin}}
-    return scene(**{**settings_of, "holds": holds, "rtol": 1e-6, **changes})
+    return scene(**{**settings_of, "hold": holds, "rtol": 1e-6, **changes})
 
 
 def test_forces_do_not_depend_on_who_looks() -> None:
     """Turned by 1.2 radians, spin about the normal included: equal to the errors of some hundred steps at 1e-6."""
-    still, turned = (simulate_particles(circling(w, 0.02, until=12.0)) for w in (1e-9, 0.1))
+    still, turned = (simulate_particles(circling(w, 0.02, until_t=12.0)) for w in (1e-9, 0.1))
     size = np.linalg.norm(still.contact_T, axis=1)
     assert size[-1] > 1e-3
     np.testing.assert_allclose(np.linalg.norm(turned.contact_T, axis=1), size, rtol=1e-4, atol=1e-8)
@@ -304,7 +304,7 @@ def test_a_sheared_contact_relaxes_as_a_maxwell_element(modulus: float, lam: flo
     holds = [Hold([0], "xyz", [0.0, speed, 0.0], still), Hold([1], "xyz", None, still)]
     places = [[0.0, 0.0, 0.0], [1.05 + lam, 0.0, 0.0]]
     changes = {"parameters": parameters, "positions": places, "radii": [1.0, lam]}
-    result = simulate_particles(scene(holds=holds, until=3 * A / k_t, rtol=1e-7, **changes))
+    result = simulate_particles(scene(hold=holds, until_t=3 * A / k_t, rtol=1e-7, **changes))
     expected = A * speed * (1 - np.exp(-result.t * k_t / A))
     np.testing.assert_allclose(result.contact_T[:, 1], expected, atol=1e-4 * A * speed)
 
@@ -317,7 +317,7 @@ def resistances(lam: float, gap: float) -> Array:
         spins = [1e-9 if motion == k else 0.0 for k in (1, 2)]
         holds = [Hold([0], "xy", velocity, [spins[0]]), Hold([1], "xy", None, [spins[1]])]
         places = [[0.0, 0.0], [1 + lam + gap, 0.0]]
-        problem = scene(parameters=RIGID, positions=places, radii=[1.0, lam], holds=holds)
+        problem = scene(parameters=RIGID, positions=places, radii=[1.0, lam], hold=holds)
         checked, system = prepare(problem)
         state = start(problem, checked, system, Newton())
         # a millionth of it is left after a time long against the relaxation of so hard a contact, which is below 1e-6
@@ -352,7 +352,7 @@ def test_hard_spheres_resist_approach_as_jeffrey_and_onishi_say(lam: float) -> N
         speed = 1e-4 * gap
         holds = [Hold([0], "xy", [speed, 0.0], [0.0]), Hold([1], "xy", None, [0.0])]
         places = [[0.0, 0.0], [1 + lam + gap, 0.0]]
-        problem = scene(parameters={**UNIT, "E": modulus}, positions=places, radii=[1.0, lam], holds=holds)
+        problem = scene(parameters={**UNIT, "E": modulus}, positions=places, radii=[1.0, lam], hold=holds)
         checked, system = prepare(problem)
         state = start(problem, checked, system, Newton())
         end = take_step(system, state.contacts, Newton(), 0.0, state.x, state.v, state.y_rate, 1.0).end
@@ -368,7 +368,7 @@ def test_a_hard_sphere_beside_a_wall_resists_as_goldman_cox_and_brenner_say() ->
         for motion in range(2):
             holds = [Hold([0], "xy", [1e-9 * (motion == 0), 0.0], [1e-9 * (motion == 1)]), Hold([1], "xy", None, [0])]
             wall = Wall(np.array([0.0, -1.0 - gap]), np.array([0.0, -1.0]))
-            problem = scene(positions=[[0, 0], [30, 30]], walls=[wall], holds=holds, parameters=RIGID, reach=4.0)
+            problem = scene(positions=[[0, 0], [30, 30]], wall=[wall], hold=holds, parameters=RIGID, range=4.0)
             checked, system = prepare(problem)
             state = start(problem, checked, system, Newton())
             end = take_step(system, state.contacts, Newton(), 0.0, state.x, state.v, state.y_rate, 1.0).end
@@ -457,7 +457,7 @@ def rhombus(**changes: Any) -> ParticleScene:
     half = math.sqrt(2.02**2 - 1.01**2)
     positions = [[-half, 0.0], [half, 0.0], [0.0, 1.01], [0.0, -1.01]]
     pushes = [Push([0], [5e-3, 0.0]), Push([1], [-5e-3, 0.0])]
-    return scene(**{"positions": positions, "pushes": pushes, "gap": 0.0202, "until": 2e4, "rtol": 1e-4, **changes})
+    return scene(**{"positions": positions, "push": pushes, "gap": 0.0202, "until_t": 2e4, "rtol": 1e-4, **changes})
 
 
 @pytest.mark.slow
@@ -478,7 +478,7 @@ def test_without_drag_films_alone_resist() -> None:
 @pytest.mark.slow
 def test_numbers_are_the_same_on_both_targets() -> None:
     """To the roundings of a hundred steps, each of which Newton's iteration ends at 1e-8 of the forces."""
-    c, numba = (simulate_particles(tetrahedron(until=20.0, target=target)) for target in ("c", "numba"))
+    c, numba = (simulate_particles(tetrahedron(until_t=20.0, target=target)) for target in ("c", "numba"))
     np.testing.assert_allclose(c.contact_T, numba.contact_T, atol=1e-7 * np.abs(c.contact_T).max())
     np.testing.assert_allclose(c.spin, numba.spin, atol=1e-7 * np.abs(c.spin).max())
 
@@ -489,8 +489,8 @@ def periodic(**changes: Any) -> ParticleScene:
     draw = np.random.default_rng(3)
     radii = 1 + 0.05 * draw.uniform(-1, 1, 27)
     moved = np.mod(place + 0.1 * draw.uniform(-1, 1, place.shape), 6.12)
-    settings_of = {"positions": moved, "radii": radii, "box": [6.12] * 3, "reach": 0.4, "gap": 0.03, "drag": 1.0}
-    return scene(**{**settings_of, "shear_rate": 1e-3, "until": 100.0, "rtol": 1e-3, "times": 2, **changes})
+    settings_of = {"positions": moved, "radii": radii, "box": [6.12] * 3, "range": 0.4, "gap": 0.03, "drag": 1.0}
+    return scene(**{**settings_of, "shear_rate": 1e-3, "until_t": 100.0, "rtol": 1e-3, "times": 2, **changes})
 
 
 def test_a_sheared_packing_keeps_its_balances() -> None:
@@ -536,8 +536,8 @@ def test_spheres_pulled_along_a_wall_roll(drag: float) -> None:
     """Forwards, pressed against it and pulled along x; energy is accounted for."""
     wall = Wall(np.array([0.0, -1.02]), np.array([0.0, -1.0]))
     pushes = [Push([0, 1], [1e-3, -1e-2])]
-    changes = {"positions": [[0, 0], [2.6, 0]], "walls": [wall], "pushes": pushes, "drag": drag, "reach": 0.5}
-    result = simulate_particles(scene(until=300.0, rtol=1e-4, **changes))
+    changes = {"positions": [[0, 0], [2.6, 0]], "wall": [wall], "push": pushes, "drag": drag, "range": 0.5}
+    result = simulate_particles(scene(until_t=300.0, rtol=1e-4, **changes))
     assert np.all(result.v[-1, :, 0] > 0)
     assert np.all(result.spin[-1] < 0)  # clockwise
     # a film resists sliding more than rolling: the surface by the wall lags behind the centre
@@ -547,7 +547,7 @@ def test_spheres_pulled_along_a_wall_roll(drag: float) -> None:
 
 def test_the_iterative_solver_takes_the_same_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it leaves, Newton's iteration corrects: the same positions to its tolerance, over some ten steps."""
-    problem = periodic(until=20.0, times=2)
+    problem = periodic(until_t=20.0, times=2)
     monkeypatch.setattr(linear, "PER_PRODUCT", 1e9)  # products dear: factors
     direct = simulate_particles(problem)
     monkeypatch.setattr(linear, "LARGEST_FACTOR", 0)
@@ -563,7 +563,7 @@ def test_contacts_come_and_go_without_a_jump_in_tangential_force() -> None:
     """A particle driven past another, neither turning: the force starts from zero and ends at zero."""
     holds = [Hold([0], "xy", [1e-3, 0.0], [0.0]), Hold([1], "xy", None, [0.0])]
     times = list(np.linspace(0, 8000, 401))
-    changes = {"positions": [[-4.0, 0.0], [0.0, 2.1]], "reach": 0.5, "until": 8000.0, "times": times, "holds": holds}
+    changes = {"positions": [[-4.0, 0.0], [0.0, 2.1]], "range": 0.5, "until_t": 8000.0, "times": times, "hold": holds}
     result = simulate_particles(scene(**changes))
     assert (result.stats["made"], result.stats["dropped"]) == (1, 1)
     size = np.zeros(len(result))
@@ -591,9 +591,9 @@ def caged(d: int, seed: int, force: Any, torque: Any, **changes: Any) -> Particl
         "radii": radii,
         "drag": 0.0,
         "gap": None,
-        "reach": 0.6,
-        "pushes": [Push([0], [force(f) for f in push], [torque(f) for f in twist])],
-        "holds": [Hold([k], "xyz"[:d], None, [0.0] * turns) for k in range(1, d + 2)],
+        "range": 0.6,
+        "push": [Push([0], [force(f) for f in push], [torque(f) for f in twist])],
+        "hold": [Hold([k], "xyz"[:d], None, [0.0] * turns) for k in range(1, d + 2)],
         **changes,
     }
     return scene(**settings)
@@ -618,7 +618,7 @@ def test_a_jump_of_forces_is_the_limit_of_ramps(d: int, seed: int, at: float) ->
         start = [0.0, brief, at, at + brief, behind, until]
         return (start, [0.0, 0.3 * size, 0.3 * size, -size, -size, -size])
 
-    more = {"times": [0.0, behind, until], "until": until, "rtol": rtol}
+    more = {"times": [0.0, behind, until], "until_t": until, "rtol": rtol}
     jumped, ramped = (simulate_particles(caged(d, seed, drive, drive, **more)) for drive in (jumping, ramp))
     for frame in (1, 2):
         one, other = jumped.contacts(frame), ramped.contacts(frame)
@@ -631,7 +631,7 @@ def test_a_jump_of_forces_is_the_limit_of_ramps(d: int, seed: int, at: float) ->
 
 def test_a_run_goes_on_from_a_checkpoint(tmp_path: Any) -> None:
     """Tangential forces and spins are in it: to the bit."""
-    whole = simulate_particles(tetrahedron(until=20.0, rtol=1e-4))
+    whole = simulate_particles(tetrahedron(until_t=20.0, rtol=1e-4))
 
     def stop(t: float, _steps: int, _iterations: int) -> None:
         if t > 8.0:
@@ -639,8 +639,8 @@ def test_a_run_goes_on_from_a_checkpoint(tmp_path: Any) -> None:
 
     path = tmp_path / "run.checkpoint.npz"
     with pytest.raises(KeyboardInterrupt):
-        simulate_particles(tetrahedron(until=20.0, rtol=1e-4), stop, path)
-    again: ParticleResult = simulate_particles(tetrahedron(until=20.0, rtol=1e-4), None, path, resume=True)
+        simulate_particles(tetrahedron(until_t=20.0, rtol=1e-4), stop, path)
+    again: ParticleResult = simulate_particles(tetrahedron(until_t=20.0, rtol=1e-4), None, path, resume=True)
     np.testing.assert_allclose(again.contact_T, whole.contact_T, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(again.spin, whole.spin, rtol=1e-5, atol=1e-7)
 
@@ -648,7 +648,7 @@ def test_a_run_goes_on_from_a_checkpoint(tmp_path: Any) -> None:
 def test_a_chain_that_spins_freely_is_at_rest() -> None:
     """In three dimensions nothing resists the spin of two spheres about their line: they have none."""
     pushes = [Push([0], [1e-2, 0, 0]), Push([1], [-1e-2, 0, 0])]
-    result = simulate_particles(scene(pushes=pushes, until=100.0))
+    result = simulate_particles(scene(push=pushes, until_t=100.0))
     np.testing.assert_allclose(result.spin, 0, atol=1e-12)
     assert result.contact_h[-1] < 0.05
 
@@ -671,7 +671,7 @@ def test_opposite_torques_roll_a_free_pair() -> None:
     torque = 1e-3
     _, G, _ = coefficients(0.05)
     pushes = [Push([0], torque=[0.0, 0.0, torque]), Push([1], torque=[0.0, 0.0, -torque])]
-    result = simulate_particles(scene(pushes=pushes, until=100.0))
+    result = simulate_particles(scene(push=pushes, until_t=100.0))
     rate = torque / (2 * G)
     np.testing.assert_allclose(result.spin, np.tile([[0, 0, rate], [0, 0, -rate]], (5, 1, 1)), atol=1e-8 * rate)
     np.testing.assert_allclose(result.x, np.tile([[0, 0, 0], [2.05, 0, 0]], (5, 1, 1)), atol=1e-12)
@@ -691,8 +691,8 @@ def test_a_sphere_turned_beside_another_drags_it_along(d: int) -> None:
     A, G, lever = coefficients(0.05)
     changes = {
         "positions": [[0.0, 0.0, 0.0][:d], [2.05, 0.0, 0.0][:d]],
-        "holds": [Hold("all", "xyz"[:d])],
-        "pushes": [Push([0], torque=[*axis, torque])],
+        "hold": [Hold("all", "xyz"[:d])],
+        "push": [Push([0], torque=[*axis, torque])],
     }
     result = simulate_particles(scene(rtol=1e-5, **changes))
     total, difference = torque / (2 * A * lever**2), torque / (2 * G)
@@ -707,7 +707,7 @@ def test_a_moment_of_forces_balances_a_torque() -> None:
     force, arm = 1e-3, 2.05
     for torque in (arm * force, 1.001 * arm * force):
         pushes = [Push([0], [0.0, force], [torque]), Push([1], [0.0, -force])]
-        problem = scene(positions=[[0.0, 0.0], [arm, 0.0]], pushes=pushes)
+        problem = scene(positions=[[0.0, 0.0], [arm, 0.0]], push=pushes)
         if torque > arm * force:
             with pytest.raises(IntegrationError, match=r"have the torque 2\.05e-06 at t=0"):
                 simulate_particles(problem)
@@ -726,12 +726,12 @@ def test_a_hard_sphere_turned_beside_a_wall_goes_with_it_or_spins() -> None:
     """Across the wall's normal, as both resistances and Stokes' drag have it; about the normal, by drag alone."""
     gap, tau = 0.01, 1e-4
     wall = Wall([0.0, -1.0 - gap, 0.0], [0.0, -1.0, 0.0])
-    around = {"positions": [[0, 0, 0], [30, 30, 0]], "walls": [wall], "parameters": RIGID, "reach": 4.0}
+    around = {"positions": [[0, 0, 0], [30, 30, 0]], "wall": [wall], "parameters": RIGID, "range": 4.0}
     resists = []
     for motion in range(2):  # along x, about z
         velocity, spin = [1e-9 * (motion == 0), 0.0, 0.0], [0.0, 0.0, 1e-9 * (motion == 1)]
         holds = [Hold([0], "xyz", velocity, spin), Hold([1], "xyz", None, [0, 0, 0])]
-        problem = scene(holds=holds, **around)
+        problem = scene(hold=holds, **around)
         checked, system = prepare(problem)
         state = start(problem, checked, system, Newton())
         end = take_step(system, state.contacts, Newton(), 0.0, state.x, state.v, state.y_rate, 1.0).end
@@ -739,7 +739,7 @@ def test_a_hard_sphere_turned_beside_a_wall_goes_with_it_or_spins() -> None:
     by_fluid = np.diag([6 * math.pi, 8 * math.pi])
     v, omega = np.linalg.solve(np.array(resists).T + by_fluid, [0.0, tau])
     pushes = [Push([0], torque=[0.0, tau, tau])]
-    result = simulate_particles(scene(pushes=pushes, drag=1.0, until=1e-3, **around))
+    result = simulate_particles(scene(push=pushes, drag=1.0, until_t=1e-3, **around))
     assert v < 0  # it rolls
     # the sphere hardly moves; what its film resists across the normal is uniform along the wall
     assert result.v[-1, 0, 0] == pytest.approx(v, rel=1e-4)
@@ -755,7 +755,7 @@ def test_torques_turn_particles_as_another_route_says() -> None:
     x, gaps, T = integrate(equal_spheres, UNIT, PLACES, RADII, np.maximum(apart, 0.1), 0.0, times, torques=torques)
     pushes = [Push([k], torque=list(torque)) for k, torque in enumerate(torques)]
     rtol = 1e-5
-    result = simulate_particles(tetrahedron(times=times, until=60.0, shear_rate=0.0, pushes=pushes, rtol=rtol))
+    result = simulate_particles(tetrahedron(times=times, until_t=60.0, shear_rate=0.0, push=pushes, rtol=rtol))
     # errors of order rtol in each step, which mostly decay
     np.testing.assert_allclose(result.x, x, atol=5 * rtol)
     np.testing.assert_allclose(result.contact_h.reshape(3, -1), gaps, rtol=5 * rtol)
@@ -767,8 +767,8 @@ def test_torques_turn_particles_as_another_route_says() -> None:
 def test_the_work_of_varying_torques_is_in_the_balance(d: int) -> None:
     """What comes in is torque times angular velocity, and all of it is found again."""
     axis = ["0.1*cos(w*t)"] if d == 2 else [0.0, "0.05*t/50", "0.1*cos(w*t)"]
-    changes = {"shear_rate": 0.0, "until": 50.0, "times": 401, "constants": {"w": 0.1}, "rtol": 1e-4}
-    result = simulate_particles(tetrahedron(d, pushes=[Push([0, 1], torque=axis)], **changes))
+    changes = {"shear_rate": 0.0, "until_t": 50.0, "times": 401, "constants": {"w": 0.1}, "rtol": 1e-4}
+    result = simulate_particles(tetrahedron(d, push=[Push([0, 1], torque=axis)], **changes))
     t = result.t
     torque = np.stack([np.zeros_like(t), 0.05 * t / 50, 0.1 * np.cos(0.1 * t)], axis=1)[:, -rotations(d) :]
     power = np.einsum("ta,tia->t", torque, result.spin[:, :2])
@@ -783,30 +783,30 @@ def test_the_work_of_varying_torques_is_in_the_balance(d: int) -> None:
 def test_torques_in_a_periodic_box_keep_its_balances(changes: dict[str, Any], drag: float) -> None:
     """Also where their sum is not 0, and makes the stress unsymmetric; films resist that all turn alike."""
     pushes = [Push("all", torque=[0.0, 0.0, 1e-2]), Push([3], torque=["1e-2*sin(t)", 0.0, 0.0])]
-    result = simulate_particles(periodic(drag=drag, until=30.0, pushes=pushes, **changes))
+    result = simulate_particles(periodic(drag=drag, until_t=30.0, push=pushes, **changes))
     assert abs(result.energy["imbalance"]) < 1e-3
     # forces are balanced to 1e-3 rtol, and an imposed stress to ten times that
     assert np.all(result.step_residual <= (1e-5 if "stress" in changes else 1e-6))
-    without = simulate_particles(periodic(drag=drag, until=30.0, **changes))
+    without = simulate_particles(periodic(drag=drag, until_t=30.0, **changes))
     assert np.all(result.spin[-1, :, 2] > without.spin[-1, :, 2])
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"pushes": [Push([0], torque=[0, 0, 1e-3])]}, "have the torque 0.001 at t=0.*drag"),
+        ({"push": [Push([0], torque=[0, 0, 1e-3])]}, "have the torque 0.001 at t=0.*drag"),
         # about the line of their contact
         (
-            {"pushes": [Push([0], torque=[1e-3, 0, 0]), Push([1], torque=[-1e-3, 0, 0])]},
+            {"push": [Push([0], torque=[1e-3, 0, 0]), Push([1], torque=[-1e-3, 0, 0])]},
             "nothing resists the external torque on particles 0, 1: .*drag",
         ),
         # beyond the range of any contact, held in place
         (
             {
                 "positions": [[0.0, 0.0], [2.05, 0.0], [9.0, 0.0]],
-                "reach": 1.0,
-                "holds": [Hold([2], "xy"), Hold([0], "xy")],
-                "pushes": [Push([2], torque=[1e-3])],
+                "range": 1.0,
+                "hold": [Hold([2], "xy"), Hold([0], "xy")],
+                "push": [Push([2], torque=[1e-3])],
             },
             "nothing resists the external torque on particle 2: .*drag",
         ),
@@ -819,7 +819,7 @@ def test_a_torque_that_nothing_resists_is_named(changes: dict[str, Any], words: 
 
 def test_a_checkpoint_belongs_to_its_torques() -> None:
     def key(torque: Any) -> str:
-        problem = scene(pushes=[Push([0], torque=torque)], drag=1.0)
+        problem = scene(push=[Push([0], torque=torque)], drag=1.0)
         return fingerprint(problem, *prepare(problem))
 
     assert key([0.0, 0.0, 1e-3]) == key((0.0, 0.0, 1e-3)) == key(np.array([0.0, 0.0, 1e-3]))
@@ -852,7 +852,7 @@ def test_a_sphere_with_one_contact_is_not_floppy_in_space() -> None:
     """A free pair in three dimensions under opposite tangential forces and the torque that balances them."""
     pushes = [Push([0], [0, 1e-4, 0]), Push([1], [0, -1e-4, 0], torque=[0, 0, 2.05e-4])]
     result = simulate_particles(
-        scene(positions=[[0.0, 0, 0], [2.05, 0, 0]], radii=1.0, gap=0.05, pushes=pushes, until=10.0, times=2, drag=0.0)
+        scene(positions=[[0.0, 0, 0], [2.05, 0, 0]], radii=1.0, gap=0.05, push=pushes, until_t=10.0, times=2, drag=0.0)
     )
     # surfaces slide as they are pushed; how the pair turns as a whole, nothing tells
     v, spin = result.v[-1, :, 1], result.spin[-1, :, 2]
@@ -869,7 +869,7 @@ def test_a_sphere_does_not_spin_about_the_line_of_its_only_contact() -> None:
     for rtol in (1e-4, 1e-6):
         holds = [Hold([0], "xyz", spin=[0.0, 0.1, 0.02]), Hold([1], "xyz", velocity=[-0.02, 0.1, 0.03])]
         places = [[0.0, 0.0, 0.0], [1.99, 0.0, 0.0]]
-        result = simulate_particles(scene(positions=places, gap=0.02, holds=holds, rtol=rtol))
+        result = simulate_particles(scene(positions=places, gap=0.02, hold=holds, rtol=rtol))
         way = result.x[:, 1] - result.x[:, 0]
         n = way / np.linalg.norm(way, axis=1)[:, None]
         assert np.degrees(np.arccos(n[0] @ n[-1])) > 20

@@ -27,9 +27,9 @@ from softdyn.particles.checkpoint import load as load_checkpoint
 from softdyn.particles.files import particle_scene_from, read_particles, stock_scenes
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
+from softdyn.particles.particle_scene import Hold, ParticleScene, Push
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
-from softdyn.particles.scene import Hold, ParticleScene, Push
 
 Array = NDArray[np.float64]
 #: Units of length, time and force, in those of a scene as it is written.
@@ -77,17 +77,17 @@ def in_units(scene: ParticleScene, units: Units) -> ParticleScene:
         tilt=of(scene.tilt, LENGTH),
         depth=of(scene.depth, LENGTH),
         gap=of(scene.gap, LENGTH),
-        reach=of(scene.reach, LENGTH),
+        range=of(scene.range, LENGTH),
         shear_rate=of(scene.shear_rate, RATE),
         stress=of(scene.stress, PRESSURE),
         stress_viscosity=of(scene.stress_viscosity, VISCOSITY),
-        until=of(scene.until, TIME),
-        pushes=[
-            replace(one, force=of(one.force, FORCE), torque=of(one.torque, TORQUE)) for one in scene.pushes
+        until_t=of(scene.until_t, TIME),
+        push=[
+            replace(one, force=of(one.force, FORCE), torque=of(one.torque, TORQUE)) for one in scene.push
         ],
-        holds=[replace(one, velocity=of(one.velocity, VELOCITY), spin=of(one.spin, RATE)) for one in scene.holds],
-        walls=[
-            replace(one, point=of(one.point, LENGTH), velocity=of(one.velocity, VELOCITY)) for one in scene.walls
+        hold=[replace(one, velocity=of(one.velocity, VELOCITY), spin=of(one.spin, RATE)) for one in scene.hold],
+        wall=[
+            replace(one, point=of(one.point, LENGTH), velocity=of(one.velocity, VELOCITY)) for one in scene.wall
         ],
     )  # fmt: skip
 
@@ -151,7 +151,7 @@ def shortened(path: Path) -> ParticleScene:
     if "packing" in data:
         data["packing"]["count"] = min(40, data["packing"]["count"])
     scene = particle_scene_from(data, path.parent)
-    return replace(scene, until=scene.until / 100, times=4, rtol=1e-4, target="c")
+    return replace(scene, until_t=scene.until_t / 100, times=4, rtol=1e-4, target="c")
 
 
 def column(**changes: Any) -> ParticleScene:
@@ -159,8 +159,8 @@ def column(**changes: Any) -> ParticleScene:
     settings: dict[str, Any] = {
         "law": "equal_spheres", "parameters": {"E": 10.0, "eta": 2.0, "nu": 0.4},
         "positions": [[0.5], [2.6], [4.6], [6.7], [8.8], [10.8]], "radii": [1.0, 1.1, 1.0, 1.0, 1.1, 1.0],
-        "box": [12.8], "gap": 0.05, "reach": 0.4, "drag": 1.0, "stress": {"pressure": "0.01*(1 + 0.1*sin(t))"},
-        "until": 5.0, "times": 3, "rtol": 1e-5, "target": "c",
+        "box": [12.8], "gap": 0.05, "range": 0.4, "drag": 1.0, "stress": {"pressure": "0.01*(1 + 0.1*sin(t))"},
+        "until_t": 5.0, "times": 3, "rtol": 1e-5, "target": "c",
     }  # fmt: skip
     return ParticleScene(**{**settings, **changes})
 
@@ -170,8 +170,8 @@ def layer(**changes: Any) -> ParticleScene:
     x, radii, box = random_packing(24, 2, 0.8, [1.0, 1.2], 3)
     settings: dict[str, Any] = {
         "law": "steric", "parameters": {"E": 100.0, "eta": 1.0, "nu": 0.5, "Pi0": 10.0, "L": 0.02},
-        "positions": x, "radii": radii, "box": list(box), "depth": 3.0, "gap": 0.02, "reach": 0.3, "tangential": True,
-        "drag": 1.0, "stress": {"xy": 2.0, "pressure": 1.0}, "until": 0.3, "times": 3, "rtol": 1e-5, "target": "c",
+        "positions": x, "radii": radii, "box": list(box), "depth": 3.0, "gap": 0.02, "range": 0.3, "tangential": True,
+        "drag": 1.0, "stress": {"xy": 2.0, "pressure": 1.0}, "until_t": 0.3, "times": 3, "rtol": 1e-5, "target": "c",
     }  # fmt: skip
     return ParticleScene(**{**settings, **changes})
 
@@ -181,9 +181,9 @@ def channel() -> ParticleScene:
     return ParticleScene(
         law="equal_spheres", parameters={"E": 50.0, "eta": 1.5, "nu": 0.3},
         positions=[[0.0, 1.1], [2.2, 1.15], [1.1, 3.1], [4.3, 1.1]], radii=[1.0, 1.0, 1.1, 0.9], tangential=True,
-        walls=[Wall([0.0, 0.0], [0.0, -1.0]), Wall([0.0, 4.4], [0.0, 1.0], False, ["0.3*cos(2*t)", -0.01])],
-        pushes=[Push([1], ["0.2*exp(-t)", 0.0], [0.05])], holds=[Hold([3], "xy", [-0.1, 0.0], [0.2])],
-        gap=0.02, reach=0.5, drag=1.0, until=1.0, times=3, rtol=1e-5, target="c",
+        wall=[Wall([0.0, 0.0], [0.0, -1.0]), Wall([0.0, 4.4], [0.0, 1.0], False, ["0.3*cos(2*t)", -0.01])],
+        push=[Push([1], ["0.2*exp(-t)", 0.0], [0.05])], hold=[Hold([3], "xy", [-0.1, 0.0], [0.2])],
+        gap=0.02, range=0.5, drag=1.0, until_t=1.0, times=3, rtol=1e-5, target="c",
     )  # fmt: skip
 
 
@@ -289,9 +289,9 @@ def test_the_stress_is_that_of_a_layer_as_deep_as_it_is_said_to_be() -> None:
 
 
 def test_without_a_word_a_layer_is_as_deep_as_two_mean_radii_and_a_column_as_wide() -> None:
-    flat = simulate_particles(layer(depth=None, until=0.01))
+    flat = simulate_particles(layer(depth=None, until_t=0.01))
     assert float(flat.depth) == pytest.approx(2 * flat.radii.mean(), rel=1e-15)
-    thin = simulate_particles(column(until=0.01))
+    thin = simulate_particles(column(until_t=0.01))
     assert float(thin.depth) == pytest.approx(2 * thin.radii.mean(), rel=1e-15)
     # along a column the one stress is the force over its width times its depth
     contacts = thin.contacts(-1)
@@ -301,7 +301,7 @@ def test_without_a_word_a_layer_is_as_deep_as_two_mean_radii_and_a_column_as_wid
 
 
 def test_files_and_checkpoints_carry_the_depth(tmp_path: Path) -> None:
-    scene = layer(stress={}, shear_rate=0.5, until=0.02)
+    scene = layer(stress={}, shear_rate=0.5, until_t=0.02)
     result = simulate_particles(scene)
     again = load_particles(result.save(tmp_path / "a.npz"))
     assert float(again.depth) == 3.0

@@ -10,8 +10,9 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles.files import read_particle_scene
-from softdyn.particles.scene import check
-from softdyn.scene import check_scene, drive_of, read_scene
+from softdyn.particles.particle_scene import check
+from softdyn.scene.pair_drive import drive_of
+from softdyn.scene.pair_scene import check_scene, read_scene
 
 PAIR = """law = "rognon_gay"
 [parameters]

@@ -31,7 +31,8 @@ from softdyn.pair.batch import STATES
 from softdyn.pair.run import MOST_STEPS, kernel_needs, kernel_parameters
 from softdyn.pair.states import initial_deflection
 from softdyn.results import require_folder
-from softdyn.scene import Drive, Scene, drive_of
+from softdyn.scene.pair_drive import Drive, drive_of
+from softdyn.scene.pair_scene import Scene
 
 Array = NDArray[np.float64]
 Solve = Callable[[float], tuple[Array, Array]]

@@ -35,7 +35,9 @@ from softdyn.pair.run import (
 )
 from softdyn.pair.states import initial_deflection
 from softdyn.results import written_whole
-from softdyn.scene import Drive, Scene, check_scene, drive_of, parameter_values, suggestion
+from softdyn.scene.pair_drive import Drive, drive_of
+from softdyn.scene.pair_scene import Scene, check_scene, parameter_values
+from softdyn.words import suggestion
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

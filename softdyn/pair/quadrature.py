@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import Kernel
 from softdyn.pair.states import deflection, evaluate
-from softdyn.scene import Scene
+from softdyn.scene.pair_scene import Scene
 
 Array = NDArray[np.float64]
 

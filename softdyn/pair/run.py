@@ -23,7 +23,8 @@ from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.quadrature import integrate_constant_force
 from softdyn.pair.states import deflection, drive_at, evaluate, initial_deflection
 from softdyn.results import Event, PairResult
-from softdyn.scene import Drive, Scene, check_scene, drive_of, parameter_values
+from softdyn.scene.pair_drive import Drive, drive_of
+from softdyn.scene.pair_scene import Scene, check_scene, parameter_values
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError, pressed_only_words
 from softdyn.kernels import Kernel
-from softdyn.scene import Drive, Scene
+from softdyn.scene.pair_drive import Drive
+from softdyn.scene.pair_scene import Scene
 
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)

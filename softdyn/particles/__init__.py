@@ -3,7 +3,7 @@
 >>> from softdyn import particles
 >>> scene = particles.ParticleScene(
 ...     law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, positions=[[0, 0], [2.1, 0], [4.2, 0]], radii=1.0,
-...     pushes=[particles.Push([0], force=[1e-2, 0])], drag=1.0, until=100.0,
+...     push=[particles.Push([0], force=[1e-2, 0])], drag=1.0, until_t=100.0,
 ... )
 >>> result = particles.simulate(scene)
 >>> particles.coordination(result).shape
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
         wall_forces,
     )
     from softdyn.particles.packing import lattice_packing, random_packing
+    from softdyn.particles.particle_scene import Hold, ParticleScene, Push
     from softdyn.particles.results import ParticleResult
     from softdyn.particles.results import load_particles as load
     from softdyn.particles.run import simulate_particles as simulate
-    from softdyn.particles.scene import Hold, ParticleScene, Push
 
 __all__ = [
     "Hold",
@@ -70,10 +70,10 @@ __all__ = [
 
 #: The module of each, and its name there.
 _HOME = {
-    "Hold": ("scene", "Hold"),
+    "Hold": ("particle_scene", "Hold"),
     "ParticleResult": ("results", "ParticleResult"),
-    "ParticleScene": ("scene", "ParticleScene"),
-    "Push": ("scene", "Push"),
+    "ParticleScene": ("particle_scene", "ParticleScene"),
+    "Push": ("particle_scene", "Push"),
     "Wall": ("geometry", "Wall"),
     "coordination": ("observables", "coordination"),
     "fabric": ("observables", "fabric"),

@@ -25,8 +25,8 @@ from softdyn.particles.geometry import directions, flow, lattice
 from softdyn.particles.integrate import integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.particle_scene import ParticleScene
 from softdyn.particles.run import prepare
-from softdyn.particles.scene import ParticleScene
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import contact_state
@@ -66,10 +66,10 @@ def sheared(packing: tuple[Array, Array, Array], **changes: Any) -> ParticleScen
         "radii": radii,
         "box": list(lengths),
         "gap": 0.02,
-        "reach": 0.4,
+        "range": 0.4,
         "shear_rate": 1e-4,
         "drag": 1.0,
-        "until": 1000.0,
+        "until_t": 1000.0,
         "times": 2,
         "rtol": 1e-3,
         **changes,
@@ -137,7 +137,7 @@ def time_step(cells: int, **changes: Any) -> dict[str, float]:
     state = start(scene, checked, system, newton)
     before = newton.counts["iterations"]
     # the first steps find the length that the tolerance allows
-    integrate(replace(scene, until=200.0), checked, system, newton, state)
+    integrate(replace(scene, until_t=200.0), checked, system, newton, state)
     dt = state.history[-2][1] if len(state.history) > 1 else state.dt
     steps = len(state.history)
     iterations = (newton.counts["iterations"] - before) / steps
@@ -177,7 +177,7 @@ def time_explicit(shear_rate: float) -> dict[str, dict[str, float]]:
     """
     until = STRAIN / shear_rate
     packing = random_packing(1000, 2, 0.9, [1.0, 1.4], 1)
-    scene = sheared(packing, reach=0.5, shear_rate=shear_rate, until=until)
+    scene = sheared(packing, range=0.5, shear_rate=shear_rate, until_t=until)
     checked, system = prepare(scene)
     system = replace(system, reach=math.inf, kernel=get_contact_kernel("rognon_gay", varying=("R",)))
     first = start(scene, checked, system, Newton())
@@ -240,7 +240,7 @@ def time_explicit(shear_rate: float) -> dict[str, dict[str, float]]:
 
 def newton_matrix(packing: tuple[Array, Array, Array]) -> bsr_array:
     """Newton's matrix of a sheared packing, at a step as long as the tolerance allows."""
-    scene = sheared(packing, rtol=1e-2, until=100.0)
+    scene = sheared(packing, rtol=1e-2, until_t=100.0)
     kept: list[bsr_array] = []
     prepared = linear.prepare
 

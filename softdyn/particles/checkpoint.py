@@ -16,13 +16,13 @@ from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.neighbours import Listed
+from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import HISTORY, Frame
-from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State
 from softdyn.particles.system import System
 from softdyn.results import written_whole
-from softdyn.scene import Table
+from softdyn.scene.time_tables import Table
 
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")
@@ -44,14 +44,14 @@ def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
         scene.parameters,
         scene.mixing,
         scene.gap,
-        scene.reach,
+        scene.range,
         _plain(scene.shear_rate),
         scene.constants,
         scene.rtol,
     )
     walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid, _list(wall.velocity)) for wall in checked.walls]
-    pushes = [(np.array(p.particles).tolist(), _list(p.force), _list(p.torque)) for p in scene.pushes]
-    holds = [(np.array(h.particles).tolist(), h.axes, _list(h.velocity), _list(h.spin)) for h in scene.holds]
+    pushes = [(np.array(p.particles).tolist(), _list(p.force), _list(p.torque)) for p in scene.push]
+    holds = [(np.array(h.particles).tolist(), h.axes, _list(h.velocity), _list(h.spin)) for h in scene.hold]
     total.update(
         json.dumps(
             [

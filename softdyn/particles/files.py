@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import lattice_packing, random_packing
+from softdyn.particles.particle_scene import Hold, ParticleScene, Push
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.scene import Hold, ParticleScene, Push
 from softdyn.particles.words import AXES
-from softdyn.scene import is_particle_scene, read_table, read_toml, unknown_keys
+from softdyn.scene.reading import is_particle_scene, read_toml, unknown_keys
+from softdyn.scene.time_tables import read_table
 from softdyn.tables import Column, read_columns
 from softdyn.words import listed, suggestion
 
@@ -112,7 +113,7 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         "mixing": data.get("mixing", {}),
         "constants": data.get("constants", {}),
         "gap": data.get("contacts", {}).get("gap"),
-        "reach": data.get("contacts", {}).get("range"),
+        "range": data.get("contacts", {}).get("range"),
         "tangential": data.get("contacts", {}).get("tangential", False),
         "shear_rate": _read(flow.get("shear_rate", 0.0), folder, "[flow]", "shear_rate"),
         "drag": flow.get("drag", 0.0),
@@ -122,9 +123,9 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
             if name != "viscosity"
         },
         "stress_viscosity": data.get("stress", {}).get("viscosity"),
-        "pushes": [Push(**entry) for entry in _entries(data, "push", ("force", "torque"), folder)],
-        "holds": [Hold(**entry) for entry in _entries(data, "hold", ("velocity", "spin"), folder)],
-        "walls": [Wall(**entry) for entry in _entries(data, "wall", ("velocity",), folder)],
+        "push": [Push(**entry) for entry in _entries(data, "push", ("force", "torque"), folder)],
+        "hold": [Hold(**entry) for entry in _entries(data, "hold", ("velocity", "spin"), folder)],
+        "wall": [Wall(**entry) for entry in _entries(data, "wall", ("velocity",), folder)],
         **_end(data["until"], flow, data.get("stress", {})),
         **placed,
     }
@@ -186,17 +187,17 @@ def _end(until: Mapping[str, Any], flow: Mapping[str, Any], stress: Mapping[str,
     if "xy" in stress:
         if "t" not in until:
             raise SceneError("[until] t is missing: under an imposed shear stress a strain may never be reached")
-        return {"until": until["t"], "until_strain": until.get("strain")}
+        return {"until_t": until["t"], "until_strain": until.get("strain")}
     if len(until) != 1:
         raise SceneError("[until] takes t or strain, one of them")
     if "t" in until:
-        return {"until": until["t"]}
+        return {"until_t": until["t"]}
     rate, strain = flow.get("shear_rate", 0), until["strain"]
     if not isinstance(rate, (int, float)) or not rate:
         raise SceneError("[until] strain needs [flow] shear_rate, a number, or [stress] xy")
     if isinstance(strain, bool) or not isinstance(strain, (int, float)):
         raise SceneError(f"[until] strain must be a number, not {strain!r}")
-    return {"until": strain / abs(rate)}
+    return {"until_t": strain / abs(rate)}
 
 
 def _placed(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -305,7 +306,7 @@ def from_result(result: ParticleResult) -> dict[str, Any]:
 
     Examples
     --------
-    >>> physics = dict(law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, drag=1.0, until=10.0)
+    >>> physics = dict(law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, drag=1.0, until_t=10.0)
     >>> result = simulate(ParticleScene(positions=[[0, 0], [2.1, 0]], radii=1.0, **physics))  # doctest: +SKIP
     >>> result = simulate(ParticleScene(**from_result(result), **physics))                    # doctest: +SKIP
     """

@@ -17,10 +17,10 @@ from softdyn.particles.faults import require_balanced, require_films, require_sh
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
+from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.pulled import At, look
 from softdyn.particles.resolve import SHORTEST, breaks, resolved
 from softdyn.particles.results import Frame
-from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.start import pass_break
 from softdyn.particles.state import State, frame_now, frame_within, overlaps, present
 from softdyn.particles.step import Step, take_step
@@ -62,7 +62,7 @@ def integrate(
         The state is then the last good one.
     """
     system = present(system, state)
-    until, grow, recovery = float(scene.until), LARGEST_GROWTH, math.inf
+    until, grow, recovery = float(scene.until_t), LARGEST_GROWTH, math.inf
     goals = np.append(breaks(system), until)
     within = int(np.searchsorted(goals, until))
     if within > MOST_STEPS:

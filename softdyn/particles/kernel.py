@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from softdyn.kernels import choose_target, loaded, manifest_of
 from softdyn.laws import LawReference, find
-from softdyn.scene import Range
+from softdyn.scene.numbers import Range
 
 Array = NDArray[np.float64]
 

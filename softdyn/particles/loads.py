@@ -22,10 +22,10 @@ from softdyn.particles.imposed import Imposed
 from softdyn.particles.sliding import rotations
 from softdyn.particles.time_functions import TimeFunction, is_driven, time_function
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, particles_named
-from softdyn.scene import suggestion
+from softdyn.words import suggestion
 
 if TYPE_CHECKING:
-    from softdyn.particles.scene import Checked, ParticleScene
+    from softdyn.particles.particle_scene import Checked, ParticleScene
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> 
 
 
 def _time_function(scene: ParticleScene, value: Any, where: str) -> TimeFunction:
-    return time_function(value, where, _constants(scene), float(scene.until))
+    return time_function(value, where, _constants(scene), float(scene.until_t))
 
 
 def _constants(scene: ParticleScene) -> dict[str, float]:
@@ -123,9 +123,9 @@ def _constants(scene: ParticleScene) -> dict[str, float]:
 
 def require_used(scene: ParticleScene) -> None:
     """Refuse constants that no expression takes."""
-    given = [values for push in scene.pushes for values in (push.force, push.torque)]
-    given += [values for hold in scene.holds for values in (hold.velocity, hold.spin)]
-    given += [wall.velocity for wall in scene.walls]
+    given = [values for push in scene.push for values in (push.force, push.torque)]
+    given += [values for hold in scene.hold for values in (hold.velocity, hold.spin)]
+    given += [wall.velocity for wall in scene.wall]
     given += [list(scene.stress.values())]
     texts = [value for values in given if values is not None for value in values if isinstance(value, str)]
     texts += [scene.shear_rate] if isinstance(scene.shear_rate, str) else []
@@ -157,7 +157,7 @@ def pushes(scene: ParticleScene, pushed: Sequence[NDArray[np.int64]], count: int
     """External forces and torques."""
     forces: list[Term] = []
     torques: list[Term] = []
-    for number, (push, particles) in enumerate(zip(scene.pushes, pushed, strict=True)):
+    for number, (push, particles) in enumerate(zip(scene.push, pushed, strict=True)):
         where = f"[[push]] {number}"
         if push.force is None and push.torque is None:
             raise SceneError(f"{where}: force or torque is missing")
@@ -178,7 +178,7 @@ def holds(
     """Which positions are given, shape (N, d), and their velocities."""
     fixed = np.zeros((count, d), dtype=bool)
     terms: list[Term] = []
-    for number, (hold, particles) in enumerate(zip(scene.holds, held, strict=True)):
+    for number, (hold, particles) in enumerate(zip(scene.hold, held, strict=True)):
         where = f"[[hold]] {number}"
         given = hold.axes if isinstance(hold.axes, str) else ""
         if not given or any(axis not in AXES[:d] for axis in given) or len(set(given)) < len(given):
@@ -203,7 +203,7 @@ def spins(
     """Particles whose rotation is given, shape (N,), and their angular velocities."""
     turned = np.zeros(count, dtype=bool)
     terms: list[Term] = []
-    for number, (hold, particles) in enumerate(zip(scene.holds, held, strict=True)):
+    for number, (hold, particles) in enumerate(zip(scene.hold, held, strict=True)):
         if hold.spin is None:
             continue
         where = f"[[hold]] {number}"
@@ -231,11 +231,11 @@ def with_rotations(checked: Checked) -> tuple[NDArray[np.bool_], Driven, Driven]
 def wall_velocity(scene: ParticleScene, d: int) -> Driven | None:
     """Velocities of the walls, shape (walls, d); None if all of them are at rest."""
     terms = []
-    for number, wall in enumerate(scene.walls):
+    for number, wall in enumerate(scene.wall):
         if wall.velocity is not None:
             labels = [f"wall {number}: velocity along {axis}" for axis in AXES[:d]]
             terms += _terms(scene, np.array([number]), range(d), wall.velocity, labels)
-    return Driven(terms, np.ones((len(scene.walls), d))) if terms else None
+    return Driven(terms, np.ones((len(scene.wall), d))) if terms else None
 
 
 def shear_flow(scene: ParticleScene) -> TimeFunction | None:
@@ -264,7 +264,7 @@ def imposed_stress(scene: ParticleScene, box: Box) -> Imposed | None:
         )
     if "pressure" in scene.stress and any(2 * axis in scene.stress for axis in AXES):
         faults.append("[stress] pressure and the stress along an axis: give either")
-    if scene.walls or scene.holds:
+    if scene.wall or scene.hold:
         faults.append(
             "[stress] walls and held particles do not move with a box whose stress is imposed: leave them out"
         )

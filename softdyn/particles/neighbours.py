@@ -25,7 +25,7 @@ from softdyn.particles.geometry import (
 )
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.parameters import mixed_parameters
-from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.particle_scene import Checked, ParticleScene
 
 Array = NDArray[np.float64]
 

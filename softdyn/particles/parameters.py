@@ -20,10 +20,11 @@ from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.particles.geometry import Integers
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.scene import Checked, ParticleScene
+from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
 from softdyn.particles.words import is_number, listed
-from softdyn.scene import range_fault, suggestion
+from softdyn.scene.numbers import range_fault
+from softdyn.words import suggestion
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice
+from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.sliding import rotations
 from softdyn.particles.system import TANGENTIAL_WORKS, WORKS, System, contact_state, works
 from softdyn.results import load_result, written_whole

@@ -19,10 +19,10 @@ from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.loads import with_rotations
 from softdyn.particles.parameters import require_rest, resistances, uniform_values, varying_parameters
+from softdyn.particles.particle_scene import Checked, ParticleScene, check
 from softdyn.particles.pulled import pulled_films
 from softdyn.particles.resolve import time_functions
 from softdyn.particles.results import ParticleResult, gather
-from softdyn.particles.scene import Checked, ParticleScene, check
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import TANGENTIAL_WORKS, System, turns_freely, works
@@ -129,7 +129,7 @@ def prepare(scene: ParticleScene) -> tuple[Checked, System]:
     checked = check(scene)
     kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(scene, checked))
     require_rest(scene, checked)
-    if scene.reach is None and not kernel.bounded:
+    if scene.range is None and not kernel.bounded:
         raise SceneError(
             "the law's friction zeta grows without bound, or has no limit, as h -> oo: with drag it would hold distant "
             "particles together; give contacts a range, [contacts] range"

@@ -17,8 +17,8 @@ from softdyn.particles.geometry import Contacts, bare_contacts
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over
 from softdyn.particles.parameters import mixed_parameters
+from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.ramp import held, holding, ramped
-from softdyn.particles.scene import Checked, ParticleScene
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
 
@@ -197,5 +197,5 @@ def _first_step(scene: ParticleScene, system: System, state: State) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
     fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(system.box.shear_rate)))
-    longest = 1e-2 * float(scene.until)
+    longest = 1e-2 * float(scene.until_t)
     return min(longest, FIRST_CHANGE * system.rtol ** (1 / ORDER) / fastest) if fastest > 0 else longest

@@ -26,8 +26,8 @@ from softdyn.api import simulate
 from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
+from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
-from softdyn.particles.scene import ParticleScene, Push
 from softdyn.results import require_folder, written_whole
 from softdyn.terminal import as_it_is
 
@@ -81,8 +81,8 @@ def rhombus(force: float, gap: float, until: float, target: str) -> ParticleScen
         radii=1.0,
         # of pairs closer than that, lest rounding make some of them a little farther
         gap=gap * (1 + 1e-9),
-        pushes=[Push([0], [force, 0.0]), Push([1], [-force, 0.0])],
-        until=until,
+        push=[Push([0], [force, 0.0]), Push([1], [-force, 0.0])],
+        until_t=until,
         times=FRAMES,
         target=target,
     )

@@ -22,7 +22,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import Expression, derivative, evaluate, parse, pieces, values
 from softdyn.particles.method import NODES
 from softdyn.particles.words import is_number
-from softdyn.scene import Table, table_of
+from softdyn.scene.time_tables import Table, table_of
 
 Array = NDArray[np.float64]
 

@@ -42,21 +42,21 @@ def pair_friction(law: str, gap: float) -> float:
 def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
     """The same in a scene of many, of spheres of the radii 1 and ``ratio``; ``inf``: of a sphere and a wall."""
     from softdyn.particles.geometry import Wall
+    from softdyn.particles.particle_scene import ParticleScene, Push
     from softdyn.particles.run import simulate_particles
-    from softdyn.particles.scene import ParticleScene, Push
 
     wall = math.isinf(ratio)
     R = 2.0 if wall else 2 * ratio / (1 + ratio)
     bodies: dict[str, Any]
     if wall:
-        bodies = {"positions": [[0.0, 1.0 + gap]], "radii": [1.0], "walls": [Wall([0.0, 0.0], [0.0, -1.0])]}
-        bodies["pushes"] = [Push([0], [0.0, -1.0])]
+        bodies = {"positions": [[0.0, 1.0 + gap]], "radii": [1.0], "wall": [Wall([0.0, 0.0], [0.0, -1.0])]}
+        bodies["push"] = [Push([0], [0.0, -1.0])]
     else:
         bodies = {"positions": [[0.0, 0.0], [0.0, 1.0 + ratio + gap]], "radii": [1.0, ratio]}
-        bodies["pushes"] = [Push([0], [0.0, 1.0]), Push([1], [0.0, -1.0])]
+        bodies["push"] = [Push([0], [0.0, 1.0]), Push([1], [0.0, -1.0])]
     until = 1e-3 * gap * 3 * math.pi * R * (1 + R / (2 * gap))
     result = simulate_particles(
-        ParticleScene(law=law, parameters=LAWS[law], drag=drag, until=until, times=2, rtol=1e-6, **bodies)
+        ParticleScene(law=law, parameters=LAWS[law], drag=drag, until_t=until, times=2, rtol=1e-6, **bodies)
     )
     v = result.v[-1, :, 1]
     speed = -v[0] if wall else v[0] - v[1]
@@ -65,13 +65,13 @@ def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
 
 def distant_friction(law: str, count: int) -> float:
     """Friction of one of many spheres, all a hundred radii apart, over that of Stokes."""
+    from softdyn.particles.particle_scene import ParticleScene, Push
     from softdyn.particles.run import simulate_particles
-    from softdyn.particles.scene import ParticleScene, Push
 
     x = np.array([[100.0 * i, 100.0 * ((7 * i) % 11), 0.0] for i in range(count)])
     scene = ParticleScene(
-        law=law, parameters=LAWS[law], positions=x, radii=1.0, pushes=[Push([0], [1.0, 0.0, 0.0])], drag=1.0,
-        until=1e-3, times=2, rtol=1e-6,
+        law=law, parameters=LAWS[law], positions=x, radii=1.0, push=[Push([0], [1.0, 0.0, 0.0])], drag=1.0,
+        until_t=1e-3, times=2, rtol=1e-6,
     )  # fmt: skip
     return 1.0 / float(simulate_particles(scene).v[-1, 0, 0]) / (6 * math.pi)
 

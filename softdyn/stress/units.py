@@ -153,7 +153,7 @@ def _apart(one: PairResult, units: Units, other: PairResult) -> float:
 def _layer(units: Units, loads: dict[str, float], tangential: bool) -> Any:
     """Spheres in a periodic layer, sheared at a rate or under a stress; the depth of the layer is the usual one."""
     from softdyn.particles.packing import random_packing
-    from softdyn.particles.scene import ParticleScene
+    from softdyn.particles.particle_scene import ParticleScene
 
     x, radii, box = random_packing(16, 2, 0.8, [1.0, 1.2], 3)
     law, values = "steric", {"E": 100.0, "eta": 1.0, "nu": 0.5, "Pi0": 10.0, "L": 0.02}
@@ -163,8 +163,8 @@ def _layer(units: Units, loads: dict[str, float], tangential: bool) -> Any:
     stress = {name: value * pressure for name, value in loads.items() if name != "rate"}
     return ParticleScene(
         law=law, parameters=parameters, positions=x * units.length, radii=radii * units.length,
-        box=(box * units.length).tolist(), gap=0.02 * units.length, reach=0.3 * units.length, tangential=tangential,
-        drag=1.0, stress=stress, until=0.3 * units.time, times=4, rtol=MANY_RTOL, target="c", **drive,
+        box=(box * units.length).tolist(), gap=0.02 * units.length, range=0.3 * units.length, tangential=tangential,
+        drag=1.0, stress=stress, until_t=0.3 * units.time, times=4, rtol=MANY_RTOL, target="c", **drive,
     )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from softdyn.derive.regimes import SIGN, Diagram, Regime, Side
 from softdyn.derive.symbols import h
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.pair.run import simulate_pair
-from softdyn.scene import Scene
+from softdyn.scene.pair_scene import Scene
 from softdyn.study.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
 from softdyn.study.values import RealValues
 

@@ -29,7 +29,7 @@ from softdyn.derive.regimes import Diagram, Regime, discover
 from softdyn.derive.symbols import E, R, eta, h
 from softdyn.pair.run import simulate_pair
 from softdyn.results import PairResult, require_folder, written_whole
-from softdyn.scene import Scene
+from softdyn.scene.pair_scene import Scene
 from softdyn.study import figures
 from softdyn.study.plane import length_ratios, monomial
 from softdyn.terminal import as_it_is

@@ -16,7 +16,7 @@ from sympy import Abs, Expr, Float, Max, Min, Piecewise, Symbol, diff, lambdify
 
 from softdyn.derive import E, R, a, delta, eta, h, size_ratio
 from softdyn.derive.law import ContactLaw, tangential_expressions
-from softdyn.particles.scene import ParticleScene
+from softdyn.particles.particle_scene import ParticleScene
 
 Array = NDArray[np.float64]
 #: A contact: particle i, particle j or wall j - N, and the lattice vector by which j is displaced.
@@ -148,7 +148,7 @@ class Equations:
     @property
     def reach(self) -> float:
         """Range of the contacts."""
-        return math.inf if self.case.scene.reach is None else float(self.case.scene.reach)
+        return math.inf if self.case.scene.range is None else float(self.case.scene.range)
 
     @property
     def dragged(self) -> bool:
@@ -186,23 +186,25 @@ def _drives(case: Case, d: int, count: int) -> tuple[Callable[[float, int], dict
     """All that is given as a function of t, by name; and its breaks."""
     scene, t = case.scene, Symbol("t", real=True)
     entries: list[tuple[str, Any, Any]] = []  # name, where, value
-    for push in scene.pushes:
+    for push in scene.push:
         for k in _numbers(push.particles, count, scene):
             entries += [("force", (k, axis), value) for axis, value in enumerate(push.force or ())]
             entries += [("torque", (k, axis), value) for axis, value in zip(_spins(d), push.torque or (), strict=False)]
-    for hold in scene.holds:
+    for hold in scene.hold:
         for k in _numbers(hold.particles, count, scene):
             entries += [
                 ("velocity", (k, "xyz".index(axis)), value)
                 for axis, value in zip(hold.axes, hold.velocity or (), strict=False)
             ]
             entries += [("spin", (k, axis), value) for axis, value in zip(_spins(d), hold.spin or (), strict=False)]
-    for w, wall in enumerate(scene.walls):
+    for w, wall in enumerate(scene.wall):
         entries += [("wall", (w, axis), value) for axis, value in enumerate(wall.velocity or ())]
     entries.append(("shear", 0, scene.shear_rate))
     entries += [("stress", k, value) for k, value in enumerate(scene.stress.values())]
     breaks = sorted({when for *_, value in entries for when, _ in pieces_of(case, value)[1:]})
-    middles = [(one + other) / 2 for one, other in zip([0.0, *breaks], [*breaks, 2 * float(scene.until)], strict=True)]
+    middles = [
+        (one + other) / 2 for one, other in zip([0.0, *breaks], [*breaks, 2 * float(scene.until_t)], strict=True)
+    ]
     functions: dict[Expr, Callable[[float], tuple[float, float]]] = {}
     parts = []
     for middle in middles:
@@ -214,7 +216,7 @@ def _drives(case: Case, d: int, count: int) -> tuple[Callable[[float, int], dict
             part.append((name, where, functions[expr]))
         parts.append(part)
     shapes = {"force": (count, 3), "torque": (count, 3), "velocity": (count, 3), "spin": (count, 3), "shear": (1,)}
-    shapes |= {"wall": (len(scene.walls), 3), "stress": (len(scene.stress),)}
+    shapes |= {"wall": (len(scene.wall), 3), "stress": (len(scene.stress),)}
 
     def given(when: float, number: int) -> dict[str, Array]:
         found = {name: np.zeros(shape) for name, shape in shapes.items()}
@@ -247,7 +249,7 @@ def set_up(case: Case, pairs: list[Pair]) -> Equations:
     i, j = np.array([p[0] for p in pairs], dtype=int), np.array([p[1] for p in pairs], dtype=int)
     wall = j >= count
     one, other = radii[i], radii[np.where(wall, i, j)]
-    rigid = np.array([w.rigid for w in scene.walls] or [False])[np.where(wall, j - count, 0)] & wall
+    rigid = np.array([w.rigid for w in scene.wall] or [False])[np.where(wall, j - count, 0)] & wall
     own: dict[str, Array] = {}
     for name, value in scene.parameters.items():
         each = (
@@ -262,12 +264,12 @@ def set_up(case: Case, pairs: list[Pair]) -> Equations:
     own["size_ratio"] = np.where(wall, 0.0, one * other / (one + other) ** 2)
     fixed, turned = np.zeros((count, 3), bool), np.zeros(count, bool)
     fixed[:, d:] = True
-    for hold in scene.holds:
+    for hold in scene.hold:
         for k in _numbers(hold.particles, count, scene):
             fixed[k, ["xyz".index(axis) for axis in hold.axes]] = True
             turned[k] |= hold.spin is not None
-    normals = np.zeros((len(scene.walls), 3))
-    for w, entry in enumerate(scene.walls):
+    normals = np.zeros((len(scene.wall), 3))
+    for w, entry in enumerate(scene.wall):
         normals[w, :d] = np.array(entry.normal, float) / np.linalg.norm(entry.normal)
     viscosity = float(scene.parameters.get("eta", 0.0))  # type: ignore[arg-type]
     S = radii[i] + np.where(wall, 0.0, other)
@@ -275,9 +277,9 @@ def set_up(case: Case, pairs: list[Pair]) -> Equations:
     given, breaks = _drives(case, d, count)
     periodic = np.array([length is not None for length in (scene.box or [None] * d)] + [False] * (3 - d))
     first, second = (np.equal.outer(end, np.arange(count)).astype(float) for end in (i, j))
-    loose = not (scene.drag or fixed[:, :d].any() or len(scene.walls) or periodic.any())
+    loose = not (scene.drag or fixed[:, :d].any() or len(scene.wall) or periodic.any())
     return Equations(
-        case=case, d=d, count=count, walls=len(scene.walls), radii=radii, pairs=pairs, i=i, j=j,
+        case=case, d=d, count=count, walls=len(scene.wall), radii=radii, pairs=pairs, i=i, j=j,
         shift=np.array([p[2] for p in pairs], dtype=float).reshape(-1, 3),
         S=S, q=list(own.values()),
         law_of=values_of(case.law, tuple(own), bool(scene.tangential)),
@@ -302,7 +304,7 @@ def _rigid_motions(x: Array) -> Array:
 def first_surroundings(scene: ParticleScene, d: int) -> Array:
     """Logarithms of the lengths of the box (0 where there are none), tilt, points of the walls."""
     lengths = [1.0 if length is None else float(length) for length in (scene.box or [None] * d)]
-    points = np.zeros((len(scene.walls), 3))
-    for w, wall in enumerate(scene.walls):
+    points = np.zeros((len(scene.wall), 3))
+    for w, wall in enumerate(scene.wall):
         points[w, :d] = wall.point
     return np.concatenate([np.log([*lengths, *[1.0] * (3 - d)]), [float(scene.tilt)], points.reshape(-1)])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from softdyn.particles.scene import ParticleScene
+from softdyn.particles.particle_scene import ParticleScene
 from softdyn.stress.particles.cases import ACROSS, FREE, Case, Equations, Pair, first_surroundings, part_of, set_up
 from softdyn.stress.particles.equations import (
     PRESSED,
@@ -54,7 +54,7 @@ def images(scene: ParticleScene, d: int) -> Iterator[tuple[int, int, int]]:
 def near(case: Case, x: Array, z: Array, beside: float = 0.0) -> set[Pair]:
     """Pairs whose surfaces are within the range of one another, or by so many radii beyond it."""
     scene, (count, d) = case.scene, x.shape
-    reach = math.inf if scene.reach is None else float(scene.reach)
+    reach = math.inf if scene.range is None else float(scene.range)
     radii = np.broadcast_to(np.array(scene.radii, dtype=float), (count,))
     reach += beside * float(radii.min())
     cell = np.diag([math.exp(z[k]) if k < d and (scene.box or [None] * d)[k] is not None else 0.0 for k in range(3)])
@@ -65,7 +65,7 @@ def near(case: Case, x: Array, z: Array, beside: float = 0.0) -> set[Pair]:
         apart = np.linalg.norm(place[None, :] - place[:, None] + cell @ shift, axis=2) - radii[:, None] - radii
         found |= {(int(i), int(j), shift) for i, j in np.argwhere(apart < reach) if i < j}
     points = z[4:].reshape(-1, 3)
-    for w, wall in enumerate(scene.walls):
+    for w, wall in enumerate(scene.wall):
         normal = np.array(wall.normal, float) / np.linalg.norm(wall.normal)
         apart = (points[w, :d] - x) @ normal - radii
         found |= {(int(i), count + w, (0, 0, 0)) for i in np.flatnonzero(apart < reach)}
@@ -205,7 +205,7 @@ def ramped(eq: Equations, t: float, state: Array, before: Array, after: int, rto
     That is the limit of faster and faster ramps. Of one within an instant the equations are what they always are, in
     which films and what slides have no time to move.
     """
-    instant, then = INSTANT * float(eq.case.scene.until), eq.given(t, after)
+    instant, then = INSTANT * float(eq.case.scene.until_t), eq.given(t, after)
     still = {name: np.zeros_like(value) for name, value in then.items()}
     still |= {"torque": then["torque"], "force_rate": (then["force"] - before) / instant}
 

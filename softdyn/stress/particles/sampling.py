@@ -16,7 +16,7 @@ from sympy import Expr, Float, Symbol, cos, exp, sin, sqrt, tanh
 
 from softdyn.laws import find, load
 from softdyn.particles.geometry import Wall
-from softdyn.particles.scene import Hold, ParticleScene, Push
+from softdyn.particles.particle_scene import Hold, ParticleScene, Push
 from softdyn.stress.particles.cases import Case, Pieces
 
 Array = NDArray[np.float64]
@@ -286,10 +286,10 @@ def _dragged(draft: Draft) -> Case:
         tilt *= least
     deep = box is not None and d < 3 and draft.chance(0.3)
     return _case(
-        draft, scene, x=x, radii=radii, until=T, gap=gap * length, reach=None if reach is None else reach * length,
-        box=None if box is None else [b * length if b else None for b in box], tilt=tilt * length, walls=walls,
+        draft, scene, x=x, radii=radii, until_t=T, gap=gap * length, range=None if reach is None else reach * length,
+        box=None if box is None else [b * length if b else None for b in box], tilt=tilt * length, wall=walls,
         depth=draft.uniform(1.0, 5.0) * length if deep else None,
-        shear_rate=shear, stress=stress, drag=drag, pushes=pushes, holds=holds, tangential=slides,
+        shear_rate=shear, stress=stress, drag=drag, push=pushes, hold=holds, tangential=slides,
     )  # fmt: skip
 
 
@@ -439,8 +439,8 @@ def _still(draft: Draft) -> Case:
     if reach and gap:
         gap = min(gap, reach / 2)
     return _case(
-        draft, scene, x=x, radii=radii, until=T, gap=None if gap is None else gap * length,
-        reach=None if reach is None else reach * length, walls=walls, pushes=pushes, holds=holds, tangential=slides,
+        draft, scene, x=x, radii=radii, until_t=T, gap=None if gap is None else gap * length,
+        range=None if reach is None else reach * length, wall=walls, push=pushes, hold=holds, tangential=slides,
     )  # fmt: skip
 
 
@@ -469,13 +469,13 @@ def _spread(draft: Draft, count: int) -> Array:
     return np.asarray(ways / np.linalg.norm(ways, axis=1)[:, None])
 
 
-def _case(draft: Draft, scene: dict[str, Any], x: Array, radii: Array, until: float, **more: Any) -> Case:
+def _case(draft: Draft, scene: dict[str, Any], x: Array, radii: Array, **more: Any) -> Case:
     length = draft.unit[0]
     rtol = float(draft.random.choice(RTOLS))
     species = scene.pop("species")
     built = ParticleScene(
-        **scene, species=species, positions=(x * length).tolist(), radii=(radii * length).tolist(), until=until,
-        times=5, rtol=rtol, **more,
+        **scene, species=species, positions=(x * length).tolist(), radii=(radii * length).tolist(), times=5, rtol=rtol,
+        **more,
     )  # fmt: skip
     kind = ", ".join([f"{draft.d}D", *dict.fromkeys(draft.kinds)])
     return Case(built, draft.drives, load(find(scene["law"]))[0], kind)

@@ -27,8 +27,9 @@ from softdyn.particles.loads import (
 )
 from softdyn.particles.time_functions import TimeFunction, is_driven
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, which
-from softdyn.scene import SMALLEST_RTOL, suggestion
+from softdyn.scene.numbers import SMALLEST_RTOL
 from softdyn.targets import CHOICES
+from softdyn.words import suggestion
 
 Array = NDArray[np.float64]
 
@@ -106,8 +107,8 @@ class ParticleScene:
     gap : float, optional
         Initial gap of the pairs whose surfaces are closer than that, which are then pressed together; all others start
         undeformed.
-    reach : float, optional
-        Range of a contact: beyond this gap there is none, and from half of it on it fades. Without it all pairs are
+    range : float, optional
+        Of a contact: beyond this gap there is none, and from half of it on it fades. Without it all pairs are
         in contact; with drag, those within 200 of the largest radius.
     tangential : bool
         Whether particles slide, roll and turn, as their law declares.
@@ -126,7 +127,7 @@ class ParticleScene:
         Of the layer that spheres in two dimensions are, and the width and the depth of the column that they are in one:
         what makes a stress of the forces in a box that is periodic along all axes. Twice the mean radius by default; in
         three dimensions, and where there is no stress, it is refused.
-    walls : sequence of Wall
+    wall : sequence of Wall
     shear_rate : float, str or table
         Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, an expression of t, or
         a table.
@@ -140,11 +141,11 @@ class ParticleScene:
     drag : float
         What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none. With it, contacts carry
         what of the law's friction exceeds its limit far apart: see :mod:`softdyn.derive.far_field`.
-    pushes : sequence of Push
-    holds : sequence of Hold
+    push : sequence of Push
+    hold : sequence of Hold
     constants : mapping from str to float
         Named constants of the expressions.
-    until : float
+    until_t : float
         The run ends at this time.
     until_strain : float, optional
         Or before, where a box under an imposed shear stress has this shear strain.
@@ -159,24 +160,24 @@ class ParticleScene:
     parameters: Mapping[str, float | Mapping[str, float]]
     positions: Any
     radii: Any
-    until: float
+    until_t: float
     until_strain: float | None = None
     species: Sequence[str] | None = None
     mixing: Mapping[str, str] = field(default_factory=dict)
     gap: float | None = None
-    reach: float | None = None
+    range: float | None = None
     tangential: bool = False
     films: Mapping[str, Any] | None = None
     box: Sequence[float | None] | None = None
     tilt: float = 0.0
     depth: float | None = None
-    walls: Sequence[Wall] = ()
+    wall: Sequence[Wall] = ()
     shear_rate: Any = 0.0
     stress: Mapping[str, Any] = field(default_factory=dict)
     stress_viscosity: float | None = None
     drag: float = 0.0
-    pushes: Sequence[Push] = ()
-    holds: Sequence[Hold] = ()
+    push: Sequence[Push] = ()
+    hold: Sequence[Hold] = ()
     constants: Mapping[str, float] = field(default_factory=dict)
     times: int | Sequence[float] = 11
     rtol: float = 1e-4
@@ -256,7 +257,7 @@ def check(scene: ParticleScene) -> Checked:
     if radii.shape != (count,):
         raise SceneError(f"[particles] {len(radii)} radii for {count} particles")
     faults = []
-    for name, kind in (("pushes", Push), ("holds", Hold), ("walls", Wall)):
+    for name, kind in (("push", Push), ("hold", Hold), ("wall", Wall)):
         entries = getattr(scene, name)
         if not isinstance(entries, (list, tuple)) or not all(isinstance(entry, kind) for entry in entries):
             raise SceneError(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
@@ -274,10 +275,10 @@ def check(scene: ParticleScene) -> Checked:
     faults += _size_faults(scene, x, radii)
     if faults:
         raise SceneError(listed(faults))
-    for name, value in (("[until] t", scene.until), ("[accuracy] rtol", scene.rtol)):
+    for name, value in (("[until] t", scene.until_t), ("[accuracy] rtol", scene.rtol)):
         if not is_number(value) or not value > 0:
             faults.append(f"{name} must be a positive number, not {value!r}")
-    for name, length in (("[contacts] gap", scene.gap), ("[contacts] range", scene.reach)):
+    for name, length in (("[contacts] gap", scene.gap), ("[contacts] range", scene.range)):
         if length is not None and not (is_number(length) and length > 0):
             faults.append(f"{name} must be a positive number, not {length!r}")
     if scene.until_strain is not None:
@@ -302,17 +303,17 @@ def check(scene: ParticleScene) -> Checked:
         faults.append(f"[accuracy] rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
     if scene.target not in CHOICES:
         faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, CHOICES)}")
-    reach = math.inf if scene.reach is None else float(scene.reach)
-    if scene.reach is None and scene.drag:
+    reach = math.inf if scene.range is None else float(scene.range)
+    if scene.range is None and scene.drag:
         reach = FAR * float(radii.max())
     if scene.gap is not None and scene.gap > reach / 2:
         faults.append(
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
-    if scene.reach is None and scene.box is not None and any(length is not None for length in scene.box):
+    if scene.range is None and scene.box is not None and any(length is not None for length in scene.box):
         faults.append("in a periodic box contacts need a range, beyond which there are none: [contacts] range")
-    elif scene.reach is None and count > MOST_WITHOUT_RANGE:
+    elif scene.range is None and count > MOST_WITHOUT_RANGE:
         faults.append(
             f"{count} particles need a range of their contacts, beyond which there are none: [contacts] range, half of "
             f"the smallest radius or so ({radii.min() / 2:g})"
@@ -350,8 +351,8 @@ def check(scene: ParticleScene) -> Checked:
     faults += _place_faults(x, box, walls) or _overlap_faults(x, radii, box, walls)
     if faults:
         raise SceneError(listed(faults))
-    pushed = [numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.pushes)]
-    held = [numbers_of(scene, hold.particles, count, f"[[hold]] {k}") for k, hold in enumerate(scene.holds)]
+    pushed = [numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.push)]
+    held = [numbers_of(scene, hold.particles, count, f"[[hold]] {k}") for k, hold in enumerate(scene.hold)]
     fixed, velocity = holds(scene, held, count, d)
     force, torque = pushes(scene, pushed, count, d)
     require_used(scene)
@@ -380,7 +381,7 @@ def check(scene: ParticleScene) -> Checked:
 def _size_faults(scene: ParticleScene, x: Array, radii: Array) -> list[str]:
     """Numbers whose squares and products would leave the range of double precision."""
     low, high = SIZES
-    given: dict[str, Any] = {"[contacts] gap": scene.gap, "[contacts] range": scene.reach, "[until] t": scene.until}
+    given: dict[str, Any] = {"[contacts] gap": scene.gap, "[contacts] range": scene.range, "[until] t": scene.until_t}
     given |= {"[flow] shear_rate": scene.shear_rate, "[flow] drag": scene.drag}
     for name, value in scene.parameters.items():
         values = value if isinstance(value, Mapping) else {"": value}
@@ -458,7 +459,7 @@ def _coordinates(values: Any, d: int) -> Array | None:
 
 def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
     walls = []
-    for number, wall in enumerate(scene.walls):
+    for number, wall in enumerate(scene.wall):
         point, normal = _coordinates(wall.point, d), _coordinates(wall.normal, d)
         size = 0.0 if normal is None else float(np.linalg.norm(normal))
         if point is None or normal is None or not 0 < size < math.inf:
@@ -531,7 +532,7 @@ def _times(scene: ParticleScene) -> Array:
     if isinstance(given, (int, np.integer)) and not isinstance(given, bool):
         if not 2 <= given <= 1_000_000:
             raise SceneError(f"[output] times must be 2 to 1000000, or a list, not {given}")
-        return np.linspace(0.0, float(scene.until), int(given))
+        return np.linspace(0.0, float(scene.until_t), int(given))
     if isinstance(given, str):
         raise SceneError(f"[output] times must be a count or a list of numbers, not {given!r}")
     try:
@@ -539,6 +540,6 @@ def _times(scene: ParticleScene) -> Array:
     except (TypeError, ValueError):
         raise SceneError("[output] times must be a count or a list of numbers") from None
     good = times.ndim == 1 and len(times) and np.isfinite(times).all() and (np.diff(times) > 0).all()
-    if not good or times[0] < 0 or times[-1] > scene.until:
-        raise SceneError(f"[output] times must increase, from 0 at least to until = {scene.until:g} at most")
+    if not good or times[0] < 0 or times[-1] > scene.until_t:
+        raise SceneError(f"[output] times must increase, from 0 at least to until = {scene.until_t:g} at most")
     return times

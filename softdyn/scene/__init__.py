@@ -1,0 +1,1 @@
+"""Scenes: what they say, how they are read, and what of them is refused before anything runs."""
