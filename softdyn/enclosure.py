@@ -7,7 +7,8 @@ Bounds are rigorous: rounding is counted, but that of the constants, which are d
 
 The questions that an engine has:
 
-- :func:`enclose`, :func:`enclose_derivative`: in what range are the values, or the slopes?
+- :func:`enclose`: in what range are the values? With :func:`softdyn.expression.derivative`, of the slopes, too: at a
+  kink both are within; a jump is not seen.
 - :func:`unseen`: how far can the expression be, on the interval, from a polynomial of a degree? A step of a method
   that follows such polynomials has seen all of it but that.
 - :func:`resolved`: intervals, each of which is resolved so, up to what is allowed.
@@ -37,8 +38,7 @@ EPS = float(np.finfo(float).eps)
 SLACK = 8 * EPS
 #: Radii of the disc, over half of the interval, that are tried: the best depends on what is enclosed.
 RADII = (1.5, 2.5, 4.0, 8.0, 16.0, 32.0)
-#: Most intervals that are looked at at once, and in all.
-AT_ONCE = 4096
+#: Most intervals that are looked at.
 MOST = 500_000
 
 #: Numbers of the operations in a program; see the template.
@@ -223,19 +223,6 @@ def enclose(
     return (float(low[0]), float(high[0])) if scalar else (low, high)
 
 
-def enclose_derivative(
-    expression: Expression | tuple[Shape, Any], t0: float | Array, t1: float | Array, order: int = 1
-) -> tuple[float | Array, float | Array]:
-    """Bounds of a derivative of an expression on [t0, t1], of the first order or of a higher one.
-
-    At a kink it has two, and both are within; a jump is not seen.
-    """
-    shape, constants, *_ = _of_shape(expression, t0, t1)
-    for _ in range(order):
-        shape = derivative(shape)
-    return enclose((shape, constants), t0, t1)
-
-
 def unseen(
     expression: Expression | tuple[Shape, Any],
     t0: float | Array,
@@ -373,11 +360,14 @@ class Interval:
     doubtful: bool
 
 
-#: Intervals after which the search for kinks tells how far it is.
-PATIENCE = 1024
+#: Intervals after which the search for kinks tells how far it is: at first, and at most.
+FIRST_LOOK, PATIENCE = 32, 4096
 #: Shortest intervals, in units of rounding, on which a sign may be undecided; so many of them, and they get longer.
 SHORTEST = 16.0
 UNDECIDED = 256
+#: So many kinks whose mean distance is below CROWDED, relative to the time so far, pile up somewhere. Intervals are not
+#: halved there below CROWD, relative to it, unless MOST_CROWDED of them are not enough.
+MANY, CROWDED, CROWD, MOST_CROWDED = 4096, 2.0**-32, 2.0**-28, 2**15
 #: Where a run may end at any time, the search goes as far as numbers do.
 FARTHEST = 1e300
 
@@ -407,17 +397,17 @@ def intervals(of: Pieces, constants: Sequence[float] | Array, start: float, end:
     if of.switches:
         search = _Search(of, base, start, min(end, FARTHEST))
         while search.waiting:
-            kinks, frontier, doubtful = search.go_on()
-            for time in kinks:
+            found, frontier = search.go_on()
+            for time in found:
                 # of two at one time the later tells what follows
                 if last < time < end and time - last > max(SHORTEST * EPS * max(abs(time), time - start), 1e-290):
-                    yield piece(last, time, True, doubtful)
+                    yield piece(last, time, True, search.doubts(last, time))
                 last = time if last < time < end else last
-            if not kinks and last < frontier < min(end, FARTHEST):
-                yield piece(last, frontier, False, doubtful)
+            if not found and last < frontier < min(end, FARTHEST):
+                yield piece(last, frontier, False, search.doubts(last, frontier))
                 last = frontier
     if last < end:
-        yield piece(last, end, False, False)
+        yield piece(last, end, False, bool(of.switches) and search.doubts(last, end))
 
 
 class _Search:
@@ -429,32 +419,71 @@ class _Search:
         self.jumps = [any(op[:2] in (("call", "sign"), ("call", "step")) for op in one) for one in of.switches]
         self.waiting = [(start, end)]  # the earliest last
         self.shortest, self.undecided = SHORTEST, 0
+        self.patience = FIRST_LOOK
+        self.crossed, self.since = 0, start
+        self.crowd, self.crowded = 0.0, 0
+        self.doubtful: list[tuple[float, float]] = []
 
-    def go_on(self) -> tuple[list[float], float, bool]:
-        """Zeros in the next part of the time, where that ends, and whether they are in doubt."""
-        found: list[float] = []
-        looked, doubtful, frontier = 0, False, self.start
-        while self.waiting and looked < PATIENCE and not found:
-            batch = [self.waiting.pop() for _ in range(min(len(self.waiting), 32))]
+    def doubts(self, low: float, high: float) -> bool:
+        """Whether there are times in a part of the time, later than those asked for before, that are in doubt."""
+        self.doubtful = [span for span in self.doubtful if span[1] > low]
+        return any(span[0] < high for span in self.doubtful)
+
+    def go_on(self) -> tuple[list[float], float]:
+        """Zeros in the next part of the time, and where that ends."""
+        alone: list[list[tuple[Array, Array]]] = [[] for _ in self.pairs]  # intervals that hold one zero at most
+        looked, frontier = 0, self.start
+        while self.waiting and looked < self.patience:
+            batch = [self.waiting.pop() for _ in range(min(len(self.waiting), self.patience // 8, 64))]
             looked += len(batch)
             low, high = (np.array(x) for x in zip(*batch, strict=True))
-            short = high - low <= self.shortest * EPS * np.maximum(np.abs(low), np.abs(high - self.start))
+            least = self.shortest * EPS * np.maximum(np.abs(low), np.abs(high - self.start))
+            short = high - low <= np.maximum(least, self.crowd * (low - self.start))
             open_ = self._open(low, high)
             settled = len(batch) if not (open_ & ~short).any() else int(np.argmax(open_ & ~short))
             if settled:
-                for shape, _ in self.pairs:
-                    found += self._crossings(shape, low[:settled], high[:settled])
+                for ends in alone:
+                    ends.append((low[:settled], high[:settled]))
                 frontier = batch[settled - 1][1]
-                tiny = int((open_ & short)[:settled].sum())
-                self.undecided += tiny
-                doubtful |= tiny > 0 and self.shortest > SHORTEST
-                if self.undecided > UNDECIDED:
-                    self.shortest, self.undecided = 1024 * self.shortest, 0
+                self._doubt(low[:settled], high[:settled], (open_ & short)[:settled])
             for i in range(len(batch) - 1, settled - 1, -1):
                 a, b = batch[i]
                 middle = self._middle(a, b)
                 self.waiting += [(middle, b), (a, middle)] if open_[i] and not short[i] else [(a, b)]
-        return sorted({*found}), frontier, doubtful
+        self.patience = min(2 * self.patience, PATIENCE)
+        found: set[float] = set()
+        for (shape, _), those in zip(self.pairs, alone, strict=True):
+            if those:
+                found |= {*self._crossings(shape, *(np.concatenate(ends) for ends in zip(*those, strict=True)))}
+        self._pile_up(len(found), frontier)
+        return sorted(found), frontier
+
+    def _doubt(self, low: Array, high: Array, undecided: NDArray[np.bool_]) -> None:
+        """Keep the intervals too short to be halved again; after many of them, they need be less short."""
+        if self.crowd or self.shortest > SHORTEST:  # else a kink is where the sign changes, to rounding
+            self.doubtful += zip(low[undecided].tolist(), high[undecided].tolist(), strict=True)
+        count = int(undecided.sum())
+        if self.crowd:
+            self.crowded += count
+            if self.crowded > MOST_CROWDED:
+                self.crowd, self.crowded = 32 * self.crowd, 0
+            return
+        self.undecided += count
+        if self.undecided > UNDECIDED:
+            self.shortest, self.undecided = 1024 * self.shortest, 0
+
+    def _pile_up(self, found: int, frontier: float) -> None:
+        """See whether kinks pile up, or no longer do."""
+        self.crossed += found
+        passed = frontier - self.start
+        last = self.doubtful[-1][1] if self.doubtful else self.since
+        if self.crowd and frontier - max(last, self.since) > MANY * self.crowd * passed:
+            self.crowd, self.crowded = 0.0, 0
+            self.crossed, self.since = 0, frontier
+        elif self.crossed >= MANY:
+            if not self.crowd and frontier - self.since < CROWDED * self.crossed * passed:
+                self.crowd = CROWD
+            self.crossed, self.since = 0, frontier
 
     def _middle(self, low: float, high: float) -> float:
         """Of an interval that spans many orders of magnitude from the start on, by their logarithm."""

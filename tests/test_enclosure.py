@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from softdyn.enclosure import enclose, enclose_derivative, intervals, kinks, resolved, unseen
+from softdyn.enclosure import enclose, intervals, kinks, resolved, unseen
 from softdyn.expression import Shape, derivative, evaluate, parse, pieces, values
 
 MP: dict[str, Any] = {
@@ -83,7 +83,7 @@ def test_values_and_slopes_are_within_their_bounds(text: str, start: float, leng
     expression = parse(text)
     assume(expression.of_time)
     end = start + length
-    bounds = enclose(expression, start, end), enclose_derivative(expression, start, end)
+    bounds = enclose(expression, start, end), enclose((derivative(expression.shape), expression.constants), start, end)
     with mp.workdps(40):
         for x in (0.0, 1.0, *at):
             t = mp.mpf(start) + (mp.mpf(end) - mp.mpf(start)) * mp.mpf(x)
@@ -201,6 +201,26 @@ def test_no_kink_is_found_where_there_is_none(text: str) -> None:
 
 def test_what_cannot_be_decided_is_said() -> None:
     assert not kinks(parse("abs(t*sin(1/t))"), 0.0, 1.0)[1]
+
+
+@pytest.mark.parametrize("place", [0.37, 0.8123])
+def test_kinks_that_pile_up_are_passed_and_doubted_there_alone(place: float) -> None:
+    """Those of abs(sin(1/(t - c))) are at c + 1/(n pi): all are found, but where there are millions."""
+    expression = parse("abs(sin(1/(t - c)))", {"c": place})
+    found = list(intervals(pieces(expression.shape), expression.constants, 0.0, 1.0))
+    ends = np.array([one.end for one in found if one.kink])
+    near = 1e-4
+    n = np.arange(1, math.floor(1 / (near * math.pi)) + 1)
+    there = np.concatenate([place - 1 / (n * math.pi), place + 1 / (n * math.pi)])
+    far = np.sort(there[(there > 0) & (there < 1)])
+    outside = ends[np.abs(ends - place) >= 1 / ((n[-1] + 0.5) * math.pi)]
+    # t - c is rounded by half a unit of t: the zeros are known to that
+    np.testing.assert_allclose(outside, far, rtol=0, atol=2 * np.finfo(float).eps)
+    starts = np.array([0.0, *(one.end for one in found[:-1])])
+    doubtful = starts[[one.doubtful for one in found]]
+    assert len(doubtful) > 0
+    assert np.abs(doubtful - place).max() < near
+    assert len(ends) < 2e5
 
 
 @given(expressions, st.floats(0.01, 5), st.floats(0, 1))

@@ -222,6 +222,30 @@ def test_what_cannot_be_bounded_is_warned_of() -> None:
 
 
 @pytest.mark.slow
+def test_millions_of_kinks_in_one_place_are_passed_and_told_of() -> None:
+    """abs(sin(T/(t - c))) has ten million kinks about c: the run follows it but for a ten-thousandth of the time."""
+
+    def integral(x: float) -> float:
+        """Of abs(sin(1/x)) from 0: of abs(sin(u))/u^2 from 1/x on, whose mean far out is that of 2/pi/u^2."""
+        u = np.unique(np.concatenate([[1 / x], np.pi * np.arange(math.ceil(1 / (x * np.pi)), 20_001)]))
+        points, weights = np.polynomial.legendre.leggauss(20)
+        middle, half = (u[1:] + u[:-1]) / 2, np.diff(u) / 2
+        at = middle[:, None] + half[:, None] * points
+        return float(np.sum(half * (np.abs(np.sin(at)) / at**2 @ weights))) + 2 / math.pi / float(u[-1])
+
+    c, F0 = 0.37, FRICTION / T
+    result = softdyn.simulate(
+        law=RIGID, parameters={"R": 1.0, "eta": 1.0}, h=1.0, force="F0*abs(sin(T/(t - c)))",
+        constants={"F0": F0, "c": c * T, "T": T}, until_t=T, times=[0.2 * T, 0.5 * T, T],
+    )  # fmt: skip
+    signed = [math.copysign(integral(abs(t / T - c)), t / T - c) for t in result.t]
+    wrong = np.log(result.h) + (integral(c) + np.array(signed))
+    assert abs(wrong[0]) < 1e-8
+    assert np.abs(wrong).max() < 1e-4
+    assert any("cannot be bounded" in text for text in result.warnings)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("terms", [330, pytest.param(1500, marks=pytest.mark.slow)])
 def test_long_sums_are_run(terms: int) -> None:
     """Too long for recursion, and for what compilers nest."""
