@@ -1,9 +1,8 @@
 """From a kernel's intermediate representation to the text of a target.
 
-Input: a :class:`KernelIR` or a :class:`ContactIR`, or nothing for the enclosures of expressions, which no law enters.
-Output: source text, which imports and includes nothing of softdyn's, and the signatures of its functions. The
-algorithms are templates in ``common``, in the subset of Python that all targets share; each is translated, put behind
-the elementary functions that it calls, and wrapped by the target's own template.
+Input: a :class:`KernelIR`, of any kind. Output: source text, which imports and includes nothing of softdyn's, and the
+signatures of its functions. The algorithms are templates in ``common``, in the subset of Python that all targets share;
+each is translated, put behind the elementary functions that it calls, and wrapped by the target's own template.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -19,13 +18,10 @@ import softdyn
 from softdyn import templates
 from softdyn.derive import special
 from softdyn.derive.elementary import constants, nested, used_functions
-from softdyn.derive.kernel import KernelIR, total_operations
+from softdyn.derive.kernel import KernelIR, Provenance, operations_of, total_operations
 from softdyn.derive.printing import KINDS
 from softdyn.derive.radau import PANEL_NODES, blindness, radau_iia
 from softdyn.targets import Signature, target_module
-
-if TYPE_CHECKING:
-    from softdyn.derive.contact_kernel import ContactIR
 
 #: Contacts that go together; wide enough for any machine's vectors, and for the latency of divisions.
 LANES = 16
@@ -39,20 +35,22 @@ class Written(NamedTuple):
     functions: dict[str, Signature]
 
 
-def write(ir: KernelIR | ContactIR, target: str) -> Written:
+def write(ir: KernelIR, target: str) -> Written:
     """Write a kernel for a target."""
+    body, ending = kernel_body(ir), suffix(target)
     # what the law's author wrote must end neither a comment nor a docstring
     safe = header(ir).replace("*/", "* /").replace("\\", "\\\\").replace('"""', "'''")
-    return _written(ir.name, ir.template, kernel_body(ir), {"ir": ir, "header": safe}, target)
+    values = {"ir": ir, "header": safe, "body": with_functions(body, target)}
+    return Written(render_part(f"{target}/{ir.kind}{ending}.j2", values), ending, signatures(body, ir.name))
 
 
 def write_enclosures(target: str) -> Written:
-    """Write the functions that enclose expressions of time, which are the same for all laws."""
-    values = {"version": softdyn.__version__}
-    return _written("enclosures", "enclosures", render_part("common/enclosures.py.j2", {}), values, target)
+    """Write the functions that enclose expressions of time: no law enters them, and they are the same for all."""
+    title = Provenance("Enclosures of expressions of time,")
+    return write(KernelIR("enclosures", "enclosures", title, {}, {}, {}, ()), target)
 
 
-def emit(ir: KernelIR | ContactIR, target: str) -> str:
+def emit(ir: KernelIR, target: str) -> str:
     """Source text of a kernel for a target."""
     return write(ir, target).text
 
@@ -60,11 +58,6 @@ def emit(ir: KernelIR | ContactIR, target: str) -> str:
 def suffix(target: str) -> str:
     """Ending of a target's files."""
     return str(target_module(target).SUFFIX)
-
-
-def _written(name: str, template: str, body: str, values: Mapping[str, object], target: str) -> Written:
-    text = render_part(f"{target}/{template}{suffix(target)}.j2", {**values, "body": with_functions(body, target)})
-    return Written(text, suffix(target), signatures(body, name))
 
 
 def signatures(body: str, name: str) -> dict[str, Signature]:
@@ -86,11 +79,17 @@ def _environment() -> Environment:
     )
 
 
-def kernel_body(ir: KernelIR | ContactIR) -> str:
+@cache
+def _numbers(kind: str) -> dict[str, object]:
+    """Numbers of the algorithm of a kind of kernels, whatever its functions."""
+    if kind == "pair":
+        return {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES), "blind": blindness()}
+    return {"lanes": LANES} if kind == "contacts" else {}
+
+
+def kernel_body(ir: KernelIR) -> str:
     """The algorithms of a kernel in the subset of Python that all targets share."""
-    of_pairs = {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES), "blind": blindness()}
-    numbers = of_pairs if isinstance(ir, KernelIR) else {"lanes": LANES}
-    return with_special(render_part(f"common/{ir.template}.py.j2", {"ir": ir, **numbers}))
+    return with_special(render_part(f"common/{ir.kind}.py.j2", {"ir": ir, **_numbers(ir.kind)}))
 
 
 def with_special(body: str) -> str:
@@ -117,22 +116,23 @@ def render_part(name: str, values: Mapping[str, object]) -> str:
     return "\n".join(line.rstrip() for line in text.strip().splitlines()) + "\n"
 
 
-def header(ir: KernelIR | ContactIR) -> str:
+def header(ir: KernelIR) -> str:
     """Provenance, as every generated file carries it."""
-    lines = [
-        f"Contact law {ir.name}: written by softdyn {softdyn.__version__} with sympy {ir.sympy_version}; do not edit.",
-        "",
-        f"Source: {ir.source}",
-        f"Law {ir.law_hash}:",
-        *(f"    {name} = {expr}" for name, expr in ir.declaration),
-    ]
-    if ir.fixed:
-        lines.append("With " + ", ".join(f"{name} = {value}" for name, value in ir.fixed) + ".")
+    made = ir.provenance
+    by = f"softdyn {softdyn.__version__}" + (f" with sympy {made.sympy_version}" if made.sympy_version else "")
+    lines = [f"{made.title} written by {by}; do not edit."]
+    if made.source:
+        lines += ["", f"Source: {made.source}"]
+    if made.declaration:
+        lines += [f"Law {made.fingerprint}:", *(f"    {name} = {expr}" for name, expr in made.declaration)]
+    if made.fixed:
+        lines.append("With " + ", ".join(f"{name} = {value}" for name, value in made.fixed) + ".")
     if ir.savings:
         lines.append("Left out, with the operations that each saved:")
         lines += [f"    {saving.rule}: {saving.before} -> {saving.after}" for saving in ir.savings]
-    lines.append(f"Operations, {total_operations(ir)} in all:")
-    for part, counts in ir.operations.items():
+    if ir.functions:
+        lines.append(f"Operations, {total_operations(ir)} in all:")
+    for name, counts in operations_of(ir).items():
         if any(counts.values()):
-            lines.append(f"    {part}: " + ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind]))
+            lines.append(f"    {name}: " + ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind]))
     return "\n".join(lines)

@@ -288,9 +288,9 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     from softdyn.derive.branches import has_kinks
     from softdyn.derive.checks import pressed_only
     from softdyn.derive.emit import write
-    from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import expressions, is_dry, parameters_of, plain_ranges
     from softdyn.derive.pair_equations import Needs
+    from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.laws import load
 
     law, depends = load(reference)
@@ -298,13 +298,13 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     written = write(ir, target)
     return {
         "name": ir.name,
-        "drive": ir.drive,
-        "constants": ir.constants,
-        "parameters": ir.parameters,
-        "outputs": ir.outputs,
-        "inputs": ir.inputs,
-        "components": ir.components,
-        "width": ir.width,
+        "drive": ir.settings["drive"],
+        "constants": ir.settings["constants"],
+        "parameters": ir.arrays["p"],
+        "outputs": ir.settings["outputs"],
+        "inputs": ir.settings["inputs"],
+        "components": ir.settings["components"],
+        "width": ir.settings["width"],
         "dry": is_dry(law),
         "pressed_only": pressed_only(law),
         "kinked": has_kinks(*expressions(law).values()),

@@ -14,7 +14,6 @@ from softdyn.results import written_whole
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_equations import ContactNeeds
-    from softdyn.derive.contact_kernel import ContactIR
     from softdyn.derive.kernel import KernelIR
     from softdyn.derive.law import ContactLaw
     from softdyn.derive.pair_equations import Needs
@@ -54,9 +53,9 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.contact_kernel import contact_ir
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.films import find_films
-    from softdyn.derive.kernel import kernel_ir
     from softdyn.derive.law import is_dry, is_rigid
     from softdyn.derive.limits import check_limits
+    from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.derive.regimes import discover
     from softdyn.derive.typeset import as_text
     from softdyn.study.presence import presence_of
@@ -70,7 +69,7 @@ def generated_files() -> dict[str, str]:
         files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
         diagram = discover(law)
         files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram), presence_of(diagram))
-        made: dict[str, KernelIR | ContactIR] = {kind: kernel_ir(law, needs) for kind, needs in kinds().items()}
+        made: dict[str, KernelIR] = {kind: kernel_ir(law, needs) for kind, needs in kinds().items()}
         if not is_rigid(law) and not is_dry(law):
             made["contacts"] = contact_ir(law, contact_needs(law))
         kernels = {f"{kind}{suffix(target)}": emit(ir, target) for kind, ir in made.items() for target in TARGETS}

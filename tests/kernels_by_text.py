@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from softdyn.derive import ContactLaw
 from softdyn.derive.emit import emit
-from softdyn.derive.kernel import KernelIR, kernel_ir
+from softdyn.derive.kernel import KernelIR
 from softdyn.derive.pair_equations import Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.targets import c as c_target
 
 Array = NDArray[np.float64]
@@ -33,10 +34,10 @@ class TextKernel:
 
     def evaluate(self, p: Array, h: Array, delta: Array, **inputs: Array) -> dict[str, Array]:
         """Return the outputs by name; of the inputs (F, dF_dt), those are used that the kernel takes."""
-        out = np.empty(len(self.ir.outputs) * len(h))
+        out = np.empty(len(self.ir.settings["outputs"]) * len(h))
         function = self._function(f"{self.ir.name}_evaluate")
-        function(len(h), h, delta, *(inputs[name] for name in self.ir.inputs), p, out)
-        return dict(zip(self.ir.outputs, out.reshape(-1, len(h)), strict=True))
+        function(len(h), h, delta, *(inputs[name] for name in self.ir.settings["inputs"]), p, out)
+        return dict(zip(self.ir.settings["outputs"], out.reshape(-1, len(h)), strict=True))
 
     def solve_delta(self, p: Array, h: Array, F: Array) -> Array:
         """Deflections that balance F."""

@@ -12,8 +12,8 @@ from softdyn.derive import contact_equations, controls, dynamics, pair_equations
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics
-from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.pair_equations import Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.laws import law_of
 
 NUMBERS = ("X", "by_gap", "stiffness", "friction", "dh_dt", "ddelta_dt", "dX_dt")

@@ -291,11 +291,11 @@ def numbers_of(law: ContactLaw, text: str, folder: Path) -> tuple[Array, Array]:
         "A": 1e-7,
         "L": 0.03,
     }
-    p = np.array([values[name] for name in ir.uniform])
-    q = np.repeat([values[name] for name in ir.varying], n)
+    p = np.array([values[name] for name in ir.arrays["p"]])
+    q = np.repeat([values[name] for name in ir.arrays["q"]], n)
     start = 10 ** draw.uniform(-3, -0.5, n)
     overlap = 2 * 10 ** draw.uniform(-4, -1, n) * draw.choice([1, 1, -0.3], n) - start
-    state, y, gap, force, slope = np.empty(len(ir.outputs) * n), *(np.zeros(n) for _ in range(4))
+    state, y, gap, force, slope = np.empty(len(ir.functions["state"].gives) * n), *(np.zeros(n) for _ in range(4))
     more, count, number = np.empty(len(ir.tangential) * n), ctypes.c_int64(n), ctypes.c_double
     passed = [array.ctypes.data_as(ctypes.c_void_p) for array in (overlap, start, np.zeros(n), p, q)]
     getattr(library, f"{law.name}_state")(
@@ -319,7 +319,7 @@ def test_kernels_give_the_numbers_of_libm(law: ContactLaw, tmp_path: Path) -> No
     assert with_libm(text) != text
     state, solution = numbers_of(law, text, tmp_path)
     expected, solved = numbers_of(law, with_libm(text), tmp_path)
-    names = contact_ir(law, needs_of(law)).outputs
+    names = contact_ir(law, needs_of(law)).functions["state"].gives
     for name in ("friction", "friction_t"):
         row = names.index(name)
         np.testing.assert_allclose(state[row], expected[row], rtol=8 * 2**-53)
@@ -379,7 +379,7 @@ def test_numba_vectorises_the_loops_over_lanes(tmp_path: Path) -> None:
     none = np.empty(0)
     module.dlvo_contacts(0, 0.0, 1.0, none, none, none, np.ones(7), *[none] * 5)
     (assembler,) = module.dlvo_contacts.inspect_asm().values()
-    divisions = ir.operations["iteration"]["div"] + ir.operations["tangent"]["div"]
+    divisions = sum(ir.functions[part].operations["div"] for part in ("iteration", "tangent"))
     # some of those counted have a common denominator
     assert len(re.findall(r"\bv?divpd\b", assembler)) > 0.6 * divisions
 

@@ -60,7 +60,7 @@ def test_the_wheel_holds_the_tree(distributions: tuple[Path, Path]) -> None:
 def test_the_source_distribution_holds_the_licence_and_the_readme(distributions: tuple[Path, Path]) -> None:
     with tarfile.open(distributions[1]) as source:
         names = {name.split("/", 1)[1] for name in source.getnames() if "/" in name}
-    assert {"LICENSE", "README.md", "pyproject.toml", "derive/law.py", "templates/common/kernel.py.j2"} <= names
+    assert {"LICENSE", "README.md", "pyproject.toml", "derive/law.py", "templates/common/pair.py.j2"} <= names
 
 
 @pytest.mark.slow

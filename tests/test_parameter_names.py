@@ -18,10 +18,10 @@ from softdyn import particles
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
 from softdyn.derive.dynamics import law_quantities
 from softdyn.derive.far_field import excess, far_friction
-from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.law import code_names, in_code, parameters_of
 from softdyn.derive.limits import check_limits
 from softdyn.derive.pair_equations import Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.printing import power_name
 from softdyn.derive.symbols import DERIVED, MEANINGS, Parameter
 from softdyn.derive.typeset import FORMATS
@@ -139,8 +139,8 @@ def test_a_law_with_the_names_of_what_is_derived_is_derived_right() -> None:
     for write in FORMATS.values():
         assert "own" in write(law)
     fixed = kernel_ir(law, Needs(fixed={"D": "1e-4"}))
-    assert fixed.parameters == ("R", "E", "eta", "n")
-    assert fixed.fixed == (("D", "1e-4"),)
+    assert fixed.arrays["p"] == ("R", "E", "eta", "n")
+    assert fixed.provenance.fixed == (("D", "1e-4"),)
 
 
 def test_what_is_derived_has_names_that_are_listed() -> None:

@@ -13,9 +13,10 @@ import pytest
 from sympy import pi, sin, sqrt, sstr
 
 from softdyn.derive import ContactLaw, Limit, R, delta, eta, h
-from softdyn.derive.kernel import kernel_ir, total_operations
+from softdyn.derive.kernel import total_operations
 from softdyn.derive.law import expressions, law_hash
 from softdyn.derive.limits import check_limits
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.regimes import discover
 from softdyn.derive.typeset import findings_html
 from softdyn.errors import SceneError

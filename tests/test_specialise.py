@@ -27,13 +27,14 @@ import softdyn
 from softdyn.derive import E, R, a, h
 from softdyn.derive import emit as emit_module
 from softdyn.derive.contact_equations import ContactNeeds
-from softdyn.derive.contact_kernel import ContactIR, contact_ir
+from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.emit import emit, header
-from softdyn.derive.kernel import Code, KernelIR, kernel_ir, total_operations
+from softdyn.derive.kernel import KernelIR, operations_of, total_operations
 from softdyn.derive.law import law_hash
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.pair_equations import OUTPUTS, Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.printing import KINDS, operations, straight_line
 from softdyn.derive.rules import RULES
 from softdyn.errors import LawError
@@ -57,7 +58,7 @@ def text_of(name: str, target: str, **needs: Any) -> str:
     return text.split("#include <stdint.h>", 1)[1] if target == "c" else text.split('"""', 2)[2]
 
 
-def rules_of(ir: KernelIR | ContactIR) -> list[str]:
+def rules_of(ir: KernelIR) -> list[str]:
     """Return the names of the rules that were applied."""
     return [saving.rule for saving in ir.savings]
 
@@ -104,7 +105,7 @@ def test_each_rule_saves_operations() -> None:
 def test_what_an_expression_needs_besides_is_counted() -> None:
     """The slope of the rate by the force itself: 4 operations that a table of forces does not take."""
     moving, table = (ir_of("rognon_gay", drive=drive) for drive in (parse("sin(t)").shape, "table"))
-    assert operations(moving.slopes.lines) != operations(table.slopes.lines)
+    assert moving.functions["slopes"].operations != table.functions["slopes"].operations
     assert [saving.rule for saving in moving.savings] == [saving.rule for saving in table.savings]
     for one, other in zip(moving.savings, table.savings, strict=True):
         assert one.before > other.before
@@ -167,10 +168,8 @@ class TestText:
         text = text_of("screened", target, outputs=OUTPUTS, fixed=(("R", "0.5"), ("ell", "0.3"), ("eta", "1e-3")))
         assert not {"R", "own_ell", "eta"} & words(code_alone(text, target))
         assert {"E", "own_strength"} <= words(text)
-        assert ir_of("screened", outputs=OUTPUTS, fixed=(("R", "0.5"), ("ell", "0.3"), ("eta", "1e-3"))).parameters == (
-            "E",
-            "strength",
-        )
+        fixed = (("R", "0.5"), ("ell", "0.3"), ("eta", "1e-3"))
+        assert ir_of("screened", outputs=OUTPUTS, fixed=fixed).arrays["p"] == ("E", "strength")
 
     def test_outputs_that_nobody_asked_for_are_not_computed(self, target: str) -> None:
         text = text_of("rognon_gay", target, outputs=("X",))
@@ -224,12 +223,12 @@ def test_specialised_kernels_give_the_numbers_of_the_general_one(name: str, tmp_
     values = {"R": 1.25, "E": 2.5, "eta": 0.75, "strength": -0.25, "ell": 0.5, "tilt": 0.75, "rim": 0.25, "brush": 0.5}
     general = TextKernel(LAWS[name], ALL, "c", tmp_path)
     for side, deflection in ((1, "compression"), (-1, "tension")):
-        p = np.array([values[parameter] for parameter in general.ir.parameters])
+        p = np.array([values[parameter] for parameter in general.ir.arrays["p"]])
         expected = general.evaluate(p, gaps, side * size, F=side * force, dF_dt=rate)
         needs = Needs(deflection=deflection, fixed={"eta": "0.75", "E": "2.5"}, outputs=OUTPUTS)  # type: ignore[arg-type]
         special = TextKernel(LAWS[name], needs, "c", tmp_path)
-        assert len(special.ir.parameters) == len(p) - 2
-        q = np.array([values[parameter] for parameter in special.ir.parameters])
+        assert len(special.ir.arrays["p"]) == len(p) - 2
+        q = np.array([values[parameter] for parameter in special.ir.arrays["p"]])
         found = special.evaluate(q, gaps, side * size, F=side * force)
         for output in OUTPUTS:
             scale = np.abs(expected[output]) + np.median(np.abs(expected[output]))
@@ -248,10 +247,10 @@ def test_fewer_outputs_have_the_same_bits(tmp_path: Path) -> None:
 
 
 def test_inputs_are_those_that_the_outputs_need() -> None:
-    assert ir_of("rognon_gay", outputs=("a", "X")).inputs == ()
-    assert ir_of("rognon_gay", outputs=("dh_dt",)).inputs == ("F",)
-    assert ir_of("rognon_gay", drive="table", outputs=("ddelta_dt",)).inputs == ("F", "dF_dt")
-    assert ir_of("rognon_gay", drive="table", outputs=("dh_dt",)).inputs == ("F",)
+    assert ir_of("rognon_gay", outputs=("a", "X")).settings["inputs"] == ()
+    assert ir_of("rognon_gay", outputs=("dh_dt",)).settings["inputs"] == ("F",)
+    assert ir_of("rognon_gay", drive="table", outputs=("ddelta_dt",)).settings["inputs"] == ("F", "dF_dt")
+    assert ir_of("rognon_gay", drive="table", outputs=("dh_dt",)).settings["inputs"] == ("F",)
 
 
 @pytest.mark.slow
@@ -314,7 +313,7 @@ def test_the_counts_in_the_header_are_those_of_the_text(name: str, needs: dict[s
     grand_total = 0
     for part in ("gap_terms", "newton", "gap_rate", "slopes", "quantities"):
         counts = count_in_c(found[f"_{part}"])
-        assert {kind: counts[kind] for kind in KINDS} == ir.operations[part], part
+        assert {kind: counts[kind] for kind in KINDS} == ir.functions[part].operations, part
         shown = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
         assert not shown or f" *     {part}: {shown}\n" in text
         grand_total += counts.total()
@@ -325,7 +324,7 @@ def test_the_counts_in_the_header_are_those_of_the_text(name: str, needs: dict[s
 def test_the_papers_law_needs_no_more_operations_than_this() -> None:
     """Constant force, compression, outputs a and X: what a scene of the paper runs. More would be a regression."""
     ir = ir_of("rognon_gay", deflection="compression")
-    assert ir.operations == {
+    assert operations_of(ir) == {
         "gap_terms": {"add": 1, "mul": 1, "div": 1, "sqrt": 0, "call": 0},
         "newton": {"add": 3, "mul": 11, "div": 1, "sqrt": 1, "call": 0},
         "gap_rate": {"add": 2, "mul": 15, "div": 3, "sqrt": 1, "call": 0},
@@ -600,9 +599,10 @@ def test_the_head_is_the_same_for_both_targets() -> None:
 
 def test_code_lists_the_parameters_that_it_uses() -> None:
     ir = ir_of("screened")
-    assert ir.newton == Code((("R", 0), ("E", 1)), ir.newton.lines)
-    assert [name for name, _ in ir.gap_rate.parameters] == ["R", "eta", "own_ell", "own_strength"]
-    assert [ir.parameters[index] for _, index in ir.gap_rate.parameters] == ["R", "eta", "ell", "strength"]
+    assert ir.functions["newton"].reads == {"p": (("R", 0), ("E", 1))}
+    entries = ir.functions["gap_rate"].reads["p"]
+    assert [name for name, _ in entries] == ["R", "eta", "own_ell", "own_strength"]
+    assert [ir.arrays["p"][index] for _, index in entries] == ["R", "eta", "ell", "strength"]
 
 
 def test_the_numba_text_is_plain_python(tmp_path: Path) -> None:

@@ -118,10 +118,10 @@ def test_equal_spheres_have_no_lever() -> None:
     """It is left out, and so is size_ratio; both are there for unequal ones."""
     equal = contact_ir(equal_spheres, ContactNeeds(tangential=True))
     unequal = contact_ir(equal_spheres, ContactNeeds(varying=("R", "size_ratio"), tangential=True))
-    assert "lever" not in equal.tangential
-    assert "lever" in unequal.tangential
-    assert not any(name == "size_ratio" for name in (*equal.uniform, *equal.varying))
-    assert equal.operations["tangent"]["mul"] < unequal.operations["tangent"]["mul"]
+    assert "lever" not in equal.functions["tangent"].gives
+    assert "lever" in unequal.functions["tangent"].gives
+    assert not any(name == "size_ratio" for name in (*equal.arrays["p"], *equal.arrays["q"]))
+    assert equal.functions["tangent"].operations["mul"] < unequal.functions["tangent"].operations["mul"]
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,10 @@ from sympy import Add, Symbol, lambdify, sqrt, tanh
 
 from softdyn.derive import FORCE, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.emit import emit
-from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.law import parameters_of
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.pair_equations import OUTPUTS, Deflection, Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.errors import LawError
 from softdyn.expression import parse
 from softdyn.kernels import get_kernel
@@ -382,7 +382,7 @@ def evaluate_with_parameters(names: list[str], assumptions: dict[str, bool], tar
     )
     kernel = TextKernel(law, Needs(drive="table", outputs=("F_adh", "dh_dt", "lambda2")), target, folder)
     values = {name: 3.0**-i for i, name in enumerate(names, start=1)}
-    p = np.array([{"R": 1.0, "E": 1.0, "eta": 1.0, **values}[name] for name in kernel.ir.parameters])
+    p = np.array([{"R": 1.0, "E": 1.0, "eta": 1.0, **values}[name] for name in kernel.ir.arrays["p"]])
     one = np.ones(1)
     found = kernel.evaluate(p, one, one, F=one, dF_dt=one)
     # the geometric series of 2/3, with a = h = R = 1; each of its terms rounds a few times

@@ -69,7 +69,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (tmp_path / "modules" / "plain.py").write_text(MODULE, encoding="utf-8")
     folder = tmp_path / "templates" / "plain"
     folder.mkdir(parents=True)
-    for name in ("kernel", "contacts"):
+    for name in ("pair", "contacts"):
         (folder / f"{name}.txt.j2").write_text(TEMPLATE, encoding="utf-8")
     monkeypatch.setenv("SOFTDYN_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(targets, "__path__", [*targets.__path__, str(tmp_path / "modules")])

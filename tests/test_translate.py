@@ -17,8 +17,8 @@ from invented_laws import LAWS
 from kernels_by_text import compile_c
 
 from softdyn.derive.emit import kernel_body
-from softdyn.derive.kernel import kernel_ir
 from softdyn.derive.pair_equations import OUTPUTS, Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.translate import TranslationError, to_c
 
 HEAD = "#include <math.h>\n#include <stdint.h>\n"

@@ -22,8 +22,9 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
     As it is, without each of the rules that apply, without all of them, and with the parameters, all 1, as numbers.
     """
     from softdyn.derive.emit import write
-    from softdyn.derive.kernel import kernel_ir, total_operations
+    from softdyn.derive.kernel import total_operations
     from softdyn.derive.pair_equations import Needs
+    from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.derive.rules import RULES, Rule
 
     declared, full = law_of(law), Needs(**needs)
@@ -44,5 +45,6 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
             for file, content in back_end.build(ir.name, text, made_by).items():
                 Path(scratch, file).write_bytes(content)
             functions = Functions(**back_end.load(Path(scratch), ir.name, signatures))
-        made = replace(kernel, functions=functions, outputs=ir.outputs, parameters=ir.parameters, inputs=ir.inputs)
+        takes = {"parameters": ir.arrays["p"], "outputs": ir.settings["outputs"], "inputs": ir.settings["inputs"]}
+        made = replace(kernel, functions=functions, **takes)
         yield name, made, total_operations(ir)

@@ -27,7 +27,7 @@ from softdyn.derive.dynamics import generic_dynamics, law_quantities, partials
 from softdyn.derive.emit import emit
 from softdyn.derive.films import Film, Films
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.kernel import kernel_ir, total_operations
+from softdyn.derive.kernel import operations_of, total_operations
 from softdyn.derive.law import (
     dimensions_for,
     expressions,
@@ -40,6 +40,7 @@ from softdyn.derive.law import (
 )
 from softdyn.derive.limits import Finding, ordering, side_of
 from softdyn.derive.pair_equations import Needs
+from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.printing import KINDS
 from softdyn.derive.regimes import Crossover, Diagram, Form, Regime, Side
 from softdyn.derive.symbols import E, F, R, eta
@@ -636,17 +637,17 @@ def kernels(law: ContactLaw) -> list[dict[str, Any]]:
             continue
         source = emit(ir, "c")
         # the force is no part of a law
-        parts = {part: PARTS.get(part, part.replace("_", " ")) for part in ir.operations if part != "force"}
+        parts = {part: PARTS.get(part, part.replace("_", " ")) for part in ir.functions if part != "force"}
         entries.append({
             "scene": scene,
             "reason": "",
-            "operations": {name: sum(ir.operations[part].values()) for part, name in parts.items()},
-            "kinds": {kind: sum(counts[kind] for counts in ir.operations.values()) for kind in KINDS},
+            "operations": {name: sum(ir.functions[part].operations.values()) for part, name in parts.items()},
+            "kinds": {kind: sum(counts[kind] for counts in operations_of(ir).values()) for kind in KINDS},
             "total": total_operations(ir),
             "savings": ir.savings,
-            "outputs": ir.outputs,
+            "outputs": ir.settings["outputs"],
             "code": {
-                name: "\n".join(f"{left} = {right}" for left, right in getattr(ir, part).lines)
+                name: "\n".join(f"{left} = {right}" for left, right in ir.functions[part].lines)
                 for part, name in parts.items()
             },
             "source": source,
