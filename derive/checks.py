@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
@@ -217,10 +217,9 @@ def _tangential_positivity_faults(law: ContactLaw) -> list[str]:
     if t.rolling != 0 or t.coupling != 0:
         quantities |= {"sliding rolling - D^2 coupling^2": combined}
     faults = []
-    size = Dummy("delta", positive=True)
     for name, quantity in quantities.items():
         for side in (1, -1):
-            found = _witness_of_part(quantity.subs(a, law.a).subs(delta, side * size), law, size)
+            found = _witness_of_part(quantity.subs(a, law.a).subs(delta, side * _SIZE), law)
             if found is not None:
                 faults.append(
                     f"tangential {name} must be positive for h > 0 and |delta| < R, but at {_point(found, side)} it is "
@@ -381,6 +380,8 @@ def _gap_faults(name: str, expr: Expr, law: ContactLaw) -> list[str]:
 RATIOS = (Rational(0), Rational(1, 50), Rational(1, 8), Rational(1, 4))
 GAPS = (-12, -9, -6, -4, -3, -2, -1, 0, 1, 2, 4)
 DEFLECTIONS = (-14, -9, -6, -4, -2, -1, -0.3, -0.005)
+#: abs(delta): one symbol, so that laws that are built on one another share what is found of common expressions.
+_SIZE = Dummy("delta", positive=True)
 
 CLAIMABLE = ("a", "zeta", "delta", "F", "F_ela", "F_adh", "C", "D", "dh_dt", "dX_dt")
 
@@ -623,7 +624,6 @@ def _signs_of(law: ContactLaw) -> Iterator[Sign]:
         quantities["C"] = stiffness_of(law)
     if law.zeta != 0:
         quantities["zeta"] = law.zeta
-    size = Dummy("delta", positive=True)
     for name, quantity in quantities.items():
         explicit = quantity.subs(a, law.a)
         sides = {"delta > 0": 1, "delta < 0": -1, "delta = 0": 0}
@@ -634,8 +634,8 @@ def _signs_of(law: ContactLaw) -> Iterator[Sign]:
                 continue
             if value < 0 and pressed_only(law):
                 continue
-            expr = tidy(explicit.subs(delta, value * size))
-            yield Sign(name, quantity, words, sign_on_domain(expr, law, size))
+            expr = tidy(explicit.subs(delta, value * _SIZE))
+            yield Sign(name, quantity, words, sign_on_domain(expr, law))
 
 
 def _positivity_faults(law: ContactLaw) -> list[str]:
@@ -670,45 +670,55 @@ def pressed_only(law: ContactLaw) -> bool:
     return False
 
 
-def sign_on_domain(expr: Expr, law: ContactLaw, size: Symbol) -> Positivity:
-    """Whether an expression is positive for h > 0, a deflection of a size below R, and all own parameters allowed."""
+def sign_on_domain(expr: Expr, law: ContactLaw) -> Positivity:
+    """Whether an expression is positive for h > 0, abs(delta) < R, and all own parameters allowed."""
     from softdyn.derive.law import ranges_of
 
-    domain = [(h, ranges_of_positive("h")), (size, ranges_of_positive(size.name, Rational(1)))]
+    domain = [(h, ranges_of_positive("h")), (_SIZE, ranges_of_positive(_SIZE.name, Rational(1)))]
     allowed = ranges_of(law)
     domain += [(symbol, ranges_of_symbol(symbol, allowed.get(symbol))) for symbol in law.parameters]
     return positivity(expr.subs({R: 1, E: 1, eta: 1}), tuple(domain))
 
 
-def _witness_of_part(expr: Expr, law: ContactLaw, size: Symbol | None = None) -> Positivity | None:
+def _witness_of_part(expr: Expr, law: ContactLaw) -> Positivity | None:
     """Where an expression of particles of any two sizes is not positive; None if that is not seen.
 
     These are looked at in points: 11 gaps, 8 deflections, some size ratios and values of the law's own parameters.
     """
     for ratio in RATIOS if expr.has(size_ratio) else (None,):
         value = tidy(expr if ratio is None else expr.subs(size_ratio, ratio))
-        own = [symbol for symbol in law.parameters if symbol in value.free_symbols]
-        variables = {h: GAPS, **({size: DEFLECTIONS} if size else {})}
-        free = [symbol for symbol in variables if symbol in value.free_symbols]
-        if value.is_positive or (rewritable(value) and value.factor().is_positive):
-            continue
-        function = lambdify([*free, *own], value.subs({R: 1, E: 1, eta: 1}), modules="mpmath", dummify=True)
-        with mpmath.workdps(40):
-            samples = [[mpmath.mpf(10) ** k for k in variables[symbol]] for symbol in free]
-            for point in product(product(*samples), _combinations([_samples(symbol, law) for symbol in own])):
-                numbers = [*point[0], *point[1]]
-                try:
-                    found = function(*numbers)
-                except (ZeroDivisionError, ValueError, OverflowError):
-                    continue
-                if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
-                    named = {symbol.name: number for symbol, number in zip([*free, *own], numbers, strict=True)}
-                    size_of = {} if ratio is None else {"size_ratio": mpmath.mpf(int(ratio.p)) / int(ratio.q)}
-                    return Positivity("witness", {**size_of, **named}, found)
+        own = tuple((symbol, _samples(symbol, law)) for symbol in law.parameters if symbol in value.free_symbols)
+        found = _witness_in_points(value, own)
+        if found is not None:
+            size_of = {} if ratio is None else {"size_ratio": mpmath.mpf(int(ratio.p)) / int(ratio.q)}
+            return replace(found, at={**size_of, **found.at})
     return None
 
 
-def _combinations(samples: list[list[mpmath.mpf]]) -> list[tuple[mpmath.mpf, ...]]:
+@lru_cache(maxsize=256)
+def _witness_in_points(expr: Expr, own: tuple[tuple[Symbol, tuple[mpmath.mpf, ...]], ...]) -> Positivity | None:
+    """Laws that are built on one another have expressions in common: each is looked at once."""
+    if expr.is_positive or (rewritable(expr) and expr.factor().is_positive):
+        return None
+    free = [(symbol, powers) for symbol, powers in ((h, GAPS), (_SIZE, DEFLECTIONS)) if symbol in expr.free_symbols]
+    variables = [symbol for symbol, _ in (*free, *own)]
+    function = lambdify(variables, expr.subs({R: 1, E: 1, eta: 1}), modules="mpmath", dummify=True)
+    with mpmath.workdps(40):
+        samples = [[mpmath.mpf(10) ** k for k in powers] for _, powers in free]
+        for point in product(product(*samples), _combinations([values for _, values in own])):
+            numbers = [*point[0], *point[1]]
+            try:
+                found = function(*numbers)
+            except (ZeroDivisionError, ValueError, OverflowError):
+                continue
+            if mpmath.im(found) != 0 or not mpmath.re(found) > 0:
+                return Positivity(
+                    "witness", {symbol.name: number for symbol, number in zip(variables, numbers, strict=True)}, found
+                )
+    return None
+
+
+def _combinations(samples: Sequence[tuple[mpmath.mpf, ...]]) -> list[tuple[mpmath.mpf, ...]]:
     """Values of the parameters, in which one at most differs from the middle ones."""
     middle = tuple(values[len(values) // 2] for values in samples)
     varied = ((*middle[:k], value, *middle[k + 1 :]) for k, values in enumerate(samples) for value in values)
@@ -728,7 +738,7 @@ def _short(number: mpmath.mpf) -> str:
     return few if abs(mpmath.mpf(few) - number) <= abs(number) * 1e-15 else mpmath.nstr(number, 17)
 
 
-def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:
+def _samples(symbol: Symbol, law: ContactLaw) -> tuple[mpmath.mpf, ...]:
     from softdyn.derive.law import ranges_of
 
     allowed = ranges_of(law).get(symbol)
@@ -736,6 +746,6 @@ def _samples(symbol: Symbol, law: ContactLaw) -> list[mpmath.mpf]:
         low, high = (mpmath.mpf(exact.p) / exact.q for exact in (Rational(allowed.start), Rational(allowed.end)))
         parts = (0 if not allowed.left_open else 1, 5, 10 if not allowed.right_open else 9)
         samples = [low + (high - low) * mpmath.mpf(part) / 10 for part in parts]
-        return [sample for sample in samples if sample > 0 or not symbol.is_positive]
-    positive = [mpmath.mpf(10) ** k for k in (-3, 0, 3)]
-    return positive if symbol.is_positive else [-positive[1], positive[0], positive[1]]
+        return tuple(sample for sample in samples if sample > 0 or not symbol.is_positive)
+    positive = tuple(mpmath.mpf(10) ** k for k in (-3, 0, 3))
+    return positive if symbol.is_positive else (-positive[1], positive[0], positive[1])

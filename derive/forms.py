@@ -68,17 +68,11 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
         Whether to take out V = F/(eta R), where the form has F in it.
     """
     outside = rate and form.has(force)
-    written = powsimp((form / (force / (eta * R)) if outside else form).subs({force: kappa * unit, h: x * R}))
-    number = S.One
-    powers: dict[Symbol, Expr] = {}
-    for factor in Mul.make_args(expand_power_base(written)):
-        base, power = factor.as_base_exp()
-        if base.is_Symbol and power.is_number:
-            powers[base] = powers.get(base, S.Zero) + power
-        elif not factor.free_symbols & {kappa, x, R, E, eta}:
-            number *= factor  # of own parameters too, such as 1 - nu^2
-        else:
-            return None
+    written = (form / (force / (eta * R)) if outside else form).subs({force: kappa * unit, h: x * R})
+    found = _factors(written) or _factors(powsimp(written))
+    if found is None:
+        return None
+    number, powers = powsimp(found[0]), found[1]
     if outside:
         powers[V] = S.One
     order = [eta, E, V, R]
@@ -86,6 +80,21 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
     last = {kappa: 1, x: 2}
     sorted_ = sorted(powers, key=lambda s: (last.get(s, 0), rank.get(s, len(order)), s.name))
     return Product(number, {symbol: powers[symbol] for symbol in sorted_ if powers[symbol] != 0})
+
+
+def _factors(form: Expr) -> tuple[Expr, dict[Symbol, Expr]] | None:
+    """Factor of a product that has none of kappa, x, R, E and eta, and the powers of all symbols; None for others."""
+    number: Expr = S.One
+    powers: dict[Symbol, Expr] = {}
+    for factor in Mul.make_args(expand_power_base(form)):
+        base, power = factor.as_base_exp()
+        if base.is_Symbol and power.is_number:
+            powers[base] = powers.get(base, S.Zero) + power
+        elif not factor.free_symbols & {kappa, x, R, E, eta}:
+            number *= factor  # of own parameters too, such as 1 - nu^2
+        else:
+            return None
+    return number, powers
 
 
 def joined_logarithms(form: Expr) -> Expr:
