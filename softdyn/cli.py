@@ -551,7 +551,7 @@ def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
 
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
-        return contact_manifest(find(options.law), options.target, kernel_needs(scene, check(scene))), "contacts"
+        return contact_manifest(find(options.law), options.target, kernel_needs(check(scene))), "contacts"
     return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)}), ""
 
 

@@ -58,12 +58,12 @@ def simulate_by_velocities(
     IntegrationError
         If the integration does not reach its end.
     """
-    checked, system = prepare(scene)
+    system = prepare(scene)
     if scene.tangential:
         raise SceneError("the route by velocities knows normal contacts only: leave [contacts] tangential out")
-    if checked.walls or checked.fixed.any() or scene.range is not None or system.kernel.varying:
+    if system.walls or system.fixed.any() or scene.range is not None or system.kernel.varying:
         raise SceneError("the route by velocities is for free clusters of equal spheres without a range of contacts")
-    state = start(scene, checked, system, Newton())
+    state = start(system, Newton())
     contacts = state.contacts
     outputs = ("F_ela", "F_adh", "zeta", "C", "D")
     kernel = get_kernel(scene.law, scene.target, drive="constant", outputs=outputs)
@@ -84,7 +84,7 @@ def simulate_by_velocities(
         F = value["F_ela"]
         gap_rate = -(F - value["F_adh"]) / (value["zeta"] * carried(h))
         if system.dragged:
-            v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.drag[:, None]
+            v = flow(system.box, x) + (system.force(t) - contact_forces(contacts, F, n, count)) / system.resistance
         else:
             pull = value["C"] / value["D"] * (F - value["F_adh"])
             force_rate = _rate_of(system.force, t, 1e-3 * float(times[-1]))
@@ -99,7 +99,7 @@ def simulate_by_velocities(
         method=method,
         t_eval=np.asarray(times, dtype=float),
         rtol=rtol,
-        atol=rtol * np.concatenate([np.full(count * d, float(checked.radii.min())), contacts.h]) * 1e-2,
+        atol=rtol * np.concatenate([np.full(count * d, float(system.radii.min())), contacts.h]) * 1e-2,
     )
     if not done.success or not np.isfinite(done.y).all():
         raise IntegrationError(f"the explicit integration ends at t={done.t[-1]:.6g}: {done.message}")

@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import evaluate, parse
-from softdyn.particles.balance import Balance, Given, Newton, balance
+from softdyn.particles.balance import Balance, Newton, StageInput, balance
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
+from softdyn.particles.mechanisms.stress import condensed, excess
 from softdyn.particles.observables import strain
 from softdyn.particles.particle_scene import Hold, ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
-from softdyn.particles.surroundings import condensed, coordinates, excess, placed
+from softdyn.particles.surroundings import coordinates, placed
 from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
@@ -155,21 +156,21 @@ def test_the_work_of_the_pressure_is_that_of_the_box_and_the_flow() -> None:
 def test_the_condensed_matrix_is_the_derivative_of_the_stress(names: tuple[str, ...], drag: float) -> None:
     """By central differences, with all forces balanced at each: to the rounding of these."""
     scene = packing(stress=dict.fromkeys(names, 0.01), drag=drag, rtol=1e-8)
-    checked, system = prepare(scene)
-    newton = Newton()
-    state = start(scene, checked, system, newton)
+    system = prepare(scene)
+    newton, stress = Newton(), system.leader
+    state = start(system, newton)
     s, z = 5.0, coordinates(system, 0.0)
     nothing = np.zeros(len(state.contacts))
     guess = np.linspace(1e-4, 2e-4, len(names))
 
     def at(rates: Array, x: Array) -> tuple[System, Balance]:
         here, _ = placed(system, s, s, z, rates)
-        return here, balance(here, state.contacts, newton, Given(s, s, state.x, nothing), x, nothing.copy())
+        return here, balance(here, state.contacts, newton, StageInput(s, s, state.x, nothing), x, nothing.copy())
 
     here, found = at(guess, state.x)
     newton.forget()  # and factorise next to the balance
     here, found = at(guess, found.x + 1e-5 * np.sin(np.arange(found.x.size)).reshape(found.x.shape))
-    S, _ = condensed(here, state.contacts, newton, found, s)
+    S, _ = condensed(stress, here, state.contacts, newton, found, s)
     step = 1e-6
     for k in range(len(names)):
         ends = []
@@ -177,7 +178,7 @@ def test_the_condensed_matrix_is_the_derivative_of_the_stress(names: tuple[str, 
             moved = guess.copy()
             moved[k] += sign * step
             other, balanced = at(moved, found.x)
-            ends.append(excess(other, state.contacts, balanced, s))
+            ends.append(excess(stress, other, state.contacts, balanced, s))
         np.testing.assert_allclose(S[:, k], (ends[0] - ends[1]) / (2 * step), rtol=1e-3, atol=1e-3 * np.abs(S).max())
 
 

@@ -19,7 +19,7 @@ import softdyn
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import bench, linear
-from softdyn.particles.balance import Given, Newton, balance, contact_forces
+from softdyn.particles.balance import Newton, StageInput, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
@@ -194,7 +194,7 @@ def test_energy_is_accounted_for(drag: float) -> None:
 
 def test_the_elastic_energy_is_the_integral_of_the_force() -> None:
     """U = 2 integral of F d(delta), by finite differences: dU/d(delta) = 2 F; and U_h at fixed delta."""
-    _, system = prepare(scene())
+    system = prepare(scene())
     draw = np.random.default_rng(1)
     h, delta = 10 ** draw.uniform(-4, 0, 200), 10 ** draw.uniform(-4, -0.5, 200) * draw.choice([1, -1], 200)
     none = np.empty(0)
@@ -228,8 +228,8 @@ def test_without_drag_pairs_beyond_their_range_may_be_near(law: str) -> None:
 
 
 def test_internal_forces_and_torques_sum_to_zero() -> None:
-    _, system = prepare(rhombus())
-    state = start(rhombus(), prepare(rhombus())[0], system, Newton())
+    system = prepare(rhombus())
+    state = start(system, Newton())
     n, r = directions(state.contacts, state.x, lattice(system.box, 0.0), ())
     F = np.random.default_rng(0).standard_normal(len(r))
     total = contact_forces(state.contacts, F, n, 4)
@@ -300,8 +300,8 @@ def hexagons(rows: int = 6, compression: float = 0.9, **changes: Any) -> Particl
 def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
     """Without drag, against scipy's minimisation of the sum of U(h, delta) over the same contacts."""
     problem = hexagons()
-    checked, system = prepare(problem)
-    state = start(problem, checked, system, Newton())
+    system = prepare(problem)
+    state = start(system, Newton())
     contacts, cell = state.contacts, lattice(system.box, 0.0)
 
     def energy(flat: Array) -> tuple[float, Array]:
@@ -313,7 +313,7 @@ def test_at_frozen_gaps_positions_minimise_the_elastic_energy() -> None:
         U, _ = energies(system.kernel, system.reach, contacts.S - r, contacts.h, system.p, contacts.q.reshape(-1))
         return float(U.sum()), contact_forces(contacts, 4 / 9 * a * delta, n, len(x)).reshape(-1)
 
-    found = minimize(energy, checked.x.reshape(-1), jac=True, method="BFGS", options={"gtol": 1e-10})
+    found = minimize(energy, system.x.reshape(-1), jac=True, method="BFGS", options={"gtol": 1e-10})
     assert np.abs(energy(state.x.reshape(-1))[1]).max() < 1e-8
     assert energy(state.x.reshape(-1))[0] == pytest.approx(found.fun, rel=1e-9)
     difference = state.x.reshape(-1) - found.x
@@ -394,14 +394,14 @@ def test_a_ring_of_four_in_a_line_is_pressed_as_one_pair() -> None:
 
 def test_what_is_held_stays_where_it_is_given_however_bad_the_guess() -> None:
     """At a guess that is no number there are no forces: what may move comes back from it, and nothing else."""
-    checked, system = prepare(held := scene(hold=[Hold([0], "xy", [1e-3, 0.0])], push=(), gap=None, drag=1.0))
-    contacts = start(held, checked, system, Newton()).contacts
-    s, x_star = 1.0, checked.x
+    system = prepare(scene(hold=[Hold([0], "xy", [1e-3, 0.0])], push=(), gap=None, drag=1.0))
+    contacts = start(system, Newton()).contacts
+    s, x_star = 1.0, system.x
     guess = x_star + s * system.velocity(s)
     given = guess[0].copy()
     guess[1] = np.nan
     nothing = np.zeros(len(contacts))
-    found = balance(system, contacts, Newton(), Given(s, s, x_star, nothing), guess, nothing.copy())
+    found = balance(system, contacts, Newton(), StageInput(s, s, x_star, nothing), guess, nothing.copy())
     assert found.residual <= system.force_tolerance
     np.testing.assert_array_equal(found.x[0], given)
 
@@ -522,11 +522,11 @@ def test_bad_scenes_are_refused(changes: dict[str, Any], words: str) -> None:
 def test_particles_are_named_by_number_species_or_all() -> None:
     """In pushes and holds alike; numbers, lists and arrays make the same scene."""
     three = {"positions": [[0, 0], [2.1, 0], [4.2, 0]], "species": ["big", "small", "big"], "drag": 1.0}
-    named = check(scene(**three, push=[Push("big", [1.0, "2*t"]), Push("all", [0, 3.0])], hold=[Hold("small", "x")]))
+    named = prepare(scene(**three, push=[Push("big", [1.0, "2*t"]), Push("all", [0, 3.0])], hold=[Hold("small", "x")]))
     np.testing.assert_array_equal(named.force(1.0), [[1, 5], [0, 3], [1, 5]])
     np.testing.assert_array_equal(named.fixed, [[False, False], [True, False], [False, False]])
     forces = [Push(np.array([0, 2]), np.array([1.0, 2.0])), Push((0, 1, 2), (0, 3.0))]
-    numbered = check(scene(**three, push=forces, hold=[Hold([1], "x")]))
+    numbered = prepare(scene(**three, push=forces, hold=[Hold([1], "x")]))
     np.testing.assert_array_equal(numbered.force(1.0), named.force(1.0))
     np.testing.assert_array_equal(numbered.fixed, named.fixed)
 

@@ -317,8 +317,8 @@ def test_files_and_checkpoints_carry_the_depth(tmp_path: Path) -> None:
         simulate_particles(replace(scene, depth=2.0), checkpoint=path, resume=True)
     from softdyn.particles.checkpoint import fingerprint
 
-    checked, system = prepare(scene)
-    assert load_checkpoint(path, fingerprint(scene, checked, system), checked).box.depth == 3.0
+    system = prepare(scene)
+    assert load_checkpoint(path, fingerprint(system), system).box.depth == 3.0
     resumed = simulate_particles(scene, checkpoint=path, resume=True)
     np.testing.assert_allclose(resumed.stress, result.stress, rtol=1e-6)
 
@@ -361,8 +361,8 @@ def test_the_images_of_a_slow_box_move_as_fast_as_it_says(rate: float) -> None:
     from softdyn.particles.system import moving_images
 
     scene = layer(stress={}, shear_rate=rate, tangential=False)
-    checked, system = prepare(scene)
-    contacts, *_ = find_contacts(scene, checked, system.kernel, checked.x, 0.0, None, system.box, system.walls)
+    system = prepare(scene)
+    contacts, *_ = find_contacts(system, system.x, 0.0, None)
     rows, velocities = moving_images(system, contacts, 0.1 / rate)
     expected = rate * contacts.shift[rows, 1] * system.box.lengths[1]
     assert expected.any()

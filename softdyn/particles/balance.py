@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from softdyn.particles import linear, sliding
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import System, background, gauge_axes, image_velocities, turns_freely
+from softdyn.particles.system import System, gauge_axes, image_velocities, turns_freely
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -95,7 +95,7 @@ class Balance:
         Largest of the others, less what rounding makes of it.
     residual : float
         That relative to the largest force.
-    slid : Slid or None
+    slid : TangentialForces or None
         Tangential forces.
     values : dict
         What the kernel gives of tangential motion.
@@ -111,12 +111,12 @@ class Balance:
     reaction: Array
     off: float
     residual: float
-    slid: sliding.Slid | None = None
+    slid: sliding.TangentialForces | None = None
     values: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Given:
+class StageInput:
     """What is given of a stage, in which x = x* + s dx/dt and y = y* + s dy/dt at its end.
 
     Attributes
@@ -246,14 +246,14 @@ def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
     return total
 
 
-def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x: Array, y: Array) -> Balance:
+def balance(system: System, contacts: Contacts, newton: Newton, given: StageInput, x: Array, y: Array) -> Balance:
     """Solve one implicit stage: positions and gaps that balance all forces.
 
     Parameters
     ----------
     contacts : Contacts
         With the gaps at the start of the step, which define y.
-    given : Given
+    given : StageInput
     x : array, shape (N, d + rotations)
         A guess.
     y : array, shape (contacts,)
@@ -269,9 +269,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x:
     t, s, x_star, y_star, known = given.t, given.s, given.x_star, given.y_star, given.known
     count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
-    drag = system.resistance
     images = s * image_velocities(system, contacts, t) if known is not None else None
-    moving = system.dragged and s > 0
     free = ~system.fixed
     turning = turns_freely(system)
 
@@ -279,8 +277,9 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x:
         n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, y_star, y)
         newton.counts["contacts"] += len(r)
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
-        resisting = drag * ((x - x_star) / s - background(system, x)) if moving else np.zeros_like(x)
-        reaction += resisting
+        actions = [action for action in (m.act(system, given, x) for m in system.mechanisms) if action is not None]
+        for action in actions:
+            reaction += action.reaction
         slid = None
         if known is not None:
             assert images is not None
@@ -289,13 +288,14 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x:
             reaction += sliding.reactions(contacts, known, slid, n, count)
         if turning:
             reaction -= held_torque(x[:, :d], system.radii, reaction)
-        biggest = max(largest(external), largest(F), largest(resisting), largest(slid.force) if slid else 0.0)
+        biggest = max(largest(external), largest(F), largest(slid.force) if slid else 0.0)
+        biggest = max([biggest, *(action.largest for action in actions)])
         wrong = largest(np.where(free, reaction, 0.0))
         stiffest = max(largest(F_r), largest(values["stiff"])) if known is not None else largest(F_r)
         noise = ROUNDING * stiffest * (largest(x) + float(system.radii.max()))
         if wrong - noise > system.force_tolerance * biggest:
             noise += _uncertainty(contacts, h, F, r)
-            noise += ROUNDING * largest(drag) / s * largest(x) if moving else 0.0
+            noise += sum(ROUNDING * action.friction * largest(x) for action in actions)
         off = wrong if math.isnan(wrong) else max(wrong - noise, 0.0)
         relative = off / biggest if biggest > 0 else wrong
         return Balance(x, y, h, F, F_r, n, r, reaction, off, relative, slid, values)
@@ -318,7 +318,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: Given, x:
             return _in_gauge(system, now, x_star)
         newton.counts["iterations"] += 1
         if newton.s == 0 or newton.solver is None:
-            linearise(system, contacts, newton, now, s, known)
+            linearise(system, contacts, newton, now, given)
             newton.s, fresh = s, True
         assert newton.solver is not None
         wanted = min(max(AIM * target / now.residual, linear.TOLERANCE), LEAST)
@@ -375,11 +375,10 @@ def linearise(
     contacts: Contacts,
     newton: Newton,
     now: Balance,
-    s: float,
-    known: sliding.Known | None,
+    given: StageInput,
 ) -> None:
     """Prepare Newton's matrix at the present positions."""
-    count, width = now.x.shape
+    s, known, (count, width) = given.s, given.known, now.x.shape
     d = system.dimension
     if newton.pattern is None:
         newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
@@ -402,18 +401,20 @@ def linearise(
             block -= across
         return np.append(block, [scale * spring[a, b] for spring in springs]) if springs else block
 
-    diagonal = system.resistance / s if system.dragged and s > 0 else np.zeros((count, width))
+    own = own_tangents(system, given, now.x)
     for axis in gauge_axes(system):
-        diagonal[0, axis] += scale
+        _add_to_diagonal(own, np.array([0]), axis, scale)
     newton.counts["matrices"] += 1
     slid = now.slid
     if slid is None or known is None:
-        matrix = linear.assemble(newton.pattern, component, diagonal, system.fixed)
+        matrix = linear.assemble(newton.pattern, component, own, system.fixed)
         linear.prepare(newton.solver, matrix)
         return
     # what spins without any resistance, as a particle about the line of its only contacts, does not
     rolling = largest(sliding.rolling_stiffness(known, now.values, s) / known.radii.min(axis=0) ** 2)
-    diagonal[:, d:] += IDLE * max(scale, largest(now.values["stiff"]), rolling)
+    idle = IDLE * max(scale, largest(now.values["stiff"]), rolling)
+    for axis in range(d, width):
+        _add_to_diagonal(own, np.arange(count), axis, idle)
 
     def quarters() -> Iterator[Array]:
         """One after the other: all of them at once would take most of the memory."""
@@ -425,8 +426,25 @@ def linearise(
                     whole[:, a, b] += sign * component(a, b)
             yield whole
 
-    matrix = linear.assemble_quarters(newton.pattern, quarters(), diagonal, system.fixed)
+    matrix = linear.assemble_quarters(newton.pattern, quarters(), own, system.fixed)
     linear.prepare(newton.solver, matrix)
+
+
+def own_tangents(system: System, given: StageInput, x: Array) -> Array:
+    """Derivative of what acts on each particle by itself: shape (N, w), or (N, w, w) where coordinates are coupled."""
+    total = np.zeros(x.shape)
+    for mechanism in system.mechanisms:
+        more = mechanism.tangent(system, given, x)
+        if more is None:
+            continue
+        if more.ndim > total.ndim:
+            total = total[:, :, None] * np.eye(x.shape[1])
+        total = total + (more if more.ndim == total.ndim else more[:, :, None] * np.eye(x.shape[1]))
+    return total
+
+
+def _add_to_diagonal(own: Array, which: NDArray[np.int64], axis: int, amount: float) -> None:
+    own[(which, axis) if own.ndim == 2 else (which, axis, axis)] += amount
 
 
 def pair_named(contacts: Contacts, c: int, count: int) -> str:

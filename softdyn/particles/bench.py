@@ -132,12 +132,12 @@ def time_kernel(law: Any, target: str, tangential: bool, contacts: int = 200_000
 def time_step(cells: int, **changes: Any) -> dict[str, float]:
     """Seconds of CPU for one implicit step in three dimensions, its length that of the run, and the memory it takes."""
     scene = sheared(crystal(cells), rtol=1e-2, **changes)
-    checked, system = prepare(scene)
+    system = prepare(scene)
     newton = Newton()
-    state = start(scene, checked, system, newton)
+    state = start(system, newton)
     before = newton.counts["iterations"]
     # the first steps find the length that the tolerance allows
-    integrate(replace(scene, until_t=200.0), checked, system, newton, state)
+    integrate(replace(system, scene=replace(scene, until_t=200.0)), newton, state)
     dt = state.history[-2][1] if len(state.history) > 1 else state.dt
     steps = len(state.history)
     iterations = (newton.counts["iterations"] - before) / steps
@@ -151,7 +151,7 @@ def time_step(cells: int, **changes: Any) -> dict[str, float]:
     seconds = median_cpu(work, 3)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     return {
-        "particles": len(checked.x),
+        "particles": len(system.x),
         "contacts": len(state.contacts),
         "seconds": seconds,
         "wall": wall,
@@ -178,9 +178,9 @@ def time_explicit(shear_rate: float) -> dict[str, dict[str, float]]:
     until = STRAIN / shear_rate
     packing = random_packing(1000, 2, 0.9, [1.0, 1.4], 1)
     scene = sheared(packing, range=0.5, shear_rate=shear_rate, until_t=until)
-    checked, system = prepare(scene)
+    system = prepare(scene)
     system = replace(system, reach=math.inf, kernel=get_contact_kernel("rognon_gay", varying=("R",)))
-    first = start(scene, checked, system, Newton())
+    first = start(system, Newton())
     within = first.contacts.h < 0.4
     contacts = replace(
         first.contacts,
@@ -193,7 +193,7 @@ def time_explicit(shear_rate: float) -> dict[str, dict[str, float]]:
         state = replace(first, x=x0.copy(), contacts=replace(contacts), y_rate=np.zeros(len(h0)), frames=[], history=[])
         state.counts, state.work = dict(first.counts), dict(first.work)
         began = time.process_time()
-        integrate(scene, checked, replace(system, rtol=rtol), Newton(), state)
+        integrate(replace(system, rtol=rtol), Newton(), state)
         return state.x, time.process_time() - began
 
     expected, _ = integrated(1e-6)
@@ -205,7 +205,7 @@ def time_explicit(shear_rate: float) -> dict[str, dict[str, float]]:
         n, r = directions(contacts, x, lattice(system.box, t), ())
         values = contact_state(system, contacts, contacts.S - r, h)
         forces = contact_forces(contacts, values["F"], n, len(x))
-        return flow(system.box, x) - forces / system.drag[:, None], values["dh_dt"]
+        return flow(system.box, x) - forces / system.resistance, values["dh_dt"]
 
     def error_of(method: str, steps: int) -> tuple[float, float]:
         """Error of an explicit run, inf if it is unstable, and its CPU time."""
@@ -250,9 +250,9 @@ def newton_matrix(packing: tuple[Array, Array, Array]) -> bsr_array:
 
     linear.prepare = keep
     try:
-        checked, system = prepare(scene)
+        system = prepare(scene)
         newton = Newton()
-        integrate(scene, checked, system, newton, start(scene, checked, system, newton))
+        integrate(system, newton, start(system, newton))
     finally:
         linear.prepare = prepared
     return kept[0]

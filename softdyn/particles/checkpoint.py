@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,11 @@ from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.neighbours import Listed
-from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.state import State
 from softdyn.particles.system import System
 from softdyn.results import written_whole
-from softdyn.scene.time_tables import Table
 
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")
@@ -31,54 +29,31 @@ FRAME = tuple(field.name for field in fields(Frame))
 CONTACTS = tuple(field.name for field in fields(Contacts))
 
 
-def fingerprint(scene: ParticleScene, checked: Checked, system: System) -> str:
+#: Fields of a scene that say when it ends and how much it tells, and those that stand in the other arrays.
+LEFT_OUT = ("law", "target", "until_t", "until_strain", "times", "positions", "radii", "species", "films")
+
+
+def fingerprint(system: System) -> str:
     """Digest of what a run depends on, but for when it ends and how much it tells."""
-    total = sha256(system.kernel.key.encode())
-    for array in (checked.x, checked.radii, checked.species, checked.fixed, system.p, system.drag, checked.box.lengths):
+    scene, total = system.scene, sha256(system.kernel.key.encode())
+    for array in (system.x, system.radii, system.species, system.p):
         total.update(np.ascontiguousarray(array).tobytes())
     for name, array in sorted((scene.films or {}).items()):
         total.update(name.encode() + np.ascontiguousarray(array).tobytes())
-    about = (
-        scene.tilt,
-        checked.box.depth,
-        scene.parameters,
-        scene.mixing,
-        scene.gap,
-        scene.range,
-        _plain(scene.shear_rate),
-        scene.constants,
-        scene.rtol,
-    )
-    walls = [(wall.point.tolist(), wall.normal.tolist(), wall.rigid, _list(wall.velocity)) for wall in checked.walls]
-    pushes = [(np.array(p.particles).tolist(), _list(p.force), _list(p.torque)) for p in scene.push]
-    holds = [(np.array(h.particles).tolist(), h.axes, _list(h.velocity), _list(h.spin)) for h in scene.hold]
-    total.update(
-        json.dumps(
-            [
-                *about,
-                checked.names,
-                walls,
-                pushes,
-                holds,
-                {name: _plain(value) for name, value in scene.stress.items()},
-                scene.stress_viscosity,
-            ],
-            default=str,
-            sort_keys=True,
-        ).encode()
-    )
+    given = {field.name: _plain(getattr(scene, field.name)) for field in fields(scene) if field.name not in LEFT_OUT}
+    total.update(json.dumps([given, system.names], default=str, sort_keys=True).encode())
     return total.hexdigest()
 
 
-def _list(values: Any) -> list[Any] | None:
-    return None if values is None else [_plain(value) for value in values]
-
-
 def _plain(value: Any) -> Any:
-    """What says how something changes, with every number of a table."""
-    if isinstance(value, Table):
-        value = (value.t, value.F)
-    return [np.asarray(part, dtype=float).tolist() for part in value] if isinstance(value, (tuple, list)) else value
+    """A value of a scene as numbers and words, with every number of a table."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
+    return {field.name: _plain(getattr(value, field.name)) for field in fields(value)} if is_dataclass(value) else value
 
 
 def _digest(content: Mapping[str, NDArray[Any]]) -> str:
@@ -137,7 +112,7 @@ def save(path: Path, state: State, key: str) -> None:
         np.savez(file, **content)
 
 
-def load(path: Path, key: str, checked: Checked) -> State:
+def load(path: Path, key: str, system: System) -> State:
     """Read a checkpoint.
 
     Raises
@@ -169,14 +144,14 @@ def load(path: Path, key: str, checked: Checked) -> State:
         rate, tilt, since = map(float, about["box"])
         stretching = stretch if stretch.any() else None
         box = replace(
-            checked.box,
+            system.box,
             lengths=arrays["box_lengths"],
             shear_rate=rate,
             tilt=tilt,
             since=since,
             stretch=stretching,
         )
-        walls = [replace(wall, point=point) for wall, point in zip(checked.walls, arrays["wall_point"], strict=True)]
+        walls = [replace(wall, point=point) for wall, point in zip(system.walls, arrays["wall_point"], strict=True)]
         history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
         return State(
             t=float(about["t"]),

@@ -12,16 +12,20 @@ the error of the steps' quadrature, and says nothing of the powers.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
 from softdyn.particles import sliding
 from softdyn.particles.balance import Balance, held_torque, pair_named
-from softdyn.particles.geometry import Contacts
+from softdyn.particles.driven import Driven
+from softdyn.particles.geometry import Contacts, crossing
 from softdyn.particles.kernel import energies
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import System, background, contact_state, moving_images, turns_freely
+from softdyn.particles.system import System, contact_state, given_works, moving_images, turns_freely, works
 
 Array = NDArray[np.float64]
 
@@ -32,6 +36,28 @@ ELASTIC = "elastic"
 CARRIED = "carried"
 
 
+@dataclass(frozen=True)
+class Rates:
+    """How everything moves at a stage.
+
+    Attributes
+    ----------
+    t : float
+    v : array, shape (N, d + rotations)
+        Velocities, and radius times angular velocity.
+    h, r : array, shape (contacts,)
+        Rates of the gaps, and of the distances.
+    T : array, shape (contacts, d)
+        Rates of the tangential forces, in the frame of the step's start.
+    """
+
+    t: float
+    v: Array
+    h: Array
+    r: Array
+    T: Array
+
+
 def powers(
     system: System, contacts: Contacts, at: Balance, t: float, v: Array, y_rate: Array, T_rate: Array
 ) -> dict[str, float]:
@@ -39,37 +65,48 @@ def powers(
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * y_rate / np.sqrt(1 + at.y**2)
     r_rate = np.einsum("ca,ca->c", _apart(system, contacts, t, v), at.n)
+    rates = Rates(t, v, h_rate, r_rate, T_rate)
+    found = dict.fromkeys(works(system), 0.0)
+    for mechanism in system.mechanisms:
+        for name, power in mechanism.powers(system, contacts, at, rates).items():
+            found[name] += power
     more, elastic = {}, float(np.sum(at.F * (h_rate - r_rate)))
     if at.slid is not None:
         values = contact_state(system, contacts, contacts.S - at.r, at.h)
         more = tangential_powers(system, contacts, at, values, v, r_rate, h_rate)
         elastic += float(np.sum(sliding.dot(at.slid.turned, T_rate) / values["k_t"])) - more["k_t"]
         del values
-    moved, velocities = moving_images(system, contacts, t)
-    pushed = at.F[moved, None] * at.n[moved]
-    if at.slid is not None:
-        pushed = pushed + at.slid.force[moved]
-    carried = -np.sum(pushed * velocities, axis=1)
-    box = contacts.j[moved] < len(v)
-    u, external = background(system, at.x), system.force(t)
-    if turns_freely(system):  # what would turn all particles together is taken away
-        external = external - held_torque(at.x[:, : system.dimension], system.radii, external)
-    held = np.where(system.fixed, at.reaction, 0.0)
-    # as the forces have it: in very short steps velocities, differences of positions, are little but rounding
-    resisting = system.resistance * (v - u) - np.where(system.fixed | (system.resistance == 0), 0.0, at.reaction)
     gaps, remote, U_h = _gap_powers(system, contacts, at, t, h_rate)
     return {
-        "external": float(np.sum((external + held) * v)) + float(carried[~box].sum()),
-        "flow": -float(np.sum(resisting * u)),
-        "box": float(carried[box].sum()),
+        **found,
         "gaps": gaps,
-        "drag": float(np.sum(resisting * (v - u))),
         "remote": remote,
         "U_h": U_h,
         **more,
         ELASTIC: elastic - U_h,
         CARRIED: float(np.sum(system.resistance * v**2)),
     }
+
+
+def power_of(system: System, load: Driven, at: Balance, rates: Rates) -> float:
+    """Power of external forces."""
+    force = load(rates.t)
+    if turns_freely(system):  # what would turn all particles together is taken away
+        force = force - held_torque(at.x[:, : system.dimension], system.radii, force)
+    return float(np.sum(force * rates.v))
+
+
+def forces_at(at: Balance, which: NDArray[np.int64]) -> Array:
+    """Forces of some contacts, from i to j, shape (those, d)."""
+    pushed = at.F[which, None] * at.n[which]
+    return pushed if at.slid is None else pushed + at.slid.force[which]
+
+
+def power_of_box(system: System, contacts: Contacts, at: Balance, gradient: Array) -> float:
+    """Power of what moves the images of the particles with a velocity gradient of the box."""
+    across = crossing(contacts.shift)
+    velocities = contacts.shift[across] @ (gradient @ system.box.cell).T
+    return -float(np.sum(np.sum(forces_at(at, across) * velocities, axis=1)))
 
 
 def _apart(system: System, contacts: Contacts, t: float, v: Array) -> Array:
@@ -83,11 +120,11 @@ def _apart(system: System, contacts: Contacts, t: float, v: Array) -> Array:
     return apart
 
 
-def net_power(powers: dict[str, float]) -> float:
+def net_power(system: System, powers: Mapping[str, float]) -> float:
     """What of the power is left for elastic energy: what is given less what is taken."""
-    given = powers["external"] + powers["flow"] + powers["box"]
-    return given - sum(
-        power for name, power in powers.items() if name not in ("external", "flow", "box", ELASTIC, CARRIED)
+    given = given_works(system)
+    return sum(powers[name] for name in given) - sum(
+        power for name, power in powers.items() if name not in (*given, ELASTIC, CARRIED)
     )
 
 

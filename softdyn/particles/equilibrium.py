@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, contact_forces, held_torque, linearise
+from softdyn.particles.balance import Balance, Newton, StageInput, contact_forces, held_torque, linearise
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
 from softdyn.particles.system import System, contact_state, gauge_axes, image_velocities, turns_freely
 
@@ -63,7 +63,8 @@ def velocities(system: System, contacts: Contacts, x: Array, t: float) -> Array:
     if turns_freely(system):
         right -= held_torque(x, system.radii, right)
     newton, nothing = Newton(), np.zeros(len(h))
-    linearise(system, contacts, newton, Balance(x, nothing, h, F, F_r, n, r, right, 0.0, 0.0), 0.0, None)
+    still = StageInput(t, 0.0, x, nothing)
+    linearise(system, contacts, newton, Balance(x, nothing, h, F, F_r, n, r, right, 0.0, 0.0), still)
     assert newton.solver is not None
     found = linear.solve(newton.solver, np.where(system.fixed, 0.0, right), TOLERANCE) + given
     for axis in gauge_axes(system):

@@ -80,7 +80,7 @@ def require_balanced(system: System, state: State) -> None:
     if not turns_freely(system) or not external.any():
         return
     remedy = "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
-    torque, levers, rounding = _torque(system, external, system.x0[:, :d])
+    torque, levers, rounding = _torque(system, external, system.x)
     settled = min(TURNED * levers, state.settled * float(np.linalg.norm(force, axis=1).sum()))
     if torque > UNTURNED * levers + settled + rounding:
         raise IntegrationError(

@@ -62,10 +62,10 @@ class Box:
     @property
     def rate(self) -> Array:
         """Rate at which the lattice vectors change, as columns; constant from the time ``since`` on."""
-        return self.gradient @ self._cell
+        return self.gradient @ self.cell
 
     @property
-    def _cell(self) -> Array:
+    def cell(self) -> Array:
         """Lattice vectors at the time ``since``."""
         cell = np.diag(np.where(self.periodic, self.lengths, 0.0))
         if len(cell) > 1:
@@ -165,8 +165,8 @@ def some_of(contacts: Contacts, which: slice | NDArray[np.int64]) -> Contacts:
 def lattice(box: Box, t: float) -> Array:
     """Lattice vectors of the box at time t, as columns; 0 along axes that are not periodic."""
     if box.shear_rate or box.stretch is not None:
-        return box._cell + (t - box.since) * box.rate
-    return box._cell
+        return box.cell + (t - box.since) * box.rate
+    return box.cell
 
 
 def flow(box: Box, x: Array) -> Array:
@@ -371,3 +371,8 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
         another = np.append(True, (i[1:] != i[:-1]) | (j[1:] != j[:-1]) | (shift[1:] != shift[:-1]).any(axis=1))
         i, j, shift = i[another], j[another], shift[another]
     return i, j, shift
+
+
+def rotations(d: int) -> int:
+    """How many rotations a particle has in d dimensions."""
+    return {1: 0, 2: 1, 3: 3}[d]

@@ -17,7 +17,6 @@ from softdyn.particles.faults import require_balanced, require_films, require_sh
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
-from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.pulled import At, look
 from softdyn.particles.resolve import SHORTEST, breaks, resolved
 from softdyn.particles.results import Frame
@@ -46,8 +45,6 @@ STRAINED = 1e-9
 
 
 def integrate(
-    scene: ParticleScene,
-    checked: Checked,
     system: System,
     newton: Newton,
     state: State,
@@ -62,7 +59,7 @@ def integrate(
         The state is then the last good one.
     """
     system = present(system, state)
-    until, grow, recovery = float(scene.until_t), LARGEST_GROWTH, math.inf
+    until, grow, recovery = float(system.scene.until_t), LARGEST_GROWTH, math.inf
     goals = np.append(breaks(system), until)
     within = int(np.searchsorted(goals, until))
     if within > MOST_STEPS:
@@ -71,34 +68,34 @@ def integrate(
             f"each, and a run takes {MOST_STEPS} steps at most: give tables fewer rows, or end the run at "
             f"t={goals[MOST_STEPS - 1]:.6g} or before"
         )
-    if not state.frames and checked.times[0] == 0.0:
+    if not state.frames and system.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
         _look_at_start(system, state)
     step: Step | None = None
-    while state.t < until and not _has_strained(scene, checked, state):
+    while state.t < until and not _has_strained(system, state):
         step = None  # many numbers that the next one has no use for
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
         require_balanced(system, state)
         dt, when = _length(system, state, float(goals[np.searchsorted(goals, state.t, side="right")]), until)
         ahead = state.x + dt * state.v[:, : system.dimension]
-        if _drift(checked, system, state, ahead, system, when) > 1.0 and _drift(checked, system, state) > 0:
-            _list_again(scene, checked, system, newton, state)
-        step, failure = _attempt(checked, system, newton, state, dt, when)
+        if _drift(system, state, ahead, system, when) > 1.0 and _drift(system, state) > 0:
+            _list_again(system, newton, state)
+        step, failure = _attempt(system, newton, state, dt, when)
         if step is None or not step.error <= 1.0:
             _shorten(system, state, until, dt, math.inf if step is None else step.error, failure)
             newton.s, grow = newton.s if failure is None else 0.0, 1.0
             recovery = math.inf if failure is None else RECOVERY
             continue
-        if _drift(checked, system, state, step.end.x[:, : system.dimension], step.system, when) > 1.0:
+        if _drift(system, state, step.end.x[:, : system.dimension], step.system, when) > 1.0:
             # further than the list of contacts reaches, and than was expected
-            if _drift(checked, system, state) > 0:
-                _list_again(scene, checked, system, newton, state)
+            if _drift(system, state) > 0:
+                _list_again(system, newton, state)
             else:
                 newton.forget()
                 state.dt = 0.5 * dt
             continue
-        over = _beyond(scene, checked, state, step, when)
+        over = _beyond(system, state, step, when)
         if over is not None:
             state.dt = over
             continue
@@ -108,9 +105,9 @@ def integrate(
             system = _accept(system, state, step, dt, when, grow)
             if state.t in goals[:-1]:
                 pass_break(system, newton, state)
-            if _drift(checked, system, state) > 0.5:
-                _list_again(scene, checked, system, newton, state)
-            if state.t in checked.times or _has_strained(scene, checked, state):
+            if _drift(system, state) > 0.5:
+                _list_again(system, newton, state)
+            if state.t in system.times or _has_strained(system, state):
                 state.frames.append(frame_now(system, state))
         grow = min(LARGEST_GROWTH, recovery * grow)
         if progress is not None:
@@ -139,7 +136,6 @@ def _length(system: System, state: State, goal: float, until: float) -> tuple[fl
 
 
 def _drift(
-    checked: Checked,
     system: System,
     state: State,
     x: Array | None = None,
@@ -152,16 +148,16 @@ def _drift(
         moved = moved if state.walls else moved - moved.mean(axis=0)
         return 2 * float(np.linalg.norm(moved, axis=1).max()) / state.listed.skin
     where = system if at is None else at
-    farthest = 2 * float(checked.radii.max()) + system.reach + state.listed.skin
+    farthest = 2 * float(system.radii.max()) + system.reach + state.listed.skin
     place, when = (state.x, state.t) if x is None or t is None else (x, t)
     return travelled(state.listed, place, where.box, when, farthest, where.walls)
 
 
 def _attempt(
-    checked: Checked, system: System, newton: Newton, state: State, dt: float, when: float
+    system: System, newton: Newton, state: State, dt: float, when: float
 ) -> tuple[Step | None, Exception | None]:
     """Try a step; or what it failed of."""
-    within = checked.times[(checked.times > state.t) & (checked.times < when)]
+    within = system.times[(system.times > state.t) & (system.times < when)]
     try:
         step = take_step(
             system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, state.power, when
@@ -227,32 +223,33 @@ def _first_frame(system: System, state: State, step: Step, dt: float) -> Frame:
     return frame_now(replace(system, box=step.first_box), replace(state, v=step.first_v))
 
 
-def _strain(checked: Checked, box: Box, t: float) -> float:
+def _strain(system: System, box: Box, t: float) -> float:
     """Size of the shear strain of the box since the start."""
-    cell, start = lattice(box, t), lattice(checked.box, 0.0)
-    return abs(float(cell[0, 1] / cell[1, 1] - start[0, 1] / start[1, 1]))
+    assert system.scene.box is not None
+    cell = lattice(box, t)
+    return abs(float(cell[0, 1] / cell[1, 1] - system.scene.tilt / np.float64(system.scene.box[1])))
 
 
-def _has_strained(scene: ParticleScene, checked: Checked, state: State) -> bool:
+def _has_strained(system: System, state: State) -> bool:
     """Whether the strain is reached at which the run ends."""
-    if scene.until_strain is None:
+    if system.scene.until_strain is None:
         return False
-    return _strain(checked, state.box, state.t) >= abs(scene.until_strain) * (1 - STRAINED)
+    return _strain(system, state.box, state.t) >= abs(system.scene.until_strain) * (1 - STRAINED)
 
 
-def _beyond(scene: ParticleScene, checked: Checked, state: State, step: Step, when: float) -> float | None:
+def _beyond(system: System, state: State, step: Step, when: float) -> float | None:
     """A shorter step, if this one goes beyond the strain at which the run ends; None if not."""
-    if scene.until_strain is None:
+    if system.scene.until_strain is None:
         return None
-    goal = abs(scene.until_strain)
-    start, end = _strain(checked, state.box, state.t), _strain(checked, step.system.box, when)
+    goal = abs(system.scene.until_strain)
+    start, end = _strain(system, state.box, state.t), _strain(system, step.system.box, when)
     if end <= goal * (1 + STRAINED):
         return None
     return (when - state.t) * (goal - start) / (end - start)
 
 
 @undisturbed()
-def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State) -> None:
+def _list_again(system: System, newton: Newton, state: State) -> None:
     """Look for contacts at the present positions; gaps, guesses and forces stay.
 
     Raises
@@ -260,9 +257,7 @@ def _list_again(scene: ParticleScene, checked: Checked, system: System, newton: 
     IntegrationError
         If a pair that was not listed is past its range; the state is as it was.
     """
-    contacts, listed, _, dropped = find_contacts(
-        scene, checked, system.kernel, state.x, state.t, state.contacts, system.box, system.walls
-    )
+    contacts, listed, _, dropped = find_contacts(system, state.x, state.t, state.contacts)
     closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])

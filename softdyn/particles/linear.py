@@ -90,7 +90,7 @@ def pattern_of(count: int, i: Integers, j: Integers) -> Pattern:
 
 
 def assemble(
-    pattern: Pattern, component: Callable[[int, int], Array], diagonal: Array, fixed: NDArray[np.bool_]
+    pattern: Pattern, component: Callable[[int, int], Array], own: Array, fixed: NDArray[np.bool_]
 ) -> bsr_array:
     """Matrix from the stiffness of each contact and what resists each particle by itself.
 
@@ -100,12 +100,12 @@ def assemble(
     component : function of two axes
         That component of the symmetric block of each contact, shape (contacts,): added to the diagonal blocks of both
         particles, taken from those off the diagonal. One at a time, since all of them take much memory.
-    diagonal : array, shape (N, d)
-        Added to the diagonal of the matrix.
+    own : array, shape (N, d), or (N, d, d)
+        Added to the diagonal of the matrix, or to the blocks there.
     fixed : array of bool, shape (N, d)
         Unknowns that are none: their rows and columns become those of the unit matrix, scaled.
     """
-    d = diagonal.shape[1]
+    d = own.shape[1]
     data = np.zeros((len(pattern.indices), d, d))
     every = bool(pattern.pair.all())
     j = pattern.j if every else pattern.j[pattern.pair]
@@ -116,13 +116,21 @@ def assemble(
             # two contacts between the same particles, through different images, share a place
             np.subtract.at(place, pattern.upper, between)
             np.subtract.at(place, pattern.lower, between)
-            own = np.zeros(pattern.count)
-            np.add.at(own, pattern.i, values)
-            np.add.at(own, j, between)
-            place[pattern.diagonal] = own
+            both = np.zeros(pattern.count)
+            np.add.at(both, pattern.i, values)
+            np.add.at(both, j, between)
+            place[pattern.diagonal] = both
             data[:, b, a] = place
-        data[pattern.diagonal, a, a] += diagonal[:, a]
+    _add_own(pattern, data, own)
     return _finished(pattern, data, fixed)
+
+
+def _add_own(pattern: Pattern, data: Array, own: Array) -> None:
+    if own.ndim == 3:
+        data[pattern.diagonal] += own
+        return
+    for a in range(own.shape[1]):
+        data[pattern.diagonal, a, a] += own[:, a]
 
 
 def _finished(pattern: Pattern, data: Array, fixed: NDArray[np.bool_]) -> bsr_array:
@@ -138,11 +146,9 @@ def _finished(pattern: Pattern, data: Array, fixed: NDArray[np.bool_]) -> bsr_ar
     return bsr_array((data, pattern.indices, pattern.indptr), shape=(size, size))
 
 
-def assemble_quarters(
-    pattern: Pattern, quarters: Iterable[Array], diagonal: Array, fixed: NDArray[np.bool_]
-) -> bsr_array:
+def assemble_quarters(pattern: Pattern, quarters: Iterable[Array], own: Array, fixed: NDArray[np.bool_]) -> bsr_array:
     """Matrix of which the blocks of a contact are given one by one: ii, ij, ji, jj; else as :func:`assemble`."""
-    width = diagonal.shape[1]
+    width = own.shape[1]
     data = np.zeros((len(pattern.indices), width, width))
     places = (pattern.diagonal[pattern.i], pattern.upper, pattern.lower, pattern.diagonal[pattern.j[pattern.pair]])
     for number, (place, block) in enumerate(zip(places, quarters, strict=True)):
@@ -150,8 +156,7 @@ def assemble_quarters(
         for a in range(width):
             for b in range(width):
                 np.add.at(data[:, a, b], place, given[:, a, b])
-    for a in range(width):
-        data[pattern.diagonal, a, a] += diagonal[:, a]
+    _add_own(pattern, data, own)
     return _finished(pattern, data, fixed)
 
 

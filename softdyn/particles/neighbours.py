@@ -23,9 +23,8 @@ from softdyn.particles.geometry import (
     lattice,
     some_of,
 )
-from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.parameters import mixed_parameters
-from softdyn.particles.particle_scene import Checked, ParticleScene
+from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
 
@@ -78,16 +77,7 @@ def _moved(walls: tuple[Wall, ...], listed: Array) -> float:
     )
 
 
-def find_contacts(
-    scene: ParticleScene,
-    checked: Checked,
-    kernel: ContactKernel,
-    x: Array,
-    t: float,
-    old: Contacts | None,
-    box: Box,
-    walls: tuple[Wall, ...],
-) -> tuple[Contacts, Listed, int, int]:
+def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> tuple[Contacts, Listed, int, int]:
     """List the contacts at the given positions; those already listed keep their gaps.
 
     Returns
@@ -97,20 +87,20 @@ def find_contacts(
     made, dropped : int
         New ones that are within range, and those left behind that had been.
     """
-    reach = checked.reach
-    skin = SKIN * float(checked.radii.min())
-    i, j, shift = find_pairs(x, checked.radii, box, t, walls, reach + skin)
-    contacts = bare_contacts(i, j, shift, checked.radii)
-    contacts.q = mixed_parameters(scene, checked, kernel, i, j)
+    reach, box, walls = system.reach, system.box, system.walls
+    skin = SKIN * float(system.radii.min())
+    i, j, shift = find_pairs(x, system.radii, box, t, walls, reach + skin)
+    contacts = bare_contacts(i, j, shift, system.radii)
+    contacts.q = mixed_parameters(system, system.kernel, i, j)
     cell = lattice(box, t)
     _, r = directions(contacts, x, cell, walls)
     listed = Listed(x.copy(), cell, np.array([wall.point for wall in walls]).reshape(len(walls), x.shape[1]), skin)
     apart = r - contacts.S
     contacts.h = apart.copy()
-    contacts.T = np.zeros((len(contacts), x.shape[1] if kernel.tangential else 0))
+    contacts.T = np.zeros((len(contacts), x.shape[1] if system.kernel.tangential else 0))
     if old is None:
-        if scene.gap is not None:
-            contacts.h = np.maximum(apart, float(scene.gap))
+        if system.scene.gap is not None:
+            contacts.h = np.maximum(apart, float(system.scene.gap))
         contacts.touched = contacts.h < reach
         return contacts, listed, int(contacts.touched.sum()), 0
     contacts, dropped = taken_over(contacts, old, reach)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,12 @@ from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.particles.geometry import Integers
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.particle_scene import Checked, ParticleScene
-from softdyn.particles.sliding import rotations
 from softdyn.particles.words import is_number, listed
 from softdyn.scene.numbers import range_fault
 from softdyn.words import suggestion
+
+if TYPE_CHECKING:
+    from softdyn.particles.system import ValidatedScene
 
 Array = NDArray[np.float64]
 
@@ -43,7 +45,7 @@ MIXING: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
-def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...]:
+def varying_parameters(facts: ValidatedScene) -> tuple[str, ...]:
     """Names of the parameters that differ from contact to contact.
 
     Raises
@@ -51,8 +53,9 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     SceneError
         If a parameter depends on species that there are not, or without a rule of mixing.
     """
+    scene = facts.scene
     faults, varying = [], []
-    if np.ptp(checked.radii) > 0 or checked.walls:
+    if np.ptp(facts.radii) > 0 or facts.walls:
         varying += ["R", "size_ratio"]
     faults += [
         f"[parameters] {name} follows from the radii of the particles: leave it out"
@@ -64,12 +67,12 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
             if not is_number(value):
                 faults.append(f"[parameters] {name} must be a finite number, not {value!r}")
             continue
-        if checked.names == ("",):
+        if facts.names == ("",):
             faults.append(f"[parameters] {name} depends on the species, and particles have none: [particles] species")
             continue
-        unknown = [key for key in value if key not in checked.names]
-        missing = [key for key in checked.names if key not in value]
-        known = ", ".join(repr(key) for key in checked.names)
+        unknown = [key for key in value if key not in facts.names]
+        missing = [key for key in facts.names if key not in value]
+        known = ", ".join(repr(key) for key in facts.names)
         if unknown:
             faults.append(f"[parameters] {name}: unknown species {', '.join(map(repr, unknown))}; there are {known}")
         if missing:
@@ -84,7 +87,7 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
                 f"{', '.join(MIXING)}"
             )
         varying.append(name)
-    if "E" in scene.parameters and "E" not in varying and any(wall.rigid for wall in checked.walls):
+    if "E" in scene.parameters and "E" not in varying and any(wall.rigid for wall in facts.walls):
         varying.append("E")
     for name, rule in scene.mixing.items():
         if rule not in tuple(MIXING):
@@ -100,7 +103,7 @@ def varying_parameters(scene: ParticleScene, checked: Checked) -> tuple[str, ...
     return tuple(varying)
 
 
-def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel) -> Array:
+def uniform_values(facts: ValidatedScene, kernel: ContactKernel) -> Array:
     """Values of the uniform parameters, in the kernel's order; checks those that vary, too.
 
     Raises
@@ -108,7 +111,7 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
     SceneError
         Listing missing, unknown, non-positive and out-of-range parameters.
     """
-    names = (*kernel.uniform, *kernel.varying)
+    scene, names = facts.scene, (*kernel.uniform, *kernel.varying)
     given = {**scene.parameters}
     faults = [
         f"[parameters] {name!r} is not a parameter of the law{suggestion(name, [n for n in names if n != 'R'])}"
@@ -132,54 +135,41 @@ def uniform_values(scene: ParticleScene, checked: Checked, kernel: ContactKernel
         faults.append("[parameters] eta is missing, and the drag on a particle is 6 pi eta R")
     if faults:
         raise SceneError(listed(faults))
-    given |= {"R": float(checked.radii[0]), UNDRAGGED: max(0.0, 1 - float(scene.drag))}
+    given |= {"R": float(facts.radii[0]), UNDRAGGED: max(0.0, 1 - float(scene.drag))}
     return np.array([float(given[name]) for name in kernel.uniform])  # type: ignore[arg-type]
 
 
-def mixed_parameters(scene: ParticleScene, checked: Checked, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
+def mixed_parameters(facts: ValidatedScene, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
     """Varying parameters of the law for each contact, shape (parameters, n).
 
     R is 2 R1 R2/(R1 + R2) and E the harmonic mean: derived, for walls too, in :mod:`softdyn.derive.contact_equations`.
     """
-    count = len(checked.radii)
+    scene, count = facts.scene, len(facts.radii)
     wall = j >= count
     partner = np.where(wall, i, j)
-    rigid = np.array([w.rigid for w in checked.walls] or [False])
+    rigid = np.array([w.rigid for w in facts.walls] or [False])
     hard = np.zeros(len(i), dtype=bool)
     hard[wall] = rigid[j[wall] - count]
     rows = np.empty((len(kernel.varying), len(i)))
     for row, name in zip(rows, kernel.varying, strict=True):
         if name == "R":
-            row[:] = MIXING["harmonic"](checked.radii[i], checked.radii[partner])
-            row[wall] = 2 * checked.radii[i[wall]]
+            row[:] = MIXING["harmonic"](facts.radii[i], facts.radii[partner])
+            row[wall] = 2 * facts.radii[i[wall]]
             continue
         if name == "size_ratio":
-            row[:] = checked.radii[i] * checked.radii[partner] / (checked.radii[i] + checked.radii[partner]) ** 2
+            row[:] = facts.radii[i] * facts.radii[partner] / (facts.radii[i] + facts.radii[partner]) ** 2
             row[wall] = 0.0
             continue
         given = scene.parameters[name]
-        values = np.array([given[key] for key in checked.names] if isinstance(given, Mapping) else [given], dtype=float)
-        of = values[checked.species] if isinstance(given, Mapping) else np.full(count, values[0])
+        values = np.array([given[key] for key in facts.names] if isinstance(given, Mapping) else [given], dtype=float)
+        of = values[facts.species] if isinstance(given, Mapping) else np.full(count, values[0])
         row[:] = MIXING["harmonic" if name == "E" else scene.mixing.get(name, "arithmetic")](of[i], of[partner])
         if name == "E":
             row[hard] *= 2  # a rigid wall gives in by nothing
     return rows
 
 
-def resistances(scene: ParticleScene, checked: Checked, kernel: ContactKernel, p: Array) -> Array:
-    """What resists each coordinate of the particles by themselves, (x, R theta), shape (N, d + rotations)."""
-    count, d = checked.x.shape
-    resistance = np.zeros((count, d + (rotations(d) if kernel.tangential else 0)))
-    if kernel.drag is not None:
-        own = np.arange(count)
-        out = np.empty((2 if kernel.tangential else 1, count))
-        kernel.drag(count, p, mixed_parameters(scene, checked, kernel, own, own).reshape(-1), out.reshape(-1))
-        resistance[:, :d] = float(scene.drag) * out[0][:, None]
-        resistance[:, d:] = float(scene.drag) * (out[-1] / checked.radii**2)[:, None]
-    return resistance
-
-
-def require_rest(scene: ParticleScene, checked: Checked) -> None:
+def require_rest(facts: ValidatedScene) -> None:
     """A contact with a range fades by the sign of delta: there, no force may be left at delta = 0.
 
     Raises
@@ -187,20 +177,20 @@ def require_rest(scene: ParticleScene, checked: Checked) -> None:
     SceneError
         If the law has such a force, and it has not fallen to :data:`LEFT_AT_REST` of its largest at half of the range.
     """
-    law = law_of(scene.law)
-    if math.isinf(checked.reach) or is_anchored(law):
+    scene, law = facts.scene, law_of(facts.scene.law)
+    if math.isinf(facts.reach) or is_anchored(law):
         return
     force = law.F_ela.subs(a, law.a).subs(delta, 0)
     own = [symbol for symbol in parameters_of(law) if symbol != R]
     function = lambdify([R, h, *own], force, [IN_NUMPY, "numpy"])
     values = [scene.parameters[symbol.name] for symbol in own]
     each = [tuple(value.values()) if isinstance(value, Mapping) else (value,) for value in values]
-    near, far = checked.reach * np.logspace(-9, np.log10(0.5), 64), checked.reach * np.linspace(0.5, 1, 32)
-    for radius, *given in product({float(checked.radii.min()), 2 * float(checked.radii.max())}, *each):
+    near, far = facts.reach * np.logspace(-9, np.log10(0.5), 64), facts.reach * np.linspace(0.5, 1, 32)
+    for radius, *given in product({float(facts.radii.min()), 2 * float(facts.radii.max())}, *each):
         largest, left = (float(np.max(np.abs(function(radius, gaps, *given)))) for gaps in (near, far))
         if not left <= LEFT_AT_REST * largest:
             raise SceneError(
-                f"contacts fade from half of their range on, {checked.reach / 2:g}, and there the law has a force at "
+                f"contacts fade from half of their range on, {facts.reach / 2:g}, and there the law has a force at "
                 f"delta = 0, {left / largest:.3g} of its largest: give a larger [contacts] range, or a law whose "
                 "force at delta = 0 falls faster with the gap"
             )

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.particles.driven import require_used
 from softdyn.particles.films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
-from softdyn.particles.imposed import Imposed
-from softdyn.particles.loads import (
-    Driven,
-    holds,
-    imposed_stress,
-    numbers_of,
-    pushes,
-    require_used,
-    shear_flow,
-    spins,
-    wall_velocity,
-)
-from softdyn.particles.time_functions import TimeFunction, is_driven
-from softdyn.particles.words import ALL, AXES, components, is_list, is_number, listed, which
+from softdyn.particles.mechanisms import Mechanism, rooms_of
+from softdyn.particles.system import ValidatedScene
+from softdyn.particles.time_functions import is_driven
+from softdyn.particles.words import ALL, AXES, is_number, listed, which
 from softdyn.scene.numbers import SMALLEST_RTOL
 from softdyn.targets import CHOICES
 from softdyn.words import suggestion
@@ -184,58 +175,7 @@ class ParticleScene:
     target: str = "auto"
 
 
-@dataclass(frozen=True)
-class Checked:
-    """A scene as arrays: nothing in it contradicts anything else.
-
-    Attributes
-    ----------
-    x : array, shape (N, d)
-    radii : array, shape (N,)
-    species : array of int, shape (N,)
-    names : tuple of str
-        Names of the species.
-    box : Box
-    walls : tuple of Wall
-    reach : float
-        Range of the contacts; inf without one.
-    fixed : array of bool, shape (N, d)
-    force, velocity : Driven
-        Shape (N, d).
-    torque : Driven
-        Shape (N, rotations).
-    times : array
-    turned : array of bool, shape (N,)
-        Particles whose rotation is given.
-    spin : Driven
-        Angular velocity of these, shape (N, rotations).
-    imposed : Imposed, optional
-    wall_velocity : Driven, optional
-        Velocities of the walls, shape (walls, d), if any of them moves.
-    shear : TimeFunction, optional
-        The shear rate, if it changes.
-    """
-
-    x: Array
-    radii: Array
-    species: NDArray[np.int64]
-    names: tuple[str, ...]
-    box: Box
-    walls: tuple[Wall, ...]
-    reach: float
-    fixed: NDArray[np.bool_]
-    force: Driven
-    torque: Driven
-    velocity: Driven
-    times: Array
-    turned: NDArray[np.bool_]
-    spin: Driven
-    imposed: Imposed | None
-    wall_velocity: Driven | None
-    shear: TimeFunction | None
-
-
-def check(scene: ParticleScene) -> Checked:
+def check(scene: ParticleScene) -> ValidatedScene:
     """Refuse what is wrong with a scene whatever its law; as many faults at once as can be told.
 
     Raises
@@ -319,63 +259,51 @@ def check(scene: ParticleScene) -> Checked:
             f"the smallest radius or so ({radii.min() / 2:g})"
         )
     box = _box(scene, radii, d, faults)
-    walls = _walls(scene, d, faults)
     if not isinstance(scene.tangential, (bool, np.bool_)):
         faults.append(f"tangential must be true or false, not {scene.tangential!r}")
-    sheared = bool(is_driven(scene.shear_rate) or scene.shear_rate)
     if scene.tangential and d == 1:
         faults.append("[contacts] tangential: in one dimension there is no tangential motion")
-    if sheared and d == 1:
-        faults.append("a shear flow needs two dimensions at least")
-    if sheared and not scene.drag and not box.periodic[: min(d, 2)].all():
-        faults.append(
-            "the flow moves the particles by their drag, or by the walls of a sheared periodic box, and here is "
-            "neither: give drag = 1, or a box periodic along x and y"
-        )
-    if sheared and d > 1 and box.periodic[1] and not box.periodic[0]:
-        faults.append("[box] a sheared box must be periodic along x where it is along y")
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
         faults.append("[box] tilt: only a box that is periodic along x and y leans")
     elif abs(scene.tilt) > FARTHEST * box.lengths[0]:
         faults.append(
             f"[box] tilt = {scene.tilt:g} is more than {FARTHEST:g} lengths of the box: take whole lengths off"
         )
-    faults += film_faults(scene.films, radii, d, walls)
-    for number, wall in enumerate(walls):
-        across = [AXES[axis] for axis in range(d) if box.periodic[axis] and wall.normal[axis]]
-        if across:
-            faults.append(f"wall {number} stands across {', '.join(across)}, along which the box is periodic")
-    if faults:
-        raise SceneError(listed(faults))
-    names, species = _species(scene, count)
-    faults += _place_faults(x, box, walls) or _overlap_faults(x, radii, box, walls)
-    if faults:
-        raise SceneError(listed(faults))
-    pushed = [numbers_of(scene, push.particles, count, f"[[push]] {k}") for k, push in enumerate(scene.push)]
-    held = [numbers_of(scene, hold.particles, count, f"[[hold]] {k}") for k, hold in enumerate(scene.hold)]
-    fixed, velocity = holds(scene, held, count, d)
-    force, torque = pushes(scene, pushed, count, d)
-    require_used(scene)
-    turned, spin = spins(scene, held, count, d)
-    return Checked(
+    names, species = _species(scene, count, faults)
+    facts = ValidatedScene(
+        scene=scene,
         x=x,
         radii=radii,
         species=species,
         names=names,
-        box=box,
-        walls=walls,
         reach=reach,
-        fixed=fixed,
-        force=force,
-        torque=torque,
-        velocity=velocity,
-        turned=turned,
-        spin=spin,
-        imposed=imposed_stress(scene, box),
-        wall_velocity=wall_velocity(scene, d),
-        shear=shear_flow(scene),
-        times=_times(scene),
+        rtol=float(scene.rtol),
+        times=np.empty(0),
+        box=box,
+        walls=(),
+        mechanisms=(),
     )
+    mechanisms = _mechanisms(facts, faults)
+    walls = tuple(wall for mechanism in mechanisms for wall in mechanism.walls)
+    faults += film_faults(scene.films, radii, d, walls)
+    if faults:
+        raise SceneError(listed(faults))
+    faults += _place_faults(x, box, walls) or _overlap_faults(x, radii, box, walls)
+    if faults:
+        raise SceneError(listed(faults))
+    require_used(scene)
+    return replace(facts, walls=walls, mechanisms=mechanisms, times=_times(scene))
+
+
+def _mechanisms(facts: ValidatedScene, faults: list[str]) -> tuple[Mechanism, ...]:
+    """Mechanisms of a scene, as far as they are told without faults."""
+    found = []
+    for room in rooms_of(facts.scene):
+        try:
+            found.append(room.check(facts, faults))
+        except SceneError as error:
+            faults.append(str(error))
+    return tuple(mechanism for mechanism in found if mechanism is not None)
 
 
 def _size_faults(scene: ParticleScene, x: Array, radii: Array) -> list[str]:
@@ -430,7 +358,6 @@ def _box(scene: ParticleScene, radii: Array, d: int, faults: list[str]) -> Box:
                     faults.append(f"[box] the length along {AXES[axis]} must be positive, not {length!r}")
                 else:
                     lengths[axis] = float(length)
-    rate = shear_flow(scene)
     depth = None if d == 3 else 2 * float(np.mean(radii))
     if scene.depth is not None:
         if not is_number(scene.depth) or not scene.depth > 0:
@@ -444,53 +371,22 @@ def _box(scene: ParticleScene, radii: Array, d: int, faults: list[str]) -> Box:
             )
         else:
             depth = float(scene.depth)
-    shear_rate = float(scene.shear_rate) if rate is None else rate(0.0)
-    return Box(lengths, shear_rate, float(scene.tilt), depth=depth)
+    return Box(lengths, 0.0, float(scene.tilt), depth=depth)
 
 
-def _coordinates(values: Any, d: int) -> Array | None:
-    """A point's finite coordinates; None for anything else."""
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        return None
-    return array if array.shape == (d,) and np.isfinite(array).all() else None
-
-
-def _walls(scene: ParticleScene, d: int, faults: list[str]) -> tuple[Wall, ...]:
-    walls = []
-    for number, wall in enumerate(scene.wall):
-        point, normal = _coordinates(wall.point, d), _coordinates(wall.normal, d)
-        size = 0.0 if normal is None else float(np.linalg.norm(normal))
-        if point is None or normal is None or not 0 < size < math.inf:
-            faults.append(f"wall {number} needs a point and a normal of {d} finite coordinates each, the normal not 0")
-            continue
-        if not isinstance(wall.rigid, (bool, np.bool_)):
-            faults.append(f"wall {number}: rigid must be true or false, not {wall.rigid!r}")
-            continue
-        if wall.velocity is not None and not is_list(wall.velocity, d):
-            faults.append(f"wall {number}: velocity needs {components(d)}, one for each axis")
-            continue
-        numbers = _coordinates(wall.velocity, d) if wall.velocity is not None else None
-        if numbers is not None and numbers.any() and not numbers @ normal and not scene.tangential:
-            faults.append(
-                f"wall {number} moves along itself, which nothing feels where contacts are normal only: give "
-                "[contacts] tangential = true, or a velocity along its normal"
-            )
-        walls.append(Wall(point, normal / size, bool(wall.rigid), wall.velocity))
-    return tuple(walls)
-
-
-def _species(scene: ParticleScene, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+def _species(scene: ParticleScene, count: int, faults: list[str]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    none = ("",), np.zeros(count, dtype=np.int64)
     if scene.species is None:
-        return ("",), np.zeros(count, dtype=np.int64)
+        return none
     given = list(scene.species) if isinstance(scene.species, (list, tuple, np.ndarray)) else []
     if not given or not all(isinstance(name, str) for name in given):
-        raise SceneError(f"[particles] species must be a list of names, one for each particle, not {scene.species!r}")
+        faults.append(f"[particles] species must be a list of names, one for each particle, not {scene.species!r}")
+        return none
     if len(given) != count:
-        raise SceneError(f"[particles] {len(given)} species for {count} particles")
+        faults.append(f"[particles] {len(given)} species for {count} particles")
+        return none
     if ALL in given:
-        raise SceneError(f"[particles] no species can have the name {ALL!r}: it stands for all particles")
+        faults.append(f"[particles] no species can have the name {ALL!r}: it stands for all particles")
     names = tuple(sorted(set(given)))
     return names, np.array([names.index(name) for name in given], dtype=np.int64)
 

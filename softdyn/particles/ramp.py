@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear, sliding
-from softdyn.particles.balance import Balance, Given, Newton, StepFailed, balance, largest, solve_at, with_torques
+from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, largest, solve_at, with_torques
 from softdyn.particles.balance import contact_forces as sum_of
+from softdyn.particles.driven import Driven
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
-from softdyn.particles.loads import Driven
 from softdyn.particles.method import ERROR, GAMMA, NODES, ORDER, STAGES
 from softdyn.particles.step import error_of
 from softdyn.particles.system import System
@@ -155,7 +155,7 @@ def _part(
         x_star, angle = place - turned + summed(row, 0), summed(row, 2)
         known = replace(begun, force=contacts.T + summed(row, 1), angle=angle, rolled=rolled)
         here = replace(system, force=held(ramp.force(node)))
-        found = _blocked(here, newton, contacts, Given(ramp.t, 0.0, x_star, nothing, known), x_star + s * guess)
+        found = _blocked(here, newton, contacts, StageInput(ramp.t, 0.0, x_star, nothing, known), x_star + s * guess)
         assert found.slid is not None
         slid = found.slid
         rolled = sliding.resisted(slid.roll, found.n)
@@ -174,7 +174,7 @@ def _part(
     return Part(found, there, after, rolled, width * float(STAGES[-1] @ spent), error / SHARE)
 
 
-def _blocked(system: System, newton: Newton, contacts: Contacts, given: Given, guess: Array) -> Balance:
+def _blocked(system: System, newton: Newton, contacts: Contacts, given: StageInput, guess: Array) -> Balance:
     """A stage in which nothing rolls: solved for anew with the moments that it took, until these are what they were."""
     for _ in range(MOST_ROLLS):
         found = balance(system, contacts, newton, given, guess, np.zeros(len(contacts)))

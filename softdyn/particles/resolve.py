@@ -12,14 +12,12 @@ shortened until none of it exceeds the error that is allowed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles.geometry import directions, lattice
-from softdyn.particles.loads import Driven
 from softdyn.particles.state import State
 from softdyn.particles.step import weight
 from softdyn.particles.system import System, contact_state
@@ -88,7 +86,8 @@ def sensitivity(system: System, state: State) -> Sensitivity:
     strain = 1 / system.rtol
     if system.dragged:
         with np.errstate(divide="ignore"):
-            alone = np.where(system.drag > 0, 1 / (system.drag * system.radii * system.rtol), 0.0)
+            drag = system.resistance[:, 0]
+            alone = np.where(drag > 0, 1 / (drag * system.radii * system.rtol), 0.0)
         force = np.maximum(force, alone)
         if d > 1:
             strain *= max(1.0, float((np.abs(state.x[:, 1]) / system.radii).max()))
@@ -97,18 +96,9 @@ def sensitivity(system: System, state: State) -> Sensitivity:
     )
 
 
-def changing(driven: Driven | None) -> Iterator[tuple[NDArray[np.int64], int, TimeFunction]]:
-    """Terms that are not numbers."""
-    yield from () if driven is None else (term for term in driven.terms if not term[2].constant)
-
-
 def time_functions(system: System) -> list[TimeFunction]:
     """All that is given as a function of time."""
-    stress = None if system.imposed is None else system.imposed.driven
-    every = [
-        term[2] for part in (system.force, system.velocity, system.wall_velocity, stress) for term in changing(part)
-    ]
-    return every if system.shear is None else [*every, system.shear]
+    return [function for mechanism in system.mechanisms for function, _ in mechanism.driven()]
 
 
 def breaks(system: System) -> Array:
@@ -119,22 +109,10 @@ def breaks(system: System) -> Array:
 def missed(system: System, to: Sensitivity, t: float, dt: float) -> tuple[float, str]:
     """Largest error, in units of what is allowed, that what a step misses may make; and of which function."""
     found = [(0.0, "")]
-
-    def add(function: TimeFunction, factor: float) -> None:
-        bound = function.missed(t, dt)
-        found.append((bound * factor if bound else 0.0, function.name))
-
-    for those, column, function in changing(system.force):
-        add(function, float((to.force[those] * np.abs(system.force.scale[those, column])).max()))
-    for those, column, function in changing(system.velocity):
-        add(function, to.of_length(dt) * float(np.abs(system.velocity.scale[those, column]).max()))
-    for _, _, function in changing(system.wall_velocity):
-        add(function, to.of_length(dt))
-    if system.shear is not None:
-        add(system.shear, to.of_strain(dt))
-    if system.imposed is not None:
-        for _, _, function in changing(system.imposed.driven):
-            add(function, to.of_strain(dt) / system.imposed.viscosity)
+    for mechanism in system.mechanisms:
+        for function, factor in mechanism.driven():
+            bound = function.missed(t, dt)
+            found.append((bound * factor(to, dt) if bound else 0.0, function.name))
     return max(found)
 
 

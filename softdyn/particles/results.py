@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice
-from softdyn.particles.particle_scene import Checked, ParticleScene
+from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.sliding import rotations
-from softdyn.particles.system import TANGENTIAL_WORKS, WORKS, System, contact_state, works
+from softdyn.particles.system import GIVEN, TAKEN, TANGENTIAL_WORKS, System, contact_state, works
 from softdyn.results import load_result, written_whole
 
 if TYPE_CHECKING:
@@ -91,7 +89,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     F, virials = zip(*in_portions(pull, len(contacts)), strict=True)
     stress = -sum(virials)
     if system.dragged and not system.box.periodic.any():
-        resisting = system.drag[:, None] * (v - flow(system.box, x))
+        resisting = system.resistance[:, :1] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
     if system.box.periodic.all():
         stress = stress / system.box.volume
@@ -115,10 +113,10 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     )
 
 
-def _geometry(frame: Frame, checked: Checked) -> tuple[Array, Array]:
+def _geometry(frame: Frame, system: System) -> tuple[Array, Array]:
     """Direction of each contact of a frame, and the deflection of its surfaces."""
-    contacts = bare_contacts(frame.i, frame.j, frame.shift, checked.radii)
-    walls = tuple(replace(wall, point=point) for wall, point in zip(checked.walls, frame.walls, strict=True))
+    contacts = bare_contacts(frame.i, frame.j, frame.shift, system.radii)
+    walls = tuple(replace(wall, point=point) for wall, point in zip(system.walls, frame.walls, strict=True))
     n, r = directions(contacts, frame.x, frame.cell, walls)
     return n, (contacts.S - r + frame.h) / 2
 
@@ -250,8 +248,6 @@ class ParticleResult:
 
 
 def gather(
-    scene: ParticleScene,
-    checked: Checked,
     system: System,
     frames: list[Frame],
     history: list[tuple[float, float, float, float, int]],
@@ -259,25 +255,25 @@ def gather(
     stats: Mapping[str, Any],
 ) -> ParticleResult:
     """Put a result together from its frames."""
-    count, d = checked.x.shape
+    count, d = system.x.shape
     arrays: dict[str, NDArray[Any]] = {
         "t": np.array([frame.t for frame in frames]),
         "x": np.array([frame.x for frame in frames]).reshape(-1, count, d),
         "v": np.array([frame.v for frame in frames]).reshape(-1, count, d),
         "stress": np.array([frame.stress for frame in frames]).reshape(-1, d, d),
-        "radii": checked.radii,
-        "species": checked.species,
-        "box": checked.box.lengths,
-        "species_names": np.array(checked.names),
+        "radii": system.radii,
+        "species": system.species,
+        "box": system.box.lengths,
+        "species_names": np.array(system.names),
         "cell": np.array([frame.cell for frame in frames]).reshape(-1, d, d),
         "gradient": np.array([frame.gradient for frame in frames]).reshape(-1, d, d),
-        "wall_point": np.array([frame.walls for frame in frames]).reshape(len(frames), len(checked.walls), d),
-        "wall_normal": np.array([wall.normal for wall in checked.walls]).reshape(len(checked.walls), d),
-        "wall_rigid": np.array([wall.rigid for wall in checked.walls], dtype=bool),
+        "wall_point": np.array([frame.walls for frame in frames]).reshape(len(frames), len(system.walls), d),
+        "wall_normal": np.array([wall.normal for wall in system.walls]).reshape(len(system.walls), d),
+        "wall_rigid": np.array([wall.rigid for wall in system.walls], dtype=bool),
         "contact_start": np.cumsum([0, *(len(frame.i) for frame in frames)]),
     }
     if d < 3:
-        arrays["depth"] = np.array(checked.box.depth)
+        arrays["depth"] = np.array(system.box.depth)
     if system.kernel.tangential:
         arrays["spin"] = np.array([frame.spin for frame in frames]).reshape(-1, count, rotations(d))
         arrays["contact_T"] = np.concatenate([np.empty((0, d)), *(frame.T for frame in frames)])
@@ -287,7 +283,7 @@ def gather(
     start = arrays["contact_start"]
     arrays["contact_n"], arrays["contact_delta"] = np.empty((start[-1], d)), np.empty(start[-1])
     for frame, *ends in zip(frames, start[:-1], start[1:], strict=True):
-        arrays["contact_n"][slice(*ends)], arrays["contact_delta"][slice(*ends)] = _geometry(frame, checked)
+        arrays["contact_n"][slice(*ends)], arrays["contact_delta"][slice(*ends)] = _geometry(frame, system)
     energies = (*works(system), "stored")
     arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(energies)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
@@ -295,7 +291,7 @@ def gather(
     return ParticleResult(
         law=system.kernel.law,
         target=system.kernel.target,
-        parameters={k: dict(v) if isinstance(v, Mapping) else float(v) for k, v in scene.parameters.items()},
+        parameters={k: dict(v) if isinstance(v, Mapping) else float(v) for k, v in system.scene.parameters.items()},
         arrays=arrays,
         energy={name: float(value) for name, value in energy.items()},
         stats=stats,
@@ -307,7 +303,7 @@ SHAPES = {
     "t": "f", "x": "fNd", "v": "fNd", "stress": "fdd", "radii": "N", "species": "N", "box": "d",
     "cell": "fdd", "gradient": "fdd", "wall_point": "fwd", "wall_normal": "wd", "wall_rigid": "w",
     "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
-    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in (*WORKS, "stored")},
+    **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in (*GIVEN, *TAKEN, "stored")},
 }  # fmt: skip
 #: Shapes of what tangential motion adds; m rotations.
 TANGENTIAL_SHAPES = {"spin": "fNm", "contact_T": "cd", **{f"energy_{name}": "f" for name in TANGENTIAL_WORKS}}

@@ -17,15 +17,14 @@ from softdyn.particles.balance import Newton
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
-from softdyn.particles.loads import with_rotations
-from softdyn.particles.parameters import require_rest, resistances, uniform_values, varying_parameters
-from softdyn.particles.particle_scene import Checked, ParticleScene, check
+from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
+from softdyn.particles.particle_scene import ParticleScene, check
 from softdyn.particles.pulled import pulled_films
 from softdyn.particles.resolve import time_functions
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
-from softdyn.particles.system import TANGENTIAL_WORKS, System, turns_freely, works
+from softdyn.particles.system import System, ValidatedScene, given_works, turns_freely, with_mechanisms, works
 from softdyn.signals import terminable
 
 Array = NDArray[np.float64]
@@ -74,13 +73,13 @@ def simulate_particles(
     """
     began = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
-    checked, system = prepare(scene)
+    system = prepare(scene)
     newton = Newton()
-    key = checkpoints.fingerprint(scene, checked, system)
+    key = checkpoints.fingerprint(system)
     if resume and checkpoint is not None and checkpoint.exists():
-        state = checkpoints.load(checkpoint, key, checked)
+        state = checkpoints.load(checkpoint, key, system)
     else:
-        state = start(scene, checked, system, newton)
+        state = start(system, newton)
     last = time.monotonic()
 
     def now_and_then(state: State) -> None:
@@ -91,9 +90,9 @@ def simulate_particles(
 
     try:
         with terminable() if checkpoint is not None else nullcontext():
-            integrate(scene, checked, system, newton, state, progress, now_and_then)
+            integrate(system, newton, state, progress, now_and_then)
     except IntegrationError as error:
-        error.partial = _result(scene, checked, system, newton, state, began)
+        error.partial = _result(system, newton, state, began)
         if checkpoint is None:
             raise
         checkpoints.save(checkpoint, state, key)
@@ -106,76 +105,43 @@ def simulate_particles(
         raise
     if checkpoint is not None and not keep:
         checkpoint.unlink(missing_ok=True)
-    return _result(scene, checked, system, newton, state, began)
+    return _result(system, newton, state, began)
 
 
-def kernel_needs(scene: ParticleScene, checked: Checked) -> dict[str, Any]:
+def kernel_needs(facts: ValidatedScene) -> dict[str, Any]:
     """What a scene needs of the kernel of its contacts; the fields of ``derive.contact_equations.ContactNeeds``."""
     return {
-        "varying": tuple(sorted(varying_parameters(scene, checked))),
-        "fading": math.isfinite(checked.reach),
-        "tangential": bool(scene.tangential),
-        "drag": bool(scene.drag),
+        "varying": tuple(sorted(varying_parameters(facts))),
+        "fading": math.isfinite(facts.reach),
+        "tangential": bool(facts.scene.tangential),
+        "drag": bool(facts.scene.drag),
     }
 
 
-def prepare(scene: ParticleScene) -> tuple[Checked, System]:
-    """Check a scene, and get its kernel.
+def prepare(scene: ParticleScene) -> System:
+    """Check a scene, get its kernel, and make its mechanisms ready.
 
     Raises
     ------
     SceneError, LawError, CompileError
     """
-    checked = check(scene)
-    kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(scene, checked))
-    require_rest(scene, checked)
+    facts = check(scene)
+    kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(facts))
+    require_rest(facts)
     if scene.range is None and not kernel.bounded:
         raise SceneError(
             "the law's friction zeta grows without bound, or has no limit, as h -> oo: with drag it would hold distant "
             "particles together; give contacts a range, [contacts] range"
         )
-    p = uniform_values(scene, checked, kernel)
-    fixed, force, velocity = checked.fixed, checked.force, checked.velocity
-    if kernel.tangential:
-        fixed, force, velocity = with_rotations(checked)
-    system = System(
-        kernel=kernel,
-        p=p,
-        reach=checked.reach,
-        box=checked.box,
-        walls=checked.walls,
-        radii=checked.radii,
-        resistance=resistances(scene, checked, kernel, p),
-        fixed=fixed,
-        force=force,
-        velocity=velocity,
-        x0=np.pad(checked.x, ((0, 0), (0, fixed.shape[1] - checked.x.shape[1]))),
-        walls0=np.array([wall.point for wall in checked.walls]).reshape(len(checked.walls), checked.x.shape[1]),
-        rtol=float(scene.rtol),
-        imposed=checked.imposed,
-        wall_velocity=checked.wall_velocity,
-        shear=checked.shear,
-        lean0=_lean(checked),
-    )
-    return checked, system
+    return with_mechanisms(facts, kernel, uniform_values(facts, kernel), facts.mechanisms)
 
 
-def _lean(checked: Checked) -> Array | None:
-    """What the strain of a box under a given shear rate starts from, if it is the integral of that rate."""
-    box, names = checked.box, () if checked.imposed is None else checked.imposed.names
-    if len(box.lengths) < 2 or not box.periodic[:2].all() or any(name != "pressure" for name in names):
-        return None  # sheared by a stress, or stretched along one axis more than along another
-    return np.array([box.tilt, box.lengths[1]]) / box.lengths[0]
-
-
-def _result(
-    scene: ParticleScene, checked: Checked, system: System, newton: Newton, state: State, began: float
-) -> ParticleResult:
+def _result(system: System, newton: Newton, state: State, began: float) -> ParticleResult:
     stored = stored_energy(present(system, state), state) - state.stored0
     work = {name: state.work[name] for name in works(system)}
-    given = work["external"] + work["flow"] + work["box"]
-    taken = stored + work["U_h"] + work["gaps"] + work["drag"] + work["remote"]
-    taken += sum(work[name] for name in works(system) if name in TANGENTIAL_WORKS)
+    put_in = given_works(system)
+    given = sum(work[name] for name in put_in)
+    taken = stored + sum(amount for name, amount in work.items() if name not in put_in)
     size = sum(abs(value) for value in work.values()) + abs(stored)
     stats: dict[str, Any] = {
         "method": "SDIRK of order 3 in positions and gaps",
@@ -191,8 +157,8 @@ def _result(
     energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
     if turns_freely(system):
         stats["torque_removed"] = state.turned
-    if system.imposed is not None:
-        stats["viscosity"] = system.imposed.viscosity
+    for mechanism in system.mechanisms:
+        stats |= mechanism.stats()
     stats["warnings"] = []
     solver = newton.solver
     if solver is not None and solver.certain and solver.counts["krylov"] and not solver.counts["factorisations"]:
@@ -228,4 +194,4 @@ def _result(
     ]
     stats["pulled"] = list(pulled_films(state.pulled))
     stats["warnings"] += stats["pulled"]
-    return gather(scene, checked, system, state.frames, state.history, energy, stats)
+    return gather(system, state.frames, state.history, energy, stats)

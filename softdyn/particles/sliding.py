@@ -58,7 +58,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Slid:
+class TangentialForces:
     """Tangential forces at a stage, shape (contacts, ...) each.
 
     Attributes
@@ -91,11 +91,6 @@ class Slid:
     turn: Array
     roll: Array
     rotation: Array
-
-
-def rotations(d: int) -> int:
-    """Return how many rotations a particle has in d dimensions."""
-    return {1: 0, 2: 1, 3: 3}[d]
 
 
 def starting(contacts: Contacts, radii: Array, normal: Array) -> Known:
@@ -152,7 +147,7 @@ def slide(
     moved: Array,
     images: Array,
     s: float,
-) -> Slid:
+) -> TangentialForces:
     """Tangential forces at a stage.
 
     Parameters
@@ -189,7 +184,7 @@ def slide(
     roll = known.rolled + by_radius[0] - by_radius[1]
     moment = rolling_stiffness(known, values, s)[:, None] * resisted(roll, n)
     turned = turned_back(known, force, n, angle)
-    return Slid(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
+    return TangentialForces(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
 
 
 def turned_back(known: Known, vectors: Array, n: Array, angle: Array) -> Array:
@@ -210,7 +205,7 @@ def rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array
     return np.where(values["roll"] > 0, BLOCKED * values["stiff"] * known.radii[0] ** 2, 0.0)
 
 
-def reactions(contacts: Contacts, known: Known, slid: Slid, n: Array, count: int) -> Array:
+def reactions(contacts: Contacts, known: Known, slid: TangentialForces, n: Array, count: int) -> Array:
     """Force and torque/R that each particle exerts through its contacts, shape (N, d + rotations)."""
     twist = torque(n, slid.force)
     pair = contacts.j < count
@@ -254,7 +249,7 @@ def _skew(v: Array) -> Array:
 
 
 def tangents(
-    known: Known, values: dict[str, Array], slid: Slid, n: Array, curvature: Array, s: float
+    known: Known, values: dict[str, Array], slid: TangentialForces, n: Array, curvature: Array, s: float
 ) -> Iterator[Array]:
     """Derivatives of the forces and torques/R on i and j by the coordinates of i and j: blocks ii, ij, ji, jj in turn.
 

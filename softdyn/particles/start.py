@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Given, Newton, StepFailed, balance, pair_named
+from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, pair_named
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import Contacts, bare_contacts
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over
 from softdyn.particles.parameters import mixed_parameters
-from softdyn.particles.particle_scene import Checked, ParticleScene
 from softdyn.particles.ramp import held, holding, ramped
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
@@ -33,7 +34,7 @@ SETTLED = 0.1
 FIRST_CHANGE = 0.5
 
 
-def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton) -> State:
+def start(system: System, newton: Newton) -> State:
     """Initial state: gaps from the scene and its films; without drag, positions in elastic equilibrium at these gaps.
 
     Raises
@@ -43,10 +44,10 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
     IntegrationError
         If there is no equilibrium to start from.
     """
-    x = checked.x.copy()
-    contacts, listed, made, _ = find_contacts(scene, checked, system.kernel, x, 0.0, None, system.box, system.walls)
-    if scene.films is not None:
-        contacts, _ = taken_over(contacts, _films(scene, checked, system), system.reach)
+    x, films = system.x.copy(), system.scene.films
+    contacts, listed, made, _ = find_contacts(system, x, 0.0, None)
+    if films is not None:
+        contacts, _ = taken_over(contacts, _films(system, films), system.reach)
         made = int(contacts.touched.sum())
     closed = np.flatnonzero(~(contacts.h > 0))
     if len(closed):
@@ -69,7 +70,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
     )
     if not system.dragged and not system.fixed.all():
-        if scene.films is not None:
+        if films is not None:
             state.settled = float(
                 np.abs(overlaps(system, state) + contacts.h)[contacts.h < system.reach].max(initial=0.0)
             )
@@ -82,7 +83,7 @@ def start(scene: ParticleScene, checked: Checked, system: System, newton: Newton
                 f"at the start, with the gaps as given, the forces have no equilibrium: {why(system, state, error)}"
             ) from None
         newton.forget()
-    state.dt = _first_step(scene, system, state)
+    state.dt = _first_step(system, state)
     state.stored0 = stored_energy(system, state)
     return state
 
@@ -98,7 +99,7 @@ def _let_go(system: System, newton: Newton, state: State) -> Balance:
 def relaxed(system: System, newton: Newton, state: State) -> Balance:
     """Elastic equilibrium at the gaps as they are, which nothing but films resists for an instant."""
     nothing = np.zeros(len(state.contacts))
-    given = Given(state.t, 0.0, state.x, nothing)
+    given = StageInput(state.t, 0.0, state.x, nothing)
     return balance(system, state.contacts, newton, given, state.x.copy(), nothing.copy())
 
 
@@ -174,15 +175,14 @@ def _passed(system: System, newton: Newton, state: State, before: Array, after: 
     return found, work + float(np.sum(after * (found.x - state.x)))
 
 
-def _films(scene: ParticleScene, checked: Checked, system: System) -> Contacts:
+def _films(system: System, given: Mapping[str, Any]) -> Contacts:
     """Contacts of an earlier run that are within the range."""
-    assert scene.films is not None
-    films = {name: np.asarray(values) for name, values in scene.films.items()}
-    near = (films["h"] < system.reach) & (films["j"] < len(checked.x) + len(checked.walls))
+    films = {name: np.asarray(values) for name, values in given.items()}
+    near = (films["h"] < system.reach) & (films["j"] < len(system.x) + len(system.walls))
     i, j, h = films["i"][near].astype(np.int32), films["j"][near].astype(np.int32), films["h"][near].astype(float)
     shift = films["shift"][near] if "shift" in films else np.zeros((len(h), system.dimension), np.int64)
-    contacts = bare_contacts(i, j, shift, checked.radii)
-    contacts.q = mixed_parameters(scene, checked, system.kernel, i, j)
+    contacts = bare_contacts(i, j, shift, system.radii)
+    contacts.q = mixed_parameters(system, system.kernel, i, j)
     contacts.h, contacts.touched = h, np.ones(len(h), bool)
     contacts.T = np.zeros((len(h), system.dimension if system.kernel.tangential else 0))
     if contacts.T.size and "T" in films:
@@ -190,12 +190,12 @@ def _films(scene: ParticleScene, checked: Checked, system: System) -> Contacts:
     return contacts
 
 
-def _first_step(scene: ParticleScene, system: System, state: State) -> float:
+def _first_step(system: System, state: State) -> float:
     """A length over which no gap changes by more than the tolerance allows, as far as the present rates tell."""
     overlap = overlaps(system, state)
     values = contact_state(system, state.contacts, overlap, state.contacts.h)
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
     fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(system.box.shear_rate)))
-    longest = 1e-2 * float(scene.until_t)
+    longest = 1e-2 * float(system.scene.until_t)
     return min(longest, FIRST_CHANGE * system.rtol ** (1 / ORDER) / fastest) if fastest > 0 else longest

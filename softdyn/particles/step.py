@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import sliding
-from softdyn.particles.balance import Balance, Given, Newton, balance, largest, unturned, with_torques
+from softdyn.particles.balance import Balance, Newton, StageInput, balance, largest, unturned, with_torques
 from softdyn.particles.energy import CARRIED, ELASTIC, net_power, powers
 from softdyn.particles.geometry import Box, Contacts, directions, lattice
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
-from softdyn.particles.surroundings import balance_under_stress, coordinates, moves, placed
+from softdyn.particles.surroundings import coordinates, moves, placed
 from softdyn.particles.system import System, turns_freely, works
 
 Array = NDArray[np.float64]
@@ -168,7 +168,7 @@ def take_step(
     slip_error = np.zeros_like(T_error) if system.dragged else dt * _combined(rates, errors, 5)
     # what is given by its rate has no error
     error = error_of(system, at.found, y_error, np.where(system.fixed, 0.0, x_error), T_error, slip_error)
-    if system.imposed is not None:
+    if system.leader is not None:
         # errors of the strains of the box, as of positions
         strains = system.dimension + (system.lean0 is None)
         error = max(error, largest(z_error[:strains]) / system.rtol)
@@ -188,9 +188,11 @@ def take_step(
         work = _work(dt, [*row, GAMMA], [*spent, own])
         between.append(Output(float(when), other.found, other.rates[0], work, other.system))
     ahead = np.array([0.0, *rate_weights(0.0)])
-    first_v, first_box = _combined(rates, ahead, 0), _with_rates(system, _combined(rates, ahead, 2))
+    first_v, first_box = _combined(rates, ahead, 0), system.box
+    if system.leader is not None:
+        first_box = system.leader.box_with(system.box, _combined(rates, ahead, 2))
     whole = _work(dt, ROWS[-1], spent)
-    work_error = dt * power_error(np.array([net_power(of) for of in spent[1:]]))
+    work_error = dt * power_error(np.array([net_power(system, of) for of in spent[1:]]))
     return Step(
         at.found,
         error,
@@ -219,18 +221,6 @@ def power_error(power: Array) -> float:
     part = power / size  # of a square there may be no number
     fades = np.sign(part[-1]) == np.sign(part[0]) and 0 < abs(part[-1]) < 2 / 3 * abs(part[0])
     return float(size * (abs(ERROR @ part) + (FADING * (part[-1] - part[0]) ** 2 if fades else 0.0)))
-
-
-def _with_rates(system: System, z_rate: Array) -> Box:
-    """The box with the rates that an imposed stress gives it."""
-    box, d = system.box, system.dimension
-    if system.imposed is None:
-        return box
-    stretch = z_rate[:d] if z_rate[:d].any() else None
-    if "xy" not in system.imposed.names:
-        return replace(box, stretch=stretch)  # its shear rate is given
-    shear_rate = float(z_rate[d] * box.lengths[0] / box.lengths[1]) if d > 1 else 0.0
-    return replace(box, shear_rate=shear_rate, stretch=stretch)
 
 
 def _begin(system: System, contacts: Contacts, newton: Newton, t: float, x: Array, dt: float) -> _Begun:
@@ -306,12 +296,12 @@ def _stage(
     here, at_z, guess = system, np.empty(0), y_star + s * guess_y
 
     def solve(here: System, x: Array) -> Balance:
-        return balance(here, contacts, newton, Given(when, s, x_star, y_star, known), x, guess)
+        return balance(here, contacts, newton, StageInput(when, s, x_star, y_star, known), x, guess)
 
     z_star = begun.z + dt * _combined(rates, row, 2)
     for _ in range(MOST_TWISTS):
-        if system.imposed is not None:
-            found, here, at_z, box_rates = balance_under_stress(
+        if system.leader is not None:
+            found, here, at_z, box_rates = system.leader.lead(
                 system, contacts, newton, when, s, z_star, box_rates, solve, first
             )
         else:
@@ -355,7 +345,7 @@ def error_of(system: System, end: Balance, y_error: Array, x_error: Array, T_err
     if active.any():
         relative = (y_error / np.sqrt(1 + end.y**2))[active] * weight(end.h[active], system.reach) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
-    dragged = system.drag > 0
+    dragged = system.resistance[:, 0] > 0
     if dragged.any():
         relative = (x_error[dragged, : system.dimension] / system.radii[dragged, None]).reshape(-1) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]

@@ -1,54 +1,103 @@
-"""What stays the same over a run of many particles, and what follows from it alone."""
+"""The facts of a scene of many particles, what its mechanisms make of them, and what follows from it alone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow
-from softdyn.particles.imposed import Imposed
+from softdyn.particles.driven import Driven, sum_of
+from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, rotations
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.loads import Driven
-from softdyn.particles.time_functions import TimeFunction
+from softdyn.particles.mechanisms import Mechanism
+
+if TYPE_CHECKING:
+    from softdyn.particles.particle_scene import ParticleScene
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class System:
-    """What stays the same over a run.
+class ValidatedScene:
+    """The facts of a scene, as arrays: nothing in it contradicts anything else.
+
+    Attributes
+    ----------
+    scene : ParticleScene
+        As it was given.
+    x : array, shape (N, d)
+        Positions at the start.
+    radii : array, shape (N,)
+    species : array of int, shape (N,)
+    names : tuple of str
+        Names of the species.
+    reach : float
+        Range of the contacts; inf without one.
+    rtol : float
+        Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
+    times : array
+        Of the output.
+    box : Box
+    walls : tuple of Wall
+        Both as they are at the start; in a run, where they are now.
+    mechanisms : tuple of Mechanism
+    """
+
+    scene: ParticleScene
+    x: Array
+    radii: Array
+    species: NDArray[np.int64]
+    names: tuple[str, ...]
+    reach: float
+    rtol: float
+    times: Array
+    box: Box
+    walls: tuple[Wall, ...]
+    mechanisms: tuple[Mechanism, ...]
+
+    @property
+    def width(self) -> int:
+        """Coordinates of a particle: its position, and with tangential motion its rotation."""
+        d = self.x.shape[1]
+        return d + rotations(d) if self.scene.tangential else d
+
+    def coordinates_scale(self, power: int) -> Array:
+        """Factor of each coordinate of the particles: 1, and that power of the radius for rotations."""
+        scale = np.ones((len(self.x), self.width))
+        scale[:, self.x.shape[1] :] = (1 / self.radii if power < 0 else self.radii)[:, None]
+        return scale
+
+
+@dataclass(frozen=True)
+class System(ValidatedScene):
+    """What a run has: the facts of its scene, the kernel of its contacts, and what the mechanisms give together.
 
     Attributes
     ----------
     kernel : ContactKernel
     p : array
         Uniform parameters of the law.
-    reach : float
-        Range of the contacts; inf without one.
-    box : Box
-    walls : tuple of Wall
-    radii : array, shape (N,)
-    resistance : array, shape (N, d + rotations)
-        What resists the motion of each coordinate through the fluid: force/velocity.
+    force : Driven
+        External forces, shape (N, d + rotations).
     fixed : array of bool, shape (N, d + rotations)
         Coordinates whose velocity is given.
-    force, velocity : Driven
-        External force on each particle, and velocity of the fixed coordinates, shape (N, d + rotations).
-    x0 : array, shape (N, d + rotations)
-        Coordinates at the start; the fixed ones are moved from there.
-    rtol : float
-        Error of a gap, relative to it, and of a position, relative to the radius, allowed in one step.
-    imposed : Imposed, optional
-        Stress imposed on the box.
-    shear : TimeFunction, optional
-        The shear rate, if it changes.
-    wall_velocity : Driven, optional
-        Velocities of the walls, shape (walls, d).
+    velocity : Driven
+        Velocity of these, shape (N, d + rotations).
     walls0 : array, shape (walls, d)
         A point of each at the start.
+    wall_velocity : Driven, optional
+        Velocities of the walls, shape (walls, d).
+    resistance : array, shape (N, d + rotations)
+        What resists the motion of each coordinate by itself, where nothing moves yet: force/velocity.
+    leader : Mechanism, optional
+        The one that finds unknown rates of the box.
+    box_moves : bool
+        Whether the box moves otherwise than by a constant shear rate.
     lean0 : array, shape (2,), optional
         Of a box whose strain is the integral of a given shear rate: tilt, and length along y, over that along x at the
         start.
@@ -56,25 +105,21 @@ class System:
 
     kernel: ContactKernel
     p: Array
-    reach: float
-    box: Box
-    walls: tuple[Wall, ...]
-    radii: Array
-    resistance: Array
-    fixed: Flags
     force: Driven
+    fixed: Flags
     velocity: Driven
-    x0: Array
     walls0: Array
-    rtol: float
-    imposed: Imposed | None = None
-    wall_velocity: Driven | None = None
-    shear: TimeFunction | None = None
-    lean0: Array | None = None
+    wall_velocity: Driven | None
+    resistance: Array
+    leader: Mechanism | None
+    box_moves: bool
+    lean0: Array | None
 
     def place(self, t: float) -> Array:
         """Where fixed coordinates are at a time, shape (N, d + rotations)."""
-        return self.x0 + self.velocity.integral(t)
+        place = self.velocity.integral(t)
+        place[:, : self.dimension] += self.x
+        return place
 
     def wall_place(self, t: float) -> Array:
         """Where the walls are at a time, shape (walls, d)."""
@@ -84,32 +129,22 @@ class System:
     def lean(self, t: float) -> float:
         """Tilt of a box with a given shear rate over its length along x."""
         assert self.lean0 is not None
-        strain = self.box.shear_rate * t if self.shear is None else self.shear.integral(t)
-        return float(self.lean0[0] + self.lean0[1] * strain)
+        return float(self.lean0[0] + self.lean0[1] * sum(mechanism.strain(t) for mechanism in self.mechanisms))
 
     @property
     def box_rates(self) -> Array:
-        """Rates of the box that the imposed stress makes unknown, as they are."""
-        if self.imposed is None:
-            return np.empty(0)
-        G = self.box.gradient
-        places = ["xx" if name == "pressure" else name for name in self.imposed.names]
-        return np.array([G["xyz".index(place[0]), "xyz".index(place[1])] for place in places])
+        """Rates of the box that are unknown, as they are."""
+        return np.empty(0) if self.leader is None else self.leader.rates(self.box)
 
     @property
     def dimension(self) -> int:
         """Of space."""
         return len(self.box.lengths)
 
-    @property
-    def drag(self) -> Array:
-        """What resists the motion of each particle through the fluid, shape (N,)."""
-        return self.resistance[:, 0]
-
-    @property
+    @cached_property
     def dragged(self) -> bool:
-        """Whether the fluid resists any particle by itself; if not, positions are in elastic equilibrium."""
-        return bool(np.any(self.drag > 0))
+        """Whether anything resists the motion of a particle by itself; if not, positions are in elastic equilibrium."""
+        return bool(np.any(self.resistance[:, 0] > 0))
 
     @property
     def force_tolerance(self) -> float:
@@ -117,16 +152,53 @@ class System:
         return 1e-3 * self.rtol
 
 
-#: Energy put in by external forces and by what holds fixed coordinates, by the flow, and by the moving box; energy
-#: lost in the gaps, by drag, to remote forces, and what the dependence of F_ela on h takes (the U_h term).
-WORKS = ("external", "flow", "box", "gaps", "drag", "remote", "U_h")
+def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mechanisms: Sequence[Mechanism]) -> System:
+    """Put a run together: the facts of a scene, its kernel, and what the mechanisms give together."""
+    ready = tuple(mechanism.ready(facts, kernel, p) for mechanism in mechanisms)
+    shape, d = (len(facts.x), facts.width), facts.x.shape[1]
+    held = [mechanism.held for mechanism in ready if mechanism.held is not None]
+    driven_walls = [mechanism.wall_velocity for mechanism in ready if mechanism.wall_velocity is not None]
+    leaders = [mechanism for mechanism in ready if mechanism.leads]
+    gradients = [mechanism.gradient(0.0, np.empty(0)) for mechanism in ready if not mechanism.leads]
+    shear_rate = sum(float(gradient[0, 1]) for gradient in gradients if gradient is not None)
+    resisting = [mechanism.resistance(shape) for mechanism in ready]
+    box, lean0 = replace(facts.box, shear_rate=shear_rate), None
+    if d > 1 and box.periodic[:2].all() and all(mechanism.keeps_shape for mechanism in ready):
+        lean0 = np.array([box.tilt, box.lengths[1]]) / box.lengths[0]
+    known = {field.name: getattr(facts, field.name) for field in fields(ValidatedScene)}
+    return System(
+        **{**known, "box": box, "mechanisms": ready},
+        kernel=kernel,
+        p=p,
+        force=sum_of([mechanism.load for mechanism in ready if mechanism.load is not None], shape),
+        fixed=np.any([which for which, _ in held] or [np.zeros(shape, dtype=bool)], axis=0),
+        velocity=sum_of([velocity for _, velocity in held], shape),
+        walls0=np.array([wall.point for wall in facts.walls]).reshape(len(facts.walls), d),
+        wall_velocity=driven_walls[0] if driven_walls else None,
+        resistance=sum((each for each in resisting if each is not None), np.zeros(shape)),
+        leader=leaders[0] if leaders else None,
+        box_moves=any(mechanism.moves_box for mechanism in ready),
+        lean0=lean0,
+    )
+
+
+#: Energy that is given and taken in every run: by external forces and what holds fixed coordinates, by the flow, and by
+#: the moving box; in the gaps, by drag, by remote forces, and by the dependence of F_ela on h (the U_h term).
+GIVEN, TAKEN = ("external", "flow", "box"), ("gaps", "drag", "remote", "U_h")
 #: Besides, with tangential motion: lost in sliding and in rolling, and what a change of the tangential stiffness takes.
 TANGENTIAL_WORKS = ("sliding", "rolling", "k_t")
 
 
+def given_works(system: System) -> tuple[str, ...]:
+    """Kinds of energy that are put in."""
+    return tuple(dict.fromkeys([*GIVEN, *(kind for mechanism in system.mechanisms for kind in mechanism.gives)]))
+
+
 def works(system: System) -> tuple[str, ...]:
-    """Kinds of energy that are exchanged."""
-    return (*WORKS, *TANGENTIAL_WORKS) if system.kernel.tangential else WORKS
+    """Kinds of energy that are exchanged: those that are put in, and those that are taken."""
+    more = TANGENTIAL_WORKS if system.kernel.tangential else ()
+    taken = (kind for mechanism in system.mechanisms for kind in mechanism.takes)
+    return tuple(dict.fromkeys([*given_works(system), *TAKEN, *more, *taken]))
 
 
 def gauge_axes(system: System) -> list[int]:

@@ -1,0 +1,169 @@
+"""The rooms of the mechanisms: what acts in a scene of many particles, one module each.
+
+A room has a function ``check``, which takes what is known of a scene, tells faults, and returns the room's
+:class:`Mechanism`, bound to its numbers. The engine asks the mechanisms of a scene, in the order of :data:`ROOMS`, for
+what they have, and knows none of them by name. The room of a mechanism that a scene does not have is not imported.
+
+How to add one is told in ``.docs/mechanisms.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from softdyn.particles.balance import Balance, Newton, StageInput
+    from softdyn.particles.driven import Driven
+    from softdyn.particles.energy import Rates
+    from softdyn.particles.geometry import Box, Contacts, Wall
+    from softdyn.particles.kernel import ContactKernel
+    from softdyn.particles.particle_scene import ParticleScene
+    from softdyn.particles.resolve import Sensitivity
+    from softdyn.particles.system import System, ValidatedScene
+    from softdyn.particles.time_functions import TimeFunction
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: Modules here, and the fields of a scene that ask for it: each that is given, and neither 0 nor empty.
+ROOMS: dict[str, tuple[str, ...]] = {
+    "drag": ("drag",),
+    "pushes": ("push",),
+    "holds": ("hold",),
+    "walls": ("wall",),
+    "shear": ("shear_rate",),
+    "stress": ("stress", "stress_viscosity"),
+}
+
+
+@dataclass(frozen=True)
+class Action:
+    """What a mechanism does to the particles at a stage.
+
+    Attributes
+    ----------
+    reaction : array, shape (N, d + rotations)
+        Forces, and torques over radii, that the particles exert on what resists them.
+    largest : float
+        Of these forces: what the balance is judged by.
+    friction : float
+        Largest force for each length that a coordinate moves in the stage: what rounding of positions makes of it.
+    """
+
+    reaction: Array
+    largest: float
+    friction: float = 0.0
+
+
+class Mechanism:
+    """What a mechanism may have. A room defines what it has, and leaves out the rest.
+
+    Attributes
+    ----------
+    gives, takes : tuple of str
+        Kinds of energy that it puts in, and that it takes. Several mechanisms may share one.
+    load : Driven, optional
+        External forces, and torques over radii, that depend on time alone, shape (N, d + rotations).
+    held : tuple of (array of bool, Driven), optional
+        Coordinates that do not follow from forces, and their velocities, shape (N, d + rotations) each.
+    walls : tuple of Wall
+        Flat walls that the particles touch.
+    wall_velocity : Driven, optional
+        Their velocities, shape (walls, d).
+    moves_box : bool
+        Whether the box moves with it otherwise than by a constant shear rate.
+    keeps_shape : bool
+        Whether all lengths of the box change alike by it.
+    leads : bool
+        Whether rates of the box are unknown, and its ``lead`` finds them.
+    """
+
+    gives: ClassVar[tuple[str, ...]] = ()
+    takes: ClassVar[tuple[str, ...]] = ()
+    leads: ClassVar[bool] = False
+    moves_box: bool = False
+    keeps_shape: bool = True
+    load: Driven | None = None
+    held: tuple[Flags, Driven] | None = None
+    walls: tuple[Wall, ...] = ()
+    wall_velocity: Driven | None = None
+
+    def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> Mechanism:
+        """The same, once the kernel of the contacts and the values of its uniform parameters are known."""
+        return self
+
+    def driven(self) -> Iterator[tuple[TimeFunction, Callable[[Sensitivity, float], float]]]:
+        """What is given as a function of time; and the error that a unit of what a step misses of it makes.
+
+        That error is in units of what is allowed, from the sensitivity of the state and the length of the step.
+        """
+        return iter(())
+
+    def resistance(self, shape: tuple[int, int]) -> Array | None:
+        """What resists the motion of each coordinate by itself, force over velocity, where nothing moves yet."""
+        return None
+
+    def act(self, system: System, given: StageInput, x: Array) -> Action | None:
+        """Forces that depend on the particles' positions x and velocities, (x - x*)/s, at a stage."""
+        return None
+
+    def tangent(self, system: System, given: StageInput, x: Array) -> Array | None:
+        """Derivative of these forces by x: of each coordinate by itself, (N, w), or of each particle, (N, w, w)."""
+        return None
+
+    def gradient(self, t: float, rates: Array) -> Array | None:
+        """Velocity gradient of the background flow that it makes, shape (d, d); ``rates`` are unknown ones."""
+        return None
+
+    def strain(self, t: float) -> float:
+        """Shear strain that is given, at a time."""
+        return 0.0
+
+    def rates(self, box: Box) -> Array:
+        """Where it leads: the unknown rates, as a box has them."""
+        raise NotImplementedError
+
+    def box_with(self, box: Box, z_rate: Array) -> Box:
+        """Where it leads: a box with the rates that its coordinates have."""
+        raise NotImplementedError
+
+    def lead(
+        self,
+        system: System,
+        contacts: Contacts,
+        newton: Newton,
+        t: float,
+        s: float,
+        z_star: Array,
+        rates: Array,
+        solve: Callable[[System, Array], Balance],
+        x: Array,
+    ) -> tuple[Balance, System, Array, Array]:
+        """Where it leads: the balance, box and walls, dz/dt, and the rates; see the room ``stress``."""
+        raise NotImplementedError
+
+    def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
+        """Power of each kind that it gives or takes, at one stage."""
+        return {}
+
+    def stats(self) -> dict[str, Any]:
+        """What a result tells of it besides its arrays."""
+        return {}
+
+
+def rooms_of(scene: ParticleScene) -> Iterator[Any]:
+    """Modules of the mechanisms that a scene asks for, in order."""
+    for name, wanted in ROOMS.items():
+        if any(_asks(getattr(scene, field)) for field in wanted):
+            yield import_module(f"{__name__}.{name}")
+
+
+def _asks(value: Any) -> bool:
+    """Whether a field is given, and neither 0 nor empty."""
+    return value is not None and not (isinstance(value, (bool, int, float, tuple, list, dict)) and not value)
