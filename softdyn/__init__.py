@@ -21,7 +21,7 @@ from softdyn.errors import CompileError, IntegrationError, LawError, SceneError,
 if TYPE_CHECKING:
     from softdyn.api import check, films, load_result, read_scene, regimes, simulate, write_report
     from softdyn.pair.batch import Batch
-    from softdyn.results import PairResult
+    from softdyn.results.pair_result import PairResult
     from softdyn.scene.pair_scene import Scene
     from softdyn.scene.time_tables import Table
 

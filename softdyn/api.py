@@ -14,7 +14,8 @@ from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.run import simulate_pair
-from softdyn.results import PairResult, load_result
+from softdyn.results.pair_result import PairResult
+from softdyn.results.registry import load_result
 from softdyn.scene.pair_drive import DRIVES
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.pair_scene import read_scene as read_pair_scene

@@ -367,7 +367,7 @@ def _write_certificates(law: Any, path: Path | None, lemmas: Path | None, findin
     """Of the claims that are proved, as far as there are certificates; which have none is told, with the reason."""
     from softdyn.derive.certificate import certificates
     from softdyn.derive.lemmas import theory
-    from softdyn.results import written_whole
+    from softdyn.results.whole_files import written_whole
 
     proved = {(finding.limit, finding.quantity) for finding in findings if finding.verdict == "proved"}
     made, without = certificates(law, proved)
@@ -502,7 +502,7 @@ def _generate(options: argparse.Namespace) -> int:
         return _generate_stock(options)
     if options.law is None or options.target is None or options.check:
         raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
-    from softdyn.results import written_whole
+    from softdyn.results.whole_files import written_whole
 
     manifest, kind = _manifest(options)
     text = sys.stderr if options.folder is None else sys.stdout
@@ -594,7 +594,7 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.run import simulate_pair
     from softdyn.particles.export import WRITERS
-    from softdyn.results import ENDINGS, SUFFIXES
+    from softdyn.results.pair_result import ENDINGS, SUFFIXES
     from softdyn.scene.pair_scene import read_scene
     from softdyn.scene.reading import is_particle_scene, read_toml
     from softdyn.words import suggestion
@@ -724,7 +724,9 @@ class _progress_bar:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from softdyn.results import PairResult, load_result, written_whole
+    from softdyn.results.pair_result import PairResult
+    from softdyn.results.registry import load_result
+    from softdyn.results.whole_files import written_whole
 
     result = load_result(options.result)
     picture: Path = options.picture or options.result.with_suffix(".png")
@@ -744,7 +746,7 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from softdyn.results import load_result
+    from softdyn.results.registry import load_result
 
     print(f"wrote {load_result(options.result).save(options.output)}")
     return 0

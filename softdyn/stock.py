@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from softdyn.errors import SceneError
 from softdyn.laws import law_of, package_folder, stock_laws
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_equations import ContactNeeds

@@ -28,7 +28,7 @@ import softdyn
 from softdyn import archive, endings, signals
 from softdyn.cli import main
 from softdyn.errors import SceneError
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 from softdyn.terminal import plain
 
 SCENE = """

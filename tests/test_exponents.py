@@ -11,7 +11,7 @@ from sympy import Rational
 from test_phases import diagram_of
 
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 from softdyn.scene.pair_scene import Scene
 from softdyn.study import exponents, plane
 from softdyn.targets import c

@@ -13,7 +13,8 @@ from fuzzing import Enough, Random, mutated_arrays, mutated_bytes, rezipped, sur
 import softdyn
 from softdyn import particles
 from softdyn.particles.results import ParticleResult
-from softdyn.results import PairResult, load_result
+from softdyn.results.pair_result import PairResult
+from softdyn.results.registry import load_result
 
 pytestmark = pytest.mark.slow
 FILES = 1500

@@ -16,7 +16,7 @@ from PIL import Image
 
 import softdyn
 from softdyn.pair.plots import plot_pair, scale_for
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 
 ALL = ("X", "F", "lambda1", "lambda2")
 BASE: dict[str, Any] = {"law": "rognon_gay", "parameters": {"R": 2.0, "E": 1.0, "eta": 1.0}, "quantities": ALL}
@@ -163,7 +163,7 @@ def test_short_and_odd_results_are_drawn(outputs: int) -> None:
 def test_plotting_touches_no_global_state() -> None:
     program = """
 import sys, numpy as np, matplotlib
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 def settings():  # to read the backend would choose one
     return {name: matplotlib.rcParams[name] for name in matplotlib.rcParams if name != "backend"}
 before = settings()
@@ -177,5 +177,5 @@ assert settings() == before
 
 
 def test_importing_results_does_not_import_matplotlib() -> None:
-    program = "import sys, softdyn.results; sys.exit('matplotlib' in sys.modules)"
+    program = "import sys, softdyn.results.registry; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -15,7 +15,7 @@ from typing import Any
 
 import mpmath as mp
 
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 
 #: Of the arithmetic, and nodes of a step.
 DIGITS, STAGES = 34, 16

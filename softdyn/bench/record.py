@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import softdyn
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 
 
 def heading(command: str, versions: dict[str, str]) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.batch import STATES
 from softdyn.pair.run import MOST_STEPS, kernel_needs, kernel_parameters
 from softdyn.pair.states import initial_deflection
-from softdyn.results import require_folder
+from softdyn.results.whole_files import require_folder
 from softdyn.scene.pair_drive import Drive, drive_of
 from softdyn.scene.pair_scene import Scene
 

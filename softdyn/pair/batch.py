@@ -34,7 +34,7 @@ from softdyn.pair.run import (
     step_rtol,
 )
 from softdyn.pair.states import initial_deflection
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 from softdyn.scene.pair_drive import Drive, drive_of
 from softdyn.scene.pair_scene import Scene, check_scene, parameter_values
 from softdyn.words import suggestion

@@ -15,7 +15,7 @@ from softdyn.mathtext import literal
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from softdyn.results import PairResult
+    from softdyn.results.pair_result import PairResult
 
 #: An axis is logarithmic where half of its values are smaller than the largest by more than this factor.
 CROWDED = 20.0

@@ -22,7 +22,7 @@ from softdyn.expression import pieces
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.quadrature import integrate_constant_force
 from softdyn.pair.states import deflection, drive_at, evaluate, initial_deflection
-from softdyn.results import Event, PairResult
+from softdyn.results.pair_result import Event, PairResult
 from softdyn.scene.pair_drive import Drive, drive_of
 from softdyn.scene.pair_scene import Scene, check_scene, parameter_values
 

@@ -27,7 +27,7 @@ from softdyn.errors import SceneError
 from softdyn.kernels import tool_digest
 from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, as_arrays, is_plain, simulate_batch, varied_scene
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 from softdyn.scene.numbers import LARGEST_COUNT, named_numbers
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.time_tables import Table

@@ -30,7 +30,7 @@ from softdyn.particles.run import prepare
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import contact_state
-from softdyn.results import require_folder, written_whole
+from softdyn.results.whole_files import require_folder, written_whole
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw

@@ -20,7 +20,7 @@ from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.state import State
 from softdyn.particles.system import System
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")

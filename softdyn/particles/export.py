@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.observables import is_periodic, is_sheared, strain
-from softdyn.results import beside, written_whole
+from softdyn.results.whole_files import beside, written_whole
 
 if TYPE_CHECKING:
     from softdyn.particles.results import ParticleResult

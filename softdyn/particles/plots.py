@@ -34,7 +34,7 @@ from softdyn.particles.observables import (
     relative_viscosity,
     strain,
 )
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

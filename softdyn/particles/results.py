@@ -15,7 +15,8 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.system import GIVEN, TAKEN, TANGENTIAL_WORKS, System, contact_state, works
-from softdyn.results import load_result, written_whole
+from softdyn.results.registry import load_result
+from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

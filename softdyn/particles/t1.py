@@ -28,7 +28,7 @@ from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
 from softdyn.particles.particle_scene import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
-from softdyn.results import require_folder, written_whole
+from softdyn.results.whole_files import require_folder, written_whole
 from softdyn.terminal import as_it_is
 
 if TYPE_CHECKING:

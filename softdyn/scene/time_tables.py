@@ -66,7 +66,8 @@ def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) 
 
 def _table_of_result(path: Path, name: str, also: Sequence[str]) -> Table:
     """What a saved result of two particles says of a quantity over time."""
-    from softdyn.results import PairResult, load_result
+    from softdyn.results.pair_result import PairResult
+    from softdyn.results.registry import load_result
 
     result = load_result(path)
     if not isinstance(result, PairResult):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softdyn.errors import SoftdynError
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 
 RIGHT, TOLD, REFUSED, WRONG = "right", "told", "refused", "wrong"
 OUTCOMES = (RIGHT, TOLD, REFUSED, WRONG)

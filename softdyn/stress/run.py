@@ -23,7 +23,8 @@ from softdyn.api import simulate
 from softdyn.bench.precise import UNIT
 from softdyn.bench.record import heading, write_record
 from softdyn.pair.run import ALLOWED_ERROR
-from softdyn.results import PairResult, require_folder
+from softdyn.results.pair_result import PairResult
+from softdyn.results.whole_files import require_folder
 from softdyn.stress.far_field import far_field_cells
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge, worst
 from softdyn.stress.pulled import pulled_cells

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from softdyn.api import simulate
 from softdyn.pair.run import ALLOWED_ERROR
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 from softdyn.scene.pair_scene import Scene
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
 from softdyn.stress.reference import Case, make_reference

@@ -20,7 +20,7 @@ from softdyn.api import simulate
 from softdyn.bench.precise import UNIT
 from softdyn.derive.dimensions import Dimension
 from softdyn.pair.run import ALLOWED_ERROR
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 from softdyn.stress.judge import Cell, judge, judge_number, worst
 
 Array = NDArray[np.float64]

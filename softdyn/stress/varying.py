@@ -15,7 +15,7 @@ import numpy as np
 
 from softdyn.api import simulate
 from softdyn.pair.run import ALLOWED_ERROR
-from softdyn.results import PairResult
+from softdyn.results.pair_result import PairResult
 from softdyn.stress.judge import Cell, judge
 
 #: When the runs end, and where their outputs are, as a part of that.

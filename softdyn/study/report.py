@@ -56,7 +56,7 @@ from softdyn.derive.typeset import (
 )
 from softdyn.errors import SoftdynError
 from softdyn.findings import films_of, limits_of, regimes_of
-from softdyn.results import written_whole
+from softdyn.results.whole_files import written_whole
 from softdyn.stock import kinds
 from softdyn.study.formulas import definitions, formula, widest
 from softdyn.study.presence import ANYWHERE, Presences, presence_of

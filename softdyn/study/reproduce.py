@@ -28,7 +28,8 @@ from softdyn.derive.limits import Finding, check_limits
 from softdyn.derive.regimes import Diagram, Regime, discover
 from softdyn.derive.symbols import E, R, eta, h
 from softdyn.pair.run import simulate_pair
-from softdyn.results import PairResult, require_folder, written_whole
+from softdyn.results.pair_result import PairResult
+from softdyn.results.whole_files import require_folder, written_whole
 from softdyn.scene.pair_scene import Scene
 from softdyn.study import figures
 from softdyn.study.plane import length_ratios, monomial

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from softdyn.bench.record import heading, write_record
-from softdyn.results import require_folder
+from softdyn.results.whole_files import require_folder
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG
 from softdyn.stress.particles.compare import TIGHT, UNKNOWN, Verdict, judge_case
 from softdyn.stress.particles.sampling import random_case

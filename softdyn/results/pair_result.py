@@ -1,0 +1,129 @@
+"""What a run of two particles gives."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.results.whole_files import written_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+SUFFIXES = (".json", ".npz", ".csv")
+ENDINGS = f"of a run of two particles the ending must be one of {', '.join(SUFFIXES)}; .gsd and .pvd are for many"
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened on the way: what it was, when, and the gap and the deflection there."""
+
+    what: str
+    t: float
+    h: float
+    delta: float
+
+
+@dataclass(frozen=True)
+class PairResult:
+    """What a run of two particles gave; all numbers in the units of the scene's parameters.
+
+    Attributes
+    ----------
+    law, target : str
+    parameters : mapping from str to float
+    arrays : mapping from str to array of shape (outputs,)
+        ``t`` (time), ``h`` (gap, length), ``delta`` (deflection, length), and the quantities asked for: ``X``
+        (distance of the centres, length), ``a`` (contact radius, length), ``F`` (force), ``dF_dt`` (force/time),
+        ``zeta`` and ``D`` (force time/length), ``C`` (force/length), ``F_adh`` (force), ``dh_dt``, ``ddelta_dt``,
+        ``dX_dt`` (length/time), ``lambda1`` and ``lambda2`` (dimensionless: local exponents of delta and dh/dt in h, at
+        constant force).
+        Each is an attribute, too: ``result.h`` is ``result.arrays["h"]``.
+    stopped_by : str
+        "h" or "t": which end was reached.
+    stats : mapping
+        ``method`` (what was done), ``steps``, ``rejected``, ``evaluations`` (of dh/dt), ``stiffness`` (largest step
+        times rate of decay), ``error`` (estimated, of h, relative, the largest of all outputs; where these are not at
+        given times, of t or of h, whichever is less), ``rtol`` (of the steps: below the scene's where errors grow on
+        the way), ``force_residual`` (largest abs(F_ela - F_ext) relative to the largest force) or ``drift``
+        (largest distance of X from where a position or a spring has it, over R), ``wall_s``, ``compile_s`` (deriving,
+        compiling and loading), ``kernel`` (its key).
+    warnings : tuple of str
+    events : tuple of Event
+        Where steps had to end, in order: rows of a table, the force crossing zero, a film reached, the gap of the end.
+    """
+
+    law: str
+    target: str
+    parameters: Mapping[str, float]
+    arrays: Mapping[str, NDArray[np.float64]]
+    stopped_by: str
+    stats: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
+
+    def __getattr__(self, name: str) -> NDArray[np.float64]:
+        if name != "arrays" and name in self.arrays:
+            return self.arrays[name]
+        there = ", ".join(self.arrays) if name != "arrays" else ""
+        raise AttributeError(f"the result has no {name!r}; its arrays are {there}")
+
+    def __len__(self) -> int:
+        return len(self.arrays["t"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data, the arrays as lists."""
+        return {
+            "status": "success",
+            "law": self.law,
+            "target": self.target,
+            "parameters": dict(self.parameters),
+            "stopped_by": self.stopped_by,
+            **{name: [_json_number(value) for value in values] for name, values in self.arrays.items()},
+            "stats": dict(self.stats),
+            "warnings": list(self.warnings),
+            "events": [vars(event) for event in self.events],
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write to a .json, .npz or .csv file; see :func:`softdyn.load_result`.
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, or the file cannot be written; then nothing is left behind.
+        """
+        path = Path(path)
+        if path.suffix not in SUFFIXES:
+            raise SceneError(f"cannot save to {path}: {ENDINGS}")
+        with written_whole(path) as temporary:
+            if path.suffix == ".json":
+                temporary.write_text(json.dumps(self.to_dict()) + "\n", encoding="utf-8")
+            elif path.suffix == ".npz":
+                about = {key: value for key, value in self.to_dict().items() if key not in self.arrays}
+                with temporary.open("wb") as file:
+                    content: dict[str, Any] = {"about": np.array(json.dumps(about)), **self.arrays}
+                    np.savez(file, **content)
+            else:
+                columns = np.column_stack(list(self.arrays.values()))
+                np.savetxt(temporary, columns, delimiter=",", header=",".join(self.arrays), comments="", fmt="%.17g")
+        return path
+
+    def plot(self) -> Figure:
+        """Draw the gap and the deflection against time, and the local exponents against the gap."""
+        from softdyn.pair.plots import plot_pair
+
+        return plot_pair(self)
+
+
+def _json_number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
