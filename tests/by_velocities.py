@@ -22,7 +22,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import get_kernel
 from softdyn.particles.balance import Newton, contact_forces
 from softdyn.particles.geometry import directions, flow, lattice
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.run import prepare
 from softdyn.particles.start import start
 

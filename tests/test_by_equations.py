@@ -18,7 +18,7 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.particles import portions
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 

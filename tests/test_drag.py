@@ -13,7 +13,7 @@ from softdyn.derive import DIMENSIONLESS, Drag, E, R, eta, h
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import LawError
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 

@@ -24,7 +24,7 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import LawError, SceneError
 from softdyn.laws import stock_laws
 from softdyn.particles.geometry import Wall
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
 from softdyn.stress import two_spheres
 

@@ -23,7 +23,7 @@ from softdyn.derive import ContactLaw, E, Limit, R, a, delta, eta, h
 from softdyn.derive.films import relaxation_rate
 from softdyn.derive.regimes import discover
 from softdyn.errors import LawError, SceneError
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
 
 Array = NDArray[np.float64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ from softdyn.particles.files import read_particle_scene
 from softdyn.particles.geometry import Wall
 from softdyn.particles.mechanisms.stress import condensed, excess
 from softdyn.particles.observables import strain
-from softdyn.particles.particle_scene import Hold, ParticleScene
+from softdyn.particles.particle_keys import Hold, ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
 from softdyn.particles.surroundings import coordinates, placed
 from softdyn.particles.system import System
+from softdyn.particles.until import run_end
 
 Array = NDArray[np.float64]
 ETA = 1.0
@@ -332,10 +334,52 @@ def test_a_run_under_an_imposed_shear_stress_ends_at_a_strain() -> None:
     assert passed == pytest.approx(0.02, rel=1e-3)  # ten times the tolerance of a step
 
 
+#: Up to the strain 0.02: a rate that swings, a table of it, and one that changes its sign before it gets there.
+STRAINED = {
+    "expression": ("g*w*cos(w*t)", math.asin(0.4) / 0.02),
+    "table": (([0.0, 10.0, 10.0, 100.0], [1e-3, 1e-3, 2e-3, 2e-3]), 15.0),
+    "turning": ("-1e-3 + 1e-4*t", 10 + 10 * math.sqrt(1 + 4)),
+}
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize("until_t", [None, 90.0])
+@pytest.mark.parametrize("name", list(STRAINED))
+def test_a_run_under_a_given_shear_rate_ends_at_a_strain(name: str, until_t: float | None, periodic: bool) -> None:
+    """The first time that the integral of the rate has it, known before the run; without a periodic box, too."""
+    rate, end = STRAINED[name]
+    constants = {"g": 0.05, "w": 0.02} if name == "expression" else {}
+    box = {} if periodic else {"box": None, "gap": 0.05}
+    scene = packing(shear_rate=rate, constants=constants, drag=1.0, until_t=until_t, until_strain=0.02, times=2, **box)
+    result = simulate_particles(scene)
+    assert result.t[-1] == pytest.approx(end, rel=1e-14)
+    if periodic:  # elsewhere the integral is that of a line through the frames
+        assert abs(strain(result)[-1]) == pytest.approx(0.02, rel=1e-12)
+
+
+def test_a_time_that_comes_before_the_strain_ends_the_run() -> None:
+    scene = packing(
+        shear_rate="g*w*cos(w*t)", constants={"g": 0.05, "w": 0.02}, drag=1.0, until_t=5.0, until_strain=0.06
+    )
+    assert run_end(scene) == 5.0
+    # 0.05 is the largest strain that there is
+    assert run_end(replace(scene, until_t=1e3)) == 1e3
+    assert run_end(replace(scene, until_t=1e3, until_strain=0.05 * (1 - 1e-12))) == pytest.approx(
+        math.pi / 0.04, rel=1e-5
+    )
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"until_strain": 0.1, "shear_rate": 1e-3}, "ends a run under an imposed shear stress"),
+        ({"until_strain": 0.1}, r"\[until\] strain needs \[flow\] shear_rate, or \[stress\] xy"),
+        ({"until_strain": 0.1, "until_t": None, "stress": {"xy": 1e-3}}, r"\[until\] t is missing.* never be reached"),
+        (
+            {"until_strain": 0.1, "until_t": None, "shear_rate": "1e-3*exp(-t)"},
+            "is not reached before .* give .until. t",
+        ),
+        ({"until_strain": 0.1, "until_t": None, "shear_rate": "1e-3*sin(t)"}, "0 at the start, needs .until. t"),
+        ({"until_t": None}, r"\[until\] needs t, strain, or both"),
         ({"until_strain": 0.0, "stress": {"xy": 1e-3}}, "must be a number other than 0"),
     ],
 )

@@ -22,7 +22,7 @@ from softdyn.particles.observables import (
     strain,
     wall_forces,
 )
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 

@@ -15,7 +15,7 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
 

@@ -21,10 +21,11 @@ from softdyn import particles
 from softdyn.cli import main
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import integrate
-from softdyn.particles.files import particle_scene_from, read_particle_scene, read_particles, stock_scenes
+from softdyn.particles.files import particle_scene_from, read_particle_scene, stock_scenes
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
 from softdyn.particles.particle_scene import check
+from softdyn.particles.placing import read_particles
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import simulate_particles
 
@@ -134,7 +135,7 @@ until = {t = 10.0}
     [
         ("contacts = {gap", "contact = {gap", "unknown key 'contact'; did you mean 'contacts'"),
         ("range = 0.4", "rnage = 0.4", r"\[contacts\] unknown key 'rnage'; did you mean 'range'"),
-        ("strain = 0.1", "strain = 0.1, t = 3.0", "one of them"),
+        ("strain = 0.1", "strain = true", r"\[until\] strain must be a number other than 0"),
         (", seed = 3", "", "seed missing"),
         ("fraction = 0.88", "fraction = 7", "fraction must lie between"),
         ("count = 40", "count = 40.5", "count must be a whole number"),

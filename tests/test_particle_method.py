@@ -20,7 +20,7 @@ from softdyn.particles.method import (
     dense_row,
     rate_weights,
 )
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.step import power_error
 

@@ -20,7 +20,7 @@ from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles import plots
 from softdyn.particles.geometry import Wall
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.plots import draw_network
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles

@@ -23,7 +23,8 @@ from softdyn.particles.balance import Newton, StageInput, balance, contact_force
 from softdyn.particles.geometry import Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
-from softdyn.particles.particle_scene import Hold, ParticleScene, Push, check
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_scene import check
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
@@ -509,7 +510,7 @@ def test_what_nothing_resists_is_named(changes: dict[str, Any], words: str) -> N
         ({"mixing": ["E"]}, r"\[mixing\] must map names"),
         ({"stress": 5}, r"\[stress\] must map names"),
         ({"constants": ["w"]}, r"\[constants\] must map names"),
-        ({"box": 9.0}, "list of lengths"),
+        ({"box": 9.0}, "must be a list of numbers"),
         ({"wall": [Wall([0, -0.9], [0, -1])], "gap": None}, "first the contact of particle 0 and wall 0"),
         ({"positions": np.random.default_rng(0).uniform(0, 500, (65, 2))}, "range of their contacts"),
     ],

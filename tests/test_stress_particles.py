@@ -15,7 +15,7 @@ from sympy import Symbol, lambdify
 
 from softdyn.cli import main
 from softdyn.expression import evaluate, parse
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import UNBALANCED, UNSEEN
 from softdyn.stress.judge import RIGHT, TOLD, WRONG

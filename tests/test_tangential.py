@@ -31,7 +31,7 @@ from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall, curvatures, directions, lattice, rotations
 from softdyn.particles.observables import relative_viscosity
-from softdyn.particles.particle_scene import Hold, ParticleScene, Push
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start

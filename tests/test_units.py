@@ -24,12 +24,14 @@ from softdyn.errors import SceneError
 from softdyn.laws import find, load
 from softdyn.particles import observables
 from softdyn.particles.checkpoint import load as load_checkpoint
-from softdyn.particles.files import particle_scene_from, read_particles, stock_scenes
+from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
-from softdyn.particles.particle_scene import Hold, ParticleScene, Push
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.placing import read_particles
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
+from softdyn.particles.until import run_end
 
 Array = NDArray[np.float64]
 #: Units of length, time and force, in those of a scene as it is written.
@@ -151,7 +153,7 @@ def shortened(path: Path) -> ParticleScene:
     if "packing" in data:
         data["packing"]["count"] = min(40, data["packing"]["count"])
     scene = particle_scene_from(data, path.parent)
-    return replace(scene, until_t=scene.until_t / 100, times=4, rtol=1e-4, target="c")
+    return replace(scene, until_t=run_end(scene) / 100, until_strain=None, times=4, rtol=1e-4, target="c")
 
 
 def column(**changes: Any) -> ParticleScene:

@@ -18,7 +18,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from softdyn.particles.files import from_result, read_particles
     from softdyn.particles.files import read_particle_scene as read_scene
     from softdyn.particles.geometry import Wall
     from softdyn.particles.observables import (
@@ -35,17 +34,20 @@ if TYPE_CHECKING:
         swap_time,
         wall_forces,
     )
-    from softdyn.particles.packing import lattice_packing, random_packing
-    from softdyn.particles.particle_scene import Hold, ParticleScene, Push
+    from softdyn.particles.packing import Packing, lattice_packing, random_packing
+    from softdyn.particles.particle_keys import Hold, ParticleScene, Push, Stress
+    from softdyn.particles.placing import from_result, read_particles
     from softdyn.particles.results import ParticleResult
     from softdyn.particles.results import load_particles as load
     from softdyn.particles.run import simulate_particles as simulate
 
 __all__ = [
     "Hold",
+    "Packing",
     "ParticleResult",
     "ParticleScene",
     "Push",
+    "Stress",
     "Wall",
     "coordination",
     "fabric",
@@ -70,15 +72,17 @@ __all__ = [
 
 #: The module of each, and its name there.
 _HOME = {
-    "Hold": ("particle_scene", "Hold"),
+    "Hold": ("particle_keys", "Hold"),
+    "Packing": ("packing", "Packing"),
     "ParticleResult": ("results", "ParticleResult"),
-    "ParticleScene": ("particle_scene", "ParticleScene"),
-    "Push": ("particle_scene", "Push"),
+    "ParticleScene": ("particle_keys", "ParticleScene"),
+    "Push": ("particle_keys", "Push"),
+    "Stress": ("particle_keys", "Stress"),
     "Wall": ("geometry", "Wall"),
     "coordination": ("observables", "coordination"),
     "fabric": ("observables", "fabric"),
     "force_distribution": ("observables", "force_distribution"),
-    "from_result": ("files", "from_result"),
+    "from_result": ("placing", "from_result"),
     "gap_distribution": ("observables", "gap_distribution"),
     "lattice_packing": ("packing", "lattice_packing"),
     "load": ("results", "load_particles"),
@@ -87,7 +91,7 @@ _HOME = {
     "pressure": ("observables", "pressure"),
     "random_packing": ("packing", "random_packing"),
     "rattlers": ("observables", "rattlers"),
-    "read_particles": ("files", "read_particles"),
+    "read_particles": ("placing", "read_particles"),
     "read_scene": ("files", "read_particle_scene"),
     "relative_viscosity": ("observables", "relative_viscosity"),
     "simulate": ("run", "simulate_particles"),

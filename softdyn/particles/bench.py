@@ -25,7 +25,7 @@ from softdyn.particles.geometry import directions, flow, lattice
 from softdyn.particles.integrate import integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.packing import lattice_packing, random_packing
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.run import prepare
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step

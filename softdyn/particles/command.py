@@ -12,10 +12,11 @@ from softdyn.errors import SceneError
 from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.run import simulate_particles
 from softdyn.particles.time_functions import is_driven
+from softdyn.particles.until import run_end
 from softdyn.terminal import as_it_is
 
 
@@ -100,13 +101,14 @@ def _progress_bar(scene: ParticleScene) -> Iterator[Progress | None]:
         return
     from tqdm import tqdm
 
+    end = run_end(scene)
     shape = "{percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
     with tqdm(total=1.0, delay=0.5, leave=False, bar_format=shape, file=as_it_is(sys.stderr)) as bar:
         draw: Callable[[str], None] = lambda text: bar.set_postfix_str(text, refresh=True)  # noqa: E731
 
         def update(t: float, steps: int, iterations: int) -> None:
-            bar.n = min(1.0, t / scene.until_t)
-            rate = 0.0 if is_driven(scene.shear_rate) else abs(scene.shear_rate)
+            bar.n = min(1.0, t / end)
+            rate = 0.0 if is_driven(scene.shear_rate) else abs(float(scene.shear_rate))  # type: ignore[arg-type]
             where = f"strain={t * rate:.4g}" if rate else f"t={t:.4g}"
             draw(f"{where} step {steps}, {iterations / max(steps, 1):.1f} iterations each")
 

@@ -22,7 +22,7 @@ from softdyn.particles.time_functions import TimeFunction, time_function
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number
 
 if TYPE_CHECKING:
-    from softdyn.particles.particle_scene import ParticleScene
+    from softdyn.particles.particle_keys import ParticleScene
 
 Array = NDArray[np.float64]
 
@@ -119,6 +119,7 @@ def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> 
 
 def given_function(scene: ParticleScene, value: Any, where: str) -> TimeFunction:
     """A value of a scene as a function of time; ``where`` is for errors."""
+    assert scene.until_t is not None  # the end that is known of a scene that is being checked
     return time_function(value, where, _constants(scene), float(scene.until_t))
 
 

@@ -11,16 +11,22 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from softdyn.errors import SceneError
+from softdyn.scene.keys import Key, with_keys
+from softdyn.scene.kinds import COORDINATES, DRIVEN_LIST, FLAG, Kind
+from softdyn.scene.time_tables import OverTime
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.signedinteger[Any]]
+
+#: Walls are checked where their dimension is known.
+WALL_FLAG = Kind(FLAG.words, FLAG.schema)
 
 
 @dataclass(frozen=True)
@@ -87,25 +93,33 @@ class Box:
         return gradient
 
 
+@with_keys
 @dataclass(frozen=True)
 class Wall:
     """A flat wall: particles are on the side that ``normal`` points away from.
 
-    Attributes
-    ----------
-    point, normal : sequence of float, shape (d,)
-        A point of it, and its normal, from the particles into the wall. A run has them as arrays, and the normal as a
-        unit vector.
-    rigid : bool
-        Whether it gives in as the particles do, or not at all.
-    velocity : sequence of (float, str or table), optional
-        One for each axis, numbers, expressions of t, or tables; at rest without.
+    A run has point and normal as arrays, and the normal as a unit vector.
     """
 
-    point: Any
-    normal: Any
-    rigid: bool = True
-    velocity: Sequence[Any] | None = None
+    point: Annotated[Any, Key("[[wall]] point", COORDINATES, "A point of it, one number for each axis.", "length")]
+    normal: Annotated[
+        Any, Key("[[wall]] normal", COORDINATES, "Its normal, from the particles into the wall, of any length.")
+    ]
+    rigid: Annotated[
+        bool,
+        Key(
+            "[[wall]] rigid",
+            Kind("true or false", FLAG.schema),
+            "Whether it gives in as the particles do, or not at all.",
+        ),
+    ] = True
+    velocity: Annotated[
+        Sequence[OverTime] | None,
+        Key(
+            "[[wall]] velocity", DRIVEN_LIST, "One for each axis; at rest without.", "length/time", ("v", "V"),
+            of_axes=True,
+        ),
+    ] = None  # fmt: skip
 
 
 @dataclass

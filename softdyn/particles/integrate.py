@@ -24,6 +24,7 @@ from softdyn.particles.start import pass_break
 from softdyn.particles.state import State, frame_now, frame_within, overlaps, present
 from softdyn.particles.step import Step, take_step
 from softdyn.particles.system import System, contact_state
+from softdyn.particles.until import ends_at_strain, run_end
 from softdyn.signals import undisturbed
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ def integrate(
         The state is then the last good one.
     """
     system = present(system, state)
-    until, grow, recovery = float(system.scene.until_t), LARGEST_GROWTH, math.inf
+    until, grow, recovery = run_end(system.scene), LARGEST_GROWTH, math.inf
     goals = np.append(breaks(system), until)
     within = int(np.searchsorted(goals, until))
     if within > MOST_STEPS:
@@ -232,16 +233,16 @@ def _strain(system: System, box: Box, t: float) -> float:
 
 def _has_strained(system: System, state: State) -> bool:
     """Whether the strain is reached at which the run ends."""
-    if system.scene.until_strain is None:
+    if not ends_at_strain(system.scene):
         return False
-    return _strain(system, state.box, state.t) >= abs(system.scene.until_strain) * (1 - STRAINED)
+    return _strain(system, state.box, state.t) >= abs(system.scene.until_strain) * (1 - STRAINED)  # type: ignore[arg-type]
 
 
 def _beyond(system: System, state: State, step: Step, when: float) -> float | None:
     """A shorter step, if this one goes beyond the strain at which the run ends; None if not."""
-    if system.scene.until_strain is None:
+    if not ends_at_strain(system.scene):
         return None
-    goal = abs(system.scene.until_strain)
+    goal = abs(system.scene.until_strain)  # type: ignore[arg-type]
     start, end = _strain(system, state.box, state.t), _strain(system, step.system.box, when)
     if end <= goal * (1 + STRAINED):
         return None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,77 @@ from scipy.optimize import minimize
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import close_pairs
+from softdyn.scene.keys import Key, with_keys
+from softdyn.scene.kinds import COORDINATES, NUMBER, Kind, choice, of_kind, whole_number
 
 Array = NDArray[np.float64]
 
 #: Volume of a ball of radius 1: in two dimensions the area of a disc.
 BALL = {2: math.pi, 3: 4 * math.pi / 3}
 LARGEST_FRACTION = {2: 1.2, 3: 1.0}
+
+PACKED_RADII = Kind(
+    "a number, a list of numbers, or a distribution",
+    {"anyOf": [NUMBER.schema, COORDINATES.schema, {"type": "object"}]},
+)
+CELLS = of_kind(
+    "a list of numbers",
+    {"type": "array", "items": {"type": "integer", "minimum": 1, "maximum": 1000}},
+    lambda value: isinstance(value, (list, tuple)),
+)
+
+
+#: Besides random ones: those of :func:`lattice_packing`.
+KINDS = ("random", "square", "hexagonal", "cubic", "fcc")
+
+
+@with_keys
+@dataclass(frozen=True)
+class Packing:
+    """Where particles start: a random packing in a periodic box, or a lattice."""
+
+    kind: Annotated[
+        str, Key("[packing] kind", choice("kind", KINDS), "At random places, moved apart; or on a lattice.")
+    ] = "random"
+    count: Annotated[
+        int | None, Key("[packing] count", whole_number(0), "How many particles, of a random packing.")
+    ] = None
+    dimension: Annotated[int | None, Key("[packing] dimension", whole_number(0), "2 or 3, of a random packing.")] = None
+    fraction: Annotated[
+        float | None,
+        Key(
+            "[packing] fraction",
+            NUMBER,
+            "Volume of all particles, overlaps counted twice, relative to that of the box, of a random packing; area "
+            "in two dimensions.",
+        ),
+    ] = None
+    seed: Annotated[
+        int | None,
+        Key("[packing] seed", whole_number(0), "Of a random packing: the same seed gives the same packing."),
+    ] = None
+    radii: Annotated[
+        float | Sequence[float] | Mapping[str, Any] | None,
+        Key(
+            "[packing] radii",
+            PACKED_RADII,
+            "Radii, taken in turn; or, of a random packing, a distribution that they are drawn from: {mean, sigma}, "
+            "the mean radius and the standard deviation of its logarithm, or {values, weights}, radii and how often "
+            "each comes.",
+            "length",
+        ),
+    ] = None
+    cells: Annotated[
+        Sequence[int] | None,
+        Key(
+            "[packing] cells",
+            CELLS,
+            "Unit cells of a lattice along each axis; a hexagonal or fcc cell holds 2 or 4 particles.",
+        ),
+    ] = None
+    spacing: Annotated[
+        float | None, Key("[packing] spacing", NUMBER, "Distance of nearest neighbours of a lattice.", "length")
+    ] = None
 
 
 def random_packing(

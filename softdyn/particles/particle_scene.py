@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,12 @@ from softdyn.particles.driven import require_used
 from softdyn.particles.films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.mechanisms import Mechanism, rooms_of
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.particles.system import ValidatedScene
 from softdyn.particles.time_functions import is_driven
+from softdyn.particles.until import run_end
 from softdyn.particles.words import ALL, AXES, is_number, listed, which
-from softdyn.scene.numbers import SMALLEST_RTOL
-from softdyn.targets import CHOICES
-from softdyn.words import suggestion
+from softdyn.scene.keys import key_faults
 
 Array = NDArray[np.float64]
 
@@ -33,146 +33,6 @@ FARTHEST = 1e6
 FAR = 200.0
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
 MOST_WITHOUT_RANGE = 64
-
-
-@dataclass(frozen=True)
-class Push:
-    """An external force or torque, or both, on each of some particles.
-
-    Parameters
-    ----------
-    particles : sequence of int, or str
-        Their numbers, the name of a species, or "all".
-    force : sequence of (float, str or table), optional
-        One for each axis: numbers, expressions of t, or tables, as pairs of arrays (times, values).
-    torque : sequence of (float, str or table), optional
-        About the centre, where there is tangential motion: one in two dimensions, > 0 from x to y; three in three.
-    """
-
-    particles: Sequence[int] | str
-    force: Sequence[Any] | None = None
-    torque: Sequence[Any] | None = None
-
-
-@dataclass(frozen=True)
-class Hold:
-    """Coordinates that do not follow from forces: held at rest, or driven.
-
-    Parameters
-    ----------
-    particles : sequence of int, or str
-        Their numbers, the name of a species, or "all".
-    axes : str
-        Which of "xyz".
-    velocity : sequence of (float, str or table), optional
-        One for each of the axes; 0 without.
-    spin : sequence of (float, str or table), optional
-        Angular velocity, where there is tangential motion: one number in two dimensions, three in three. Without it the
-        particles turn as torques make them.
-    """
-
-    particles: Sequence[int] | str
-    axes: str
-    velocity: Sequence[Any] | None = None
-    spin: Sequence[Any] | None = None
-
-
-@dataclass(frozen=True)
-class ParticleScene:
-    """Many particles; all numbers in one consistent set of units.
-
-    Parameters
-    ----------
-    law : str, Path or ContactLaw
-    parameters : mapping from str to float, or to a mapping from species to float
-        A value for each parameter of the law but R, which follows from the radii.
-    positions : array, shape (N, d), d = 1, 2 or 3
-        Anywhere: in a periodic box a particle stands for all of its images, and the result goes on from the one that is
-        given, without ever wrapping it. So a box may as well reach from -L/2 to L/2.
-    radii : float, or array of shape (N,)
-    species : sequence of str, optional
-        One name for each particle; needed where a parameter depends on it.
-    mixing : mapping from str to str
-        For each parameter that depends on the species, how a contact of two takes it: "arithmetic", "geometric" or
-        "harmonic" mean. E is always the harmonic mean, as for two elastic half-spaces under one pressure.
-    gap : float, optional
-        Initial gap of the pairs whose surfaces are closer than that, which are then pressed together; all others start
-        undeformed.
-    range : float, optional
-        Of a contact: beyond this gap there is none, and from half of it on it fades. Without it all pairs are
-        in contact; with drag, those within 200 of the largest radius.
-    tangential : bool
-        Whether particles slide, roll and turn, as their law declares.
-    films : mapping, optional
-        Contacts of an earlier run, as :func:`from_result` and :func:`read_particles` give them: pairs ``i`` < ``j``
-        (walls from N on) and ``shift``, by how many lengths of the box j is displaced (none by default); for each its
-        gap ``h``, with tangential motion its force ``T``. They start so, as far as they are within the range, all
-        others as above.
-        ``wall_point`` and ``wall_normal``: where the walls were; the scene's must be there, or it has none.
-    box : sequence of float or None, optional
-        Edges of the periodic box; None along an axis that is not periodic.
-    tilt : float
-        By how much the box leans at the start: how far its top is displaced along x, by more than its length, too.
-        What :func:`strain` tells of a result counts from an upright box.
-    depth : float, optional
-        Of the layer that spheres in two dimensions are, and the width and the depth of the column that they are in one:
-        what makes a stress of the forces in a box that is periodic along all axes. Twice the mean radius by default; in
-        three dimensions, and where there is no stress, it is refused.
-    wall : sequence of Wall
-    shear_rate : float, str or table
-        Background flow u = shear_rate y along x; a periodic box is sheared with it. A number, an expression of t, or
-        a table.
-    stress : mapping from str to (float, str or table)
-        Imposed on a box that is periodic along all axes, which then shears or stretches as it must: "xy", the shear
-        stress, instead of a shear rate; "xx", "yy", "zz", along an axis, > 0 in tension; or "pressure", minus a third
-        (in two dimensions, half) of their sum, at which the box keeps its shape. Numbers, expressions of t, or tables;
-        stress of the contacts and of the fluid, 2 eta D.
-    stress_viscosity : float, optional
-        Viscosity eta of the fluid in that; the parameter eta by default.
-    drag : float
-        What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none. With it, contacts carry
-        what of the law's friction exceeds its limit far apart: see :mod:`softdyn.derive.far_field`.
-    push : sequence of Push
-    hold : sequence of Hold
-    constants : mapping from str to float
-        Named constants of the expressions.
-    until_t : float
-        The run ends at this time.
-    until_strain : float, optional
-        Or before, where a box under an imposed shear stress has this shear strain.
-    times : int or sequence of float
-        Output times: how many, evenly spaced from 0 to the end, or which.
-    rtol : float
-        Relative error of the gaps allowed in one step.
-    target : "auto", "c" or "numba"
-    """
-
-    law: Any
-    parameters: Mapping[str, float | Mapping[str, float]]
-    positions: Any
-    radii: Any
-    until_t: float
-    until_strain: float | None = None
-    species: Sequence[str] | None = None
-    mixing: Mapping[str, str] = field(default_factory=dict)
-    gap: float | None = None
-    range: float | None = None
-    tangential: bool = False
-    films: Mapping[str, Any] | None = None
-    box: Sequence[float | None] | None = None
-    tilt: float = 0.0
-    depth: float | None = None
-    wall: Sequence[Wall] = ()
-    shear_rate: Any = 0.0
-    stress: Mapping[str, Any] = field(default_factory=dict)
-    stress_viscosity: float | None = None
-    drag: float = 0.0
-    push: Sequence[Push] = ()
-    hold: Sequence[Hold] = ()
-    constants: Mapping[str, float] = field(default_factory=dict)
-    times: int | Sequence[float] = 11
-    rtol: float = 1e-4
-    target: str = "auto"
 
 
 def check(scene: ParticleScene) -> ValidatedScene:
@@ -196,16 +56,15 @@ def check(scene: ParticleScene) -> ValidatedScene:
         raise SceneError(f"[particles] radii must be one number, or a list of {count}, not of shape {radii.shape}")
     if radii.shape != (count,):
         raise SceneError(f"[particles] {len(radii)} radii for {count} particles")
-    faults = []
+    faults = key_faults(scene)
     for name, kind in (("push", Push), ("hold", Hold), ("wall", Wall)):
         entries = getattr(scene, name)
         if not isinstance(entries, (list, tuple)) or not all(isinstance(entry, kind) for entry in entries):
-            raise SceneError(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
-    for name in ("parameters", "mixing", "stress", "constants"):
-        if not isinstance(getattr(scene, name), Mapping):
-            raise SceneError(f"[{name}] must map names to values, not {getattr(scene, name)!r}")
-    if scene.box is not None and not isinstance(scene.box, (list, tuple, np.ndarray)):
-        raise SceneError(f"[box] must be a list of lengths, one for each axis, not {scene.box!r}")
+            faults.append(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
+    if not isinstance(scene.stress, Mapping):
+        faults.append(f"[stress] must map names to values, not {scene.stress!r}")
+    if faults:
+        raise SceneError(listed(faults))
     good = np.isfinite(radii) & (radii > 0)
     if not good.all():
         first = int(np.argmin(good))
@@ -213,36 +72,14 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"[particles] radii must be positive and finite, unlike that of {which(~good)}: {radii[first]:g}"
         )
     faults += _size_faults(scene, x, radii)
-    if faults:
-        raise SceneError(listed(faults))
-    for name, value in (("[until] t", scene.until_t), ("[accuracy] rtol", scene.rtol)):
-        if not is_number(value) or not value > 0:
-            faults.append(f"{name} must be a positive number, not {value!r}")
-    for name, length in (("[contacts] gap", scene.gap), ("[contacts] range", scene.range)):
-        if length is not None and not (is_number(length) and length > 0):
-            faults.append(f"{name} must be a positive number, not {length!r}")
-    if scene.until_strain is not None:
-        if not is_number(scene.until_strain) or not scene.until_strain:
-            faults.append(f"until_strain must be a number other than 0, not {scene.until_strain!r}")
-        elif "xy" not in scene.stress:
-            faults.append(
-                "until_strain ends a run under an imposed shear stress, [stress] xy; elsewhere the strain is the time "
-                "times the shear rate"
-            )
-    if not is_number(scene.tilt):
-        faults.append(f"[box] tilt must be a finite number, not {scene.tilt!r}")
-    if not is_number(scene.drag) or scene.drag < 0:
-        faults.append(f"[flow] drag must be 0 or a positive number, not {scene.drag!r}")
     if not is_number(scene.shear_rate) and not is_driven(scene.shear_rate):
         faults.append(
             f"[flow] shear_rate must be a finite number, an expression of t or a table, not {scene.shear_rate!r}"
         )
     if faults:
         raise SceneError(listed(faults))
-    if not SMALLEST_RTOL * 100 <= scene.rtol <= 0.1:
-        faults.append(f"[accuracy] rtol must lie between {100 * SMALLEST_RTOL:g} and 0.1, not {scene.rtol:g}")
-    if scene.target not in CHOICES:
-        faults.append(f"unknown target {scene.target!r}{suggestion(scene.target, CHOICES)}")
+    end = run_end(scene)
+    scene = replace(scene, until_t=end)
     reach = math.inf if scene.range is None else float(scene.range)
     if scene.range is None and scene.drag:
         reach = FAR * float(radii.max())
@@ -259,8 +96,6 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"the smallest radius or so ({radii.min() / 2:g})"
         )
     box = _box(scene, radii, d, faults)
-    if not isinstance(scene.tangential, (bool, np.bool_)):
-        faults.append(f"tangential must be true or false, not {scene.tangential!r}")
     if scene.tangential and d == 1:
         faults.append("[contacts] tangential: in one dimension there is no tangential motion")
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
@@ -292,7 +127,7 @@ def check(scene: ParticleScene) -> ValidatedScene:
     if faults:
         raise SceneError(listed(faults))
     require_used(scene)
-    return replace(facts, walls=walls, mechanisms=mechanisms, times=_times(scene))
+    return replace(facts, walls=walls, mechanisms=mechanisms, times=_times(scene, end))
 
 
 def _mechanisms(facts: ValidatedScene, faults: list[str]) -> tuple[Mechanism, ...]:
@@ -360,9 +195,7 @@ def _box(scene: ParticleScene, radii: Array, d: int, faults: list[str]) -> Box:
                     lengths[axis] = float(length)
     depth = None if d == 3 else 2 * float(np.mean(radii))
     if scene.depth is not None:
-        if not is_number(scene.depth) or not scene.depth > 0:
-            faults.append(f"[box] depth must be a positive number, not {scene.depth!r}")
-        elif d == 3:
+        if d == 3:
             faults.append("[box] depth: spheres in three dimensions are no layer that has a depth; leave it out")
         elif not np.isfinite(lengths).all():
             faults.append(
@@ -423,19 +256,15 @@ def _overlap_faults(x: Array, radii: Array, box: Box, walls: tuple[Wall, ...]) -
     ] + ([f"and {len(deep) - 10} more pairs overlap as deeply"] if len(deep) > 10 else [])
 
 
-def _times(scene: ParticleScene) -> Array:
+def _times(scene: ParticleScene, end: float) -> Array:
     given = scene.times
     if isinstance(given, (int, np.integer)) and not isinstance(given, bool):
-        if not 2 <= given <= 1_000_000:
-            raise SceneError(f"[output] times must be 2 to 1000000, or a list, not {given}")
-        return np.linspace(0.0, float(scene.until_t), int(given))
-    if isinstance(given, str):
-        raise SceneError(f"[output] times must be a count or a list of numbers, not {given!r}")
+        return np.linspace(0.0, end, int(given))
     try:
         times = np.array(given, dtype=float)
     except (TypeError, ValueError):
         raise SceneError("[output] times must be a count or a list of numbers") from None
     good = times.ndim == 1 and len(times) and np.isfinite(times).all() and (np.diff(times) > 0).all()
-    if not good or times[0] < 0 or times[-1] > scene.until_t:
-        raise SceneError(f"[output] times must increase, from 0 at least to until = {scene.until_t:g} at most")
+    if not good or times[0] < 0 or times[-1] > end:
+        raise SceneError(f"[output] times must increase, from 0 at least to the end of the run, {end:g}, at most")
     return times

@@ -18,7 +18,8 @@ from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
-from softdyn.particles.particle_scene import ParticleScene, check
+from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.particle_scene import check
 from softdyn.particles.pulled import pulled_films
 from softdyn.particles.resolve import time_functions
 from softdyn.particles.results import ParticleResult, gather

@@ -22,6 +22,7 @@ from softdyn.particles.parameters import mixed_parameters
 from softdyn.particles.ramp import held, holding, ramped
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
+from softdyn.particles.until import run_end
 
 Array = NDArray[np.float64]
 
@@ -197,5 +198,5 @@ def _first_step(system: System, state: State) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.abs(values["dh_dt"] / state.contacts.h)[state.contacts.h < system.reach]
     fastest = float(np.max(rates[np.isfinite(rates)], initial=abs(system.box.shear_rate)))
-    longest = 1e-2 * float(system.scene.until_t)
+    longest = 1e-2 * run_end(system.scene)
     return min(longest, FIRST_CHANGE * system.rtol ** (1 / ORDER) / fastest) if fastest > 0 else longest

@@ -16,7 +16,7 @@ from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.mechanisms import Mechanism
 
 if TYPE_CHECKING:
-    from softdyn.particles.particle_scene import ParticleScene
+    from softdyn.particles.particle_keys import ParticleScene
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

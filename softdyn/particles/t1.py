@@ -26,7 +26,7 @@ from softdyn.api import simulate
 from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
-from softdyn.particles.particle_scene import ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.run import simulate_particles
 from softdyn.results.whole_files import require_folder, written_whole
 from softdyn.terminal import as_it_is

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.scene.kinds import is_number as is_number
 from softdyn.words import listed as listed
 
 AXES = "xyz"
 #: Stands for all particles where some are named.
 ALL = "all"
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite number, and no bool."""
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    try:
-        return number and math.isfinite(value)
-    except OverflowError:  # of a whole number beyond all doubles
-        return False
 
 
 def is_list(values: Any, size: int) -> bool:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from softdyn.errors import SceneError
-from softdyn.words import suggestion
+from softdyn.scene.keys import Key, Row, Section, rows, unknown, value_faults
+from softdyn.words import listed
 
 _RESULT = 'a result: softdyn plot and convert read it, and a scene may go on from it, [particles] file = "..."'
 _TABLE = "a table: a scene names it, as [particles] file, or as what drives a pair"
@@ -68,19 +71,196 @@ def is_particle_scene(data: Mapping[str, Any]) -> bool:
     return "particles" in data or "packing" in data
 
 
-#: Keys that are likely meant otherwise, and how.
-MEANT = {
-    "diameter": "radii are half of it",
-    "diameters": "radii are half of them",
-    "tilt_xy": "[box] tilt",
-    "contacts": "a section of scenes of many particles, with [particles] or [packing]",
-    "flow": "a section of scenes of many particles, with [particles] or [packing]",
-    "box": "a section of scenes of many particles, with [particles] or [packing]",
-    "drive": "a section of scenes of two particles; many are driven by [[push]], [[hold]], [flow] and [stress]",
-}
+@dataclass
+class _Place:
+    """What stands under one name at the top of a scene file: a key, a section, a list of sections."""
+
+    whole: Row | None = None
+    inner: dict[str, Row] = field(default_factory=dict)
 
 
-def unknown_keys(given: Iterable[str], allowed: Sequence[str], where: str, above: Sequence[str] = ()) -> list[str]:
+@cache
+def _places(cls: Any) -> dict[str, _Place]:
+    places: dict[str, _Place] = {}
+    for row in rows(cls):
+        what = row.what
+        if isinstance(what, Key) and not what.in_files:
+            continue
+        if not what.section:
+            places[what.name] = _Place(row)
+        elif what.name:
+            places.setdefault(what.section, _Place()).inner[what.name] = row
+        else:
+            places.setdefault(what.section, _Place()).whole = row
+    return places
+
+
+def fields_from(cls: type, data: Mapping[str, Any], folder: Path, needed: Sequence[str] = ()) -> dict[str, Any]:
+    """Fields of a scene's class from the content of a scene file.
+
+    Parameters
+    ----------
+    cls : type
+        A class that declares keys.
+    data : mapping
+    folder : Path
+        Paths in the content are relative to it.
+    needed : sequence of str
+        Sections that cannot be left out, though none of their keys is needed by itself.
+
+    Raises
+    ------
+    SceneError
+        Listing unknown and missing keys, and what is no section; or naming a table that cannot be read.
+    """
+    places = _places(cls)
+    faults = unknown_keys(data, places, "")
+    for name, place in places.items():
+        faults += _section_faults(name, place, data, places)
+        faults += _inner_faults(name, place, data)
+    faults += _missing(places, data, needed)
+    if faults:
+        raise SceneError(listed(faults))
+    found = {}
+    for name, place in places.items():
+        if name not in data:
+            continue
+        if place.whole is not None and isinstance(place.whole.what, Section) and place.whole.what.many:
+            found[place.whole.field] = [
+                place.whole.what.cls(**_values(place.whole.what.cls, entry, folder, f"[[{name}]] {number}"))
+                for number, entry in enumerate(data[name])
+            ]
+            continue
+        if place.whole is not None and isinstance(place.whole.what, Section):
+            content = {key: value for key, value in data[name].items() if key not in place.inner}
+            if content or not place.inner:
+                made = place.whole.what.cls
+                found[place.whole.field] = made(**_values(made, content, folder, f"[{name}]"))
+        elif place.whole is not None:
+            where = name if not place.whole.what.section else f"[{name}]"
+            found[place.whole.field] = _value(place.whole.what, data[name], folder, where)
+        found |= {
+            row.field: _value(row.what, data[name][key], folder, f"[{name}] {key}")
+            for key, row in place.inner.items()
+            if key in data[name]
+        }
+    return found
+
+
+def _section_faults(name: str, place: _Place, data: Mapping[str, Any], top: Iterable[str]) -> list[str]:
+    """What is wrong with the form of a section, and with the names of its keys."""
+    if name not in data or (place.whole is not None and not place.whole.what.section):
+        return []
+    content, whole = data[name], None if place.whole is None else place.whole.what
+    if isinstance(whole, Section) and whole.many:
+        if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
+            return [f"{name} must be a list of sections, [[{name}]]"]
+        faults = []
+        for number, entry in enumerate(content):
+            known = {row.last: row for row in rows(whole.cls)}
+            faults += unknown_keys(entry, known, f"[[{name}]] {number} ", top)
+            lacking = [key for key, row in known.items() if row.default is MISSING and key not in entry]
+            faults += [f"[[{name}]] {number}: {key} is missing" for key in lacking]
+        return faults
+    if not isinstance(content, Mapping):
+        return [f"{name} must be a section, [{name}]"]
+    if isinstance(whole, Key):
+        return []
+    known = place.inner | ({row.last: row for row in rows(whole.cls)} if whole is not None else {})
+    return unknown_keys(content, known, f"[{name}] ", top)
+
+
+def _inner_faults(name: str, place: _Place, data: Mapping[str, Any]) -> list[str]:
+    """What is wrong with values, each by itself."""
+    given = data.get(name)
+    whole = None if place.whole is None else place.whole.what
+    if isinstance(whole, Section) and whole.many:
+        entries = given if isinstance(given, list) else []
+        return [
+            fault
+            for number, entry in enumerate(entries)
+            if isinstance(entry, Mapping)
+            for fault in _row_faults({row.last: row for row in rows(whole.cls)}, entry, f"[[{name}]] {number}: ")
+        ]
+    if isinstance(whole, Key) and not whole.section:
+        return _row_faults({name: place.whole}, {name: given}, "") if name in data else []
+    if not isinstance(given, Mapping):
+        return []
+    inner = place.inner | ({row.last: row for row in rows(whole.cls)} if isinstance(whole, Section) else {})
+    return _row_faults(inner, given, f"[{name}] ")
+
+
+def _row_faults(known: Mapping[str, Row | None], content: Mapping[str, Any], where: str) -> list[str]:
+    faults = []
+    for name, value in content.items():
+        row = known.get(name)
+        if row is not None and isinstance(row.what, Key):
+            read = value if row.what.kind.read is None else row.what.kind.read(value)
+            faults += value_faults(row.what, read, where + name)
+    return faults
+
+
+def _missing(places: Mapping[str, _Place], data: Mapping[str, Any], needed: Sequence[str]) -> list[str]:
+    faults = []
+    for name, place in places.items():
+        section = None if place.whole is None or name not in data else place.whole.what
+        inner = {row.last: row for row in rows(section.cls)} if isinstance(section, Section) else place.inner
+        lacking = [key for key, row in inner.items() if row.default is MISSING]
+        alone = place.whole is not None and place.whole.default is MISSING
+        if name not in data:
+            if name == "law":
+                faults.append('law is missing: law = "NAME"')
+            elif alone or lacking or name in needed:
+                faults.append(f"[{name}] is missing")
+        elif isinstance(data[name], Mapping):
+            faults += [f"[{name}] {key} is missing" for key in lacking if key not in data[name]]
+    return faults
+
+
+def _values(cls: type, content: Mapping[str, Any], folder: Path, where: str) -> dict[str, Any]:
+    """Fields of a section's class."""
+    known = {row.last: row for row in rows(cls)}
+    return {
+        known[key].field if key in known else key: _value(known[key].what, value, folder, f"{where} {key}")
+        if key in known
+        else value
+        for key, value in content.items()
+    }
+
+
+def _value(what: Key | Section, value: Any, folder: Path, where: str) -> Any:
+    """Python's value of what a scene file says: paths from its folder, tables read."""
+    if isinstance(what, Section):
+        return _values(what.cls, value, folder, f"{where}:") if isinstance(value, Mapping) else value
+    kind = what.kind
+    if kind.path is not None:
+        return str(folder / value) if isinstance(value, str) and kind.path(value) else value
+    if kind.tabled == "list" and isinstance(value, list):
+        return [_tabled(what, one, folder, where) for one in value]
+    if kind.tabled == "value":
+        return _tabled(what, value, folder, where)
+    return value if kind.read is None else kind.read(value)
+
+
+def _tabled(key: Key, value: Any, folder: Path, where: str) -> Any:
+    """What says how something changes, with the table that it names in its place."""
+    if not isinstance(value, Mapping):
+        return value
+    name = key.name.rpartition(" ")[2]
+    if set(value) != {"file"}:
+        raise SceneError(f'{where}: a table is {{file = "{name}.csv"}}, with no other key')
+    if not isinstance(value["file"], str):
+        raise SceneError(f"{where}: file must be a path, not {value['file']!r}")
+    from softdyn.scene.time_tables import read_table
+
+    axes = [f"{heading}_{axis}" for heading in (name, *key.headings) for axis in "xyz"] if key.of_axes else []
+    try:
+        return read_table(folder / value["file"], name, (*key.headings, *axes))
+    except SceneError as error:
+        raise SceneError(f"{where}: {error}") from None
+
+
+def unknown_keys(given: Iterable[str], allowed: Collection[str], where: str, above: Iterable[str] = ()) -> list[str]:
     """Faults of the keys of a section that it does not have; ``above`` are those of the top level."""
     faults = []
     for key in given:
@@ -88,9 +268,7 @@ def unknown_keys(given: Iterable[str], allowed: Sequence[str], where: str, above
             continue
         if key in above:
             hint = "; it is a key of the scene itself: write it before the first section, or as a section of its own"
-        elif key in MEANT:
-            hint = f"; {MEANT[key]}"
+            faults.append(f"{where}unknown key {key!r}{hint}")
         else:
-            hint = suggestion(key, allowed)
-        faults.append(f"{where}unknown key {key!r}{hint}")
+            faults.append(f"{where}{unknown(key, list(allowed))}")
     return faults

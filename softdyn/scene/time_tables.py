@@ -26,6 +26,10 @@ class Table:
     F: NDArray[np.float64]
 
 
+#: What changes in time: a number, an expression of t, a table, or a pair of arrays (t, values).
+OverTime = float | str | Table | tuple[Any, Any] | list[Any]
+
+
 def read_table(path: str | Path, name: str = "value", also: Sequence[str] = ()) -> Table:
     """Read a table of what is given over time: two columns, by their headings, or time and then value without any.
 

@@ -42,7 +42,7 @@ def pair_friction(law: str, gap: float) -> float:
 def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
     """The same in a scene of many, of spheres of the radii 1 and ``ratio``; ``inf``: of a sphere and a wall."""
     from softdyn.particles.geometry import Wall
-    from softdyn.particles.particle_scene import ParticleScene, Push
+    from softdyn.particles.particle_keys import ParticleScene, Push
     from softdyn.particles.run import simulate_particles
 
     wall = math.isinf(ratio)
@@ -65,7 +65,7 @@ def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
 
 def distant_friction(law: str, count: int) -> float:
     """Friction of one of many spheres, all a hundred radii apart, over that of Stokes."""
-    from softdyn.particles.particle_scene import ParticleScene, Push
+    from softdyn.particles.particle_keys import ParticleScene, Push
     from softdyn.particles.run import simulate_particles
 
     x = np.array([[100.0 * i, 100.0 * ((7 * i) % 11), 0.0] for i in range(count)])

@@ -153,14 +153,14 @@ def _apart(one: PairResult, units: Units, other: PairResult) -> float:
 def _layer(units: Units, loads: dict[str, float], tangential: bool) -> Any:
     """Spheres in a periodic layer, sheared at a rate or under a stress; the depth of the layer is the usual one."""
     from softdyn.particles.packing import random_packing
-    from softdyn.particles.particle_scene import ParticleScene
+    from softdyn.particles.particle_keys import ParticleScene
 
     x, radii, box = random_packing(16, 2, 0.8, [1.0, 1.2], 3)
     law, values = "steric", {"E": 100.0, "eta": 1.0, "nu": 0.5, "Pi0": 10.0, "L": 0.02}
     parameters = _parameters(law, values, units)
     pressure = units.force / units.length**2
     drive: dict[str, Any] = {"shear_rate": loads["rate"] / units.time} if "rate" in loads else {}
-    stress = {name: value * pressure for name, value in loads.items() if name != "rate"}
+    stress: Any = {name: value * pressure for name, value in loads.items() if name != "rate"}
     return ParticleScene(
         law=law, parameters=parameters, positions=x * units.length, radii=radii * units.length,
         box=(box * units.length).tolist(), gap=0.02 * units.length, range=0.3 * units.length, tangential=tangential,

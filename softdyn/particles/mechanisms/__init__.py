@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from softdyn.particles.energy import Rates
     from softdyn.particles.geometry import Box, Contacts, Wall
     from softdyn.particles.kernel import ContactKernel
-    from softdyn.particles.particle_scene import ParticleScene
+    from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.resolve import Sensitivity
     from softdyn.particles.system import System, ValidatedScene
     from softdyn.particles.time_functions import TimeFunction

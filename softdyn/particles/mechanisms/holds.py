@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from softdyn.particles.balance import Balance
     from softdyn.particles.energy import Rates
     from softdyn.particles.geometry import Contacts
-    from softdyn.particles.particle_scene import Hold
+    from softdyn.particles.particle_keys import Hold
     from softdyn.particles.resolve import Sensitivity
     from softdyn.particles.system import System, ValidatedScene
     from softdyn.particles.time_functions import TimeFunction

@@ -211,7 +211,8 @@ def check(facts: ValidatedScene, faults: list[str]) -> ImposedStress | None:
         If a component is no function of time.
     """
     scene, box, d = facts.scene, facts.box, facts.x.shape[1]
-    if not scene.stress:
+    given = dict[str, Any](scene.stress)
+    if not given:
         faults.append("[stress] viscosity resists a box whose stress is imposed, and none is")
         return None
     known = [*(["xy"] if d > 1 else []), *(2 * axis for axis in AXES[:d]), "pressure"]
@@ -234,10 +235,7 @@ def check(facts: ValidatedScene, faults: list[str]) -> ImposedStress | None:
     if found:
         raise SceneError(listed(found))
     names = tuple(name for name in known if name in scene.stress)
-    terms = [
-        (np.array([k]), 0, given_function(scene, scene.stress[name], f"[stress] {name}"))
-        for k, name in enumerate(names)
-    ]
+    terms = [(np.array([k]), 0, given_function(scene, given[name], f"[stress] {name}")) for k, name in enumerate(names)]
     signs = np.array([[-1.0 if name == "pressure" else 1.0] for name in names])
     gradients = np.zeros((len(names), d, d))
     for gradient, name in zip(gradients, names, strict=True):

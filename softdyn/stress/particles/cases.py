@@ -16,7 +16,8 @@ from sympy import Abs, Expr, Float, Max, Min, Piecewise, Symbol, diff, lambdify
 
 from softdyn.derive import E, R, a, delta, eta, h, size_ratio
 from softdyn.derive.law import ContactLaw, tangential_expressions
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.until import run_end
 
 Array = NDArray[np.float64]
 #: A contact: particle i, particle j or wall j - N, and the lattice vector by which j is displaced.
@@ -202,9 +203,7 @@ def _drives(case: Case, d: int, count: int) -> tuple[Callable[[float, int], dict
     entries.append(("shear", 0, scene.shear_rate))
     entries += [("stress", k, value) for k, value in enumerate(scene.stress.values())]
     breaks = sorted({when for *_, value in entries for when, _ in pieces_of(case, value)[1:]})
-    middles = [
-        (one + other) / 2 for one, other in zip([0.0, *breaks], [*breaks, 2 * float(scene.until_t)], strict=True)
-    ]
+    middles = [(one + other) / 2 for one, other in zip([0.0, *breaks], [*breaks, 2 * run_end(scene)], strict=True)]
     functions: dict[Expr, Callable[[float], tuple[float, float]]] = {}
     parts = []
     for middle in middles:

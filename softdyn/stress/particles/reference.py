@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.until import run_end
 from softdyn.stress.particles.cases import ACROSS, FREE, Case, Equations, Pair, first_surroundings, part_of, set_up
 from softdyn.stress.particles.equations import (
     PRESSED,
@@ -205,7 +206,7 @@ def ramped(eq: Equations, t: float, state: Array, before: Array, after: int, rto
     That is the limit of faster and faster ramps. Of one within an instant the equations are what they always are, in
     which films and what slides have no time to move.
     """
-    instant, then = INSTANT * float(eq.case.scene.until_t), eq.given(t, after)
+    instant, then = INSTANT * run_end(eq.case.scene), eq.given(t, after)
     still = {name: np.zeros_like(value) for name, value in then.items()}
     still |= {"torque": then["torque"], "force_rate": (then["force"] - before) / instant}
 

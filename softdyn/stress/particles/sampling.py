@@ -16,7 +16,7 @@ from sympy import Expr, Float, Symbol, cos, exp, sin, sqrt, tanh
 
 from softdyn.laws import find, load
 from softdyn.particles.geometry import Wall
-from softdyn.particles.particle_scene import Hold, ParticleScene, Push
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.stress.particles.cases import Case, Pieces
 
 Array = NDArray[np.float64]
