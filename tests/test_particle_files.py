@@ -27,7 +27,7 @@ from softdyn.particles.packing import BALL, lattice_packing, random_packing
 from softdyn.particles.particle_scene import check
 from softdyn.particles.placing import read_particles
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
-from softdyn.particles.run import simulate_particles
+from softdyn.particles.run import prepare, simulate_particles
 
 EMULSION = """
 law = "rognon_gay"
@@ -116,7 +116,7 @@ until = {t = 10.0}
 """,
         )
     )
-    assert np.array_equal(check(scene).force(0.0)[:, 0], [1e-3, 0, 1e-3])
+    assert np.array_equal(prepare(scene).force(0.0)[:, 0], [1e-3, 0, 1e-3])
     result = simulate_particles(scene)
     assert np.array_equal(result.x[-1, 1], [2.05, 0.0])
     assert result.x[-1, 0, 0] > 0
