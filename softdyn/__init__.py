@@ -19,7 +19,7 @@ from softdyn import particles
 from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
 
 if TYPE_CHECKING:
-    from softdyn.api import check, films, load_result, read_scene, regimes, simulate, write_report
+    from softdyn.api import check, films, load_result, read_scene, regimes, scene_of, simulate, write_report
     from softdyn.pair.batch import Batch
     from softdyn.results.pair_result import PairResult
     from softdyn.scene.pair_scene import Scene
@@ -42,6 +42,7 @@ __all__ = [
     "particles",
     "read_scene",
     "regimes",
+    "scene_of",
     "simulate",
     "write_report",
 ]

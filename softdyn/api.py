@@ -15,7 +15,7 @@ from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.run import simulate_pair
 from softdyn.results.pair_result import PairResult
-from softdyn.results.registry import load_result
+from softdyn.results.registry import load_result, scene_of
 from softdyn.scene.pair_drive import DRIVES
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.pair_scene import read_scene as read_pair_scene
@@ -40,6 +40,7 @@ __all__ = [
     "load_result",
     "read_scene",
     "regimes",
+    "scene_of",
     "simulate",
     "write_report",
 ]

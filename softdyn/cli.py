@@ -252,6 +252,15 @@ def _parser() -> argparse.ArgumentParser:
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
     )
 
+    rerun = add("rerun", _rerun, "run again the scene that made a saved result, and tell by how much the two differ")
+    rerun.add_argument(
+        "result",
+        metavar="RESULT",
+        type=Path,
+        help="a result saved by run -o or .save(): .npz, or .json; a law file that it names is Python, and is run",
+    )
+    rerun.add_argument("-o", dest="output", metavar="FILE", type=Path, help="save the new result")
+
     convert = add("convert", _convert, "write a saved result in another format", FORMATS)
     convert.add_argument("result", metavar="RESULT", type=Path, help="a result saved by run -o: .npz, or .json")
     convert.add_argument(
@@ -742,6 +751,25 @@ def _plot(options: argparse.Namespace) -> int:
         with written_whole(picture) as temporary:
             figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
+    return 0
+
+
+def _rerun(options: argparse.Namespace) -> int:
+    from softdyn.results.rerun import differences, run_again
+
+    old, new = run_again(options.result)
+    if options.output is not None:
+        new.save(options.output)
+        print(f"wrote {options.output}")
+    assert old.origin is not None
+    assert new.origin is not None
+    versions = f"by softdyn {old.origin.softdyn}, target {old.target}; now {new.origin.softdyn}, target {new.target}"
+    print(f"{old.law}: made {versions}")
+    found = differences(old, new)
+    for name, size in found.items():
+        print(f"  {name}: {'has another shape' if math.isinf(size) else f'differs by {size:.1e} of its largest value'}")
+    if not found:
+        print(f"  all of its {len(old.arrays)} arrays are the same, to the last bit")
     return 0
 
 

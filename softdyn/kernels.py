@@ -38,6 +38,8 @@ class Kernel:
     Attributes
     ----------
     law, target : str
+    fingerprint : str
+        Digest of the law's equations.
     parameters : tuple of str
         What its array ``p`` holds.
     outputs, inputs : tuple of str
@@ -69,6 +71,7 @@ class Kernel:
 
     law: str
     target: str
+    fingerprint: str
     parameters: tuple[str, ...]
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -147,6 +150,7 @@ def get_kernel(
     return Kernel(
         law=manifest["name"],
         target=target,
+        fingerprint=manifest["fingerprint"],
         parameters=tuple(manifest["parameters"]),
         outputs=tuple(manifest["outputs"]),
         inputs=tuple(manifest["inputs"]),
@@ -298,6 +302,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     written = write(ir, target)
     return {
         "name": ir.name,
+        "fingerprint": ir.provenance.fingerprint,
         "drive": ir.settings["drive"],
         "constants": ir.settings["constants"],
         "parameters": ir.arrays["p"],

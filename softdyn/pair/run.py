@@ -22,6 +22,7 @@ from softdyn.expression import pieces
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.quadrature import integrate_constant_force
 from softdyn.pair.states import deflection, drive_at, evaluate, initial_deflection
+from softdyn.results.origin import origin_now
 from softdyn.results.pair_result import Event, PairResult
 from softdyn.scene.pair_drive import Drive, drive_of
 from softdyn.scene.pair_scene import Scene, check_scene, parameter_values
@@ -143,6 +144,7 @@ def simulate_pair(
             *_ill_conditioned(scene, stats),
             *_unresolved(drive, stats),
         ),
+        origin=origin_now(scene, kernel.fingerprint),
     )
 
 

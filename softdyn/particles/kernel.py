@@ -28,6 +28,8 @@ class ContactKernel:
     Attributes
     ----------
     law, target, key : str
+    fingerprint : str
+        Digest of the law's equations.
     parameters : tuple of str
         All parameters of the law.
     uniform, varying : tuple of str
@@ -55,6 +57,7 @@ class ContactKernel:
     law: str
     target: str
     key: str
+    fingerprint: str
     uniform: tuple[str, ...]
     varying: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -86,6 +89,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     written = write(ir, target)
     return {
         "name": ir.name,
+        "fingerprint": ir.provenance.fingerprint,
         "uniform": ir.arrays["p"],
         "varying": ir.arrays["q"],
         "outputs": ir.functions["state"].gives,
@@ -140,6 +144,7 @@ def get_contact_kernel(
         law=manifest["name"],
         target=target,
         key=key,
+        fingerprint=manifest["fingerprint"],
         uniform=tuple(manifest["uniform"]),
         varying=tuple(manifest["varying"]),
         outputs=tuple(manifest["outputs"]),

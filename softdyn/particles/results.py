@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,15 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.system import GIVEN, TAKEN, TANGENTIAL_WORKS, System, contact_state, works
+from softdyn.results.origin import Origin, about, origin_in, origin_now
 from softdyn.results.registry import load_result
+from softdyn.results.result import Result, dataset, table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
 
 Array = NDArray[np.float64]
 
@@ -122,8 +126,8 @@ def _geometry(frame: Frame, system: System) -> tuple[Array, Array]:
     return n, (contacts.S - r + frame.h) / 2
 
 
-@dataclass(frozen=True)
-class ParticleResult:
+@dataclass(frozen=True, repr=False)
+class ParticleResult(Result):
     """A run of many particles; all numbers in the units of the scene's parameters.
 
     Attributes
@@ -161,27 +165,27 @@ class ParticleResult:
         relative to the sum of all sizes.
     stats : mapping
         How the run went; ``warnings``: list of str.
+    origin : Origin, optional
+        By what it was made; None of results that earlier versions have saved.
     """
 
+    kind: ClassVar[str] = "particles"
     law: str
     target: str
     parameters: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]]
     energy: Mapping[str, float]
     stats: Mapping[str, Any]
+    origin: Origin | None = None
 
     def __repr__(self) -> str:
         count, frames = len(self.radii), len(self)
         return f"<ParticleResult of {self.law}: {count} particles, {frames} frames up to t={float(self.t[-1]):.6g}>"
 
-    def __getattr__(self, name: str) -> NDArray[Any]:
-        if name != "arrays" and name in self.arrays:
-            return self.arrays[name]
-        there = ", ".join(self.arrays) if name != "arrays" else ""
-        raise AttributeError(f"the result has no {name!r}; its arrays are {there}")
-
-    def __len__(self) -> int:
-        return len(self.arrays["t"])
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the run warns of."""
+        return tuple(self.stats["warnings"])
 
     def contacts(self, frame: int) -> dict[str, NDArray[Any]]:
         """Contacts of one frame: i, j, h, delta, F, n, and T with tangential motion."""
@@ -234,18 +238,48 @@ class ParticleResult:
 
             export.write(self, path)
             return path
-        about = {
-            "kind": "particles",
+        beside: dict[str, NDArray[Any]] = {}
+        rest = {
+            "kind": self.kind,
+            **about(self.origin, beside),
             "law": self.law,
             "target": self.target,
             "parameters": dict(self.parameters),
             "energy": dict(self.energy),
             "stats": dict(self.stats),
         }
-        content: dict[str, Any] = {"about": np.array(json.dumps(about)), **self.arrays}
+        content: dict[str, Any] = {"about": np.array(json.dumps(rest)), **self.arrays, **beside}
         with written_whole(path) as temporary, temporary.open("wb") as file:
             np.savez(file, **content)
         return path
+
+    def to_xarray(self) -> Dataset:
+        """Everything as an xarray.Dataset; needs ``pip install 'softdyn[data]'``.
+
+        Contacts of all frames stand behind one another, those of frame k at ``contact_start[k]:contact_start[k + 1]``.
+        """
+        known = {**SHAPES, **TANGENTIAL_SHAPES}
+        names = {
+            name: tuple(DIMENSIONS[letter] for letter in known[name])
+            if name in known
+            else tuple(f"{name}_{k}" for k in range(array.ndim))
+            for name, array in self.arrays.items()
+        }
+        # a tensor has two axes
+        twice = {
+            name: (*those[:-1], "other_axis") if those[-2:] == ("axis",) * 2 else those for name, those in names.items()
+        }
+        return dataset(self, twice)
+
+    def to_pandas(self) -> DataFrame:
+        """Stress, energies and what else is one number a frame, as a pandas.DataFrame over time.
+
+        Needs ``pip install 'softdyn[data]'``.
+        """
+        columns = {name: array for name, array in self.arrays.items() if array.shape == self.t.shape}
+        axes = range(self.stress.shape[-1])
+        stress = {f"stress_{'xyz'[a]}{'xyz'[b]}": self.stress[:, a, b] for a in axes for b in axes}
+        return table({"t": self.t, **stress, **{k: v for k, v in columns.items() if SHAPES.get(k, "f") == "f"}})
 
 
 def gather(
@@ -296,6 +330,7 @@ def gather(
         arrays=arrays,
         energy={name: float(value) for name, value in energy.items()},
         stats=stats,
+        origin=origin_now(system.scene, system.kernel.fingerprint),
     )
 
 
@@ -306,11 +341,15 @@ SHAPES = {
     "contact_i": "c", "contact_j": "c", "contact_h": "c", "contact_delta": "c", "contact_F": "c", "contact_n": "cd",
     **dict.fromkeys(HISTORY, "n"), **{f"energy_{name}": "f" for name in (*GIVEN, *TAKEN, "stored")},
 }  # fmt: skip
+#: What the letters stand for.
+DIMENSIONS = {
+    "f": "frame", "N": "particle", "d": "axis", "w": "wall", "c": "contact", "n": "step", "m": "rotation",
+}  # fmt: skip
 #: Shapes of what tangential motion adds; m rotations.
 TANGENTIAL_SHAPES = {"spin": "fNm", "contact_T": "cd", **{f"energy_{name}": "f" for name in TANGENTIAL_WORKS}}
 
 
-def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:
+def result_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:
     """Result from the content of a file.
 
     Raises
@@ -318,6 +357,8 @@ def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
     ValueError, KeyError
         If an array is missing, or does not fit the others.
     """
+    origin = origin_in(content, arrays)
+    arrays = {name: array for name, array in arrays.items() if not name.startswith("scene_")}
     sizes: dict[str, int] = {}
     if arrays["box"].size < 3 and "depth" not in arrays:
         arrays = {**arrays, "depth": np.array(1.0)}  # of earlier versions, whose layers were one unit of length deep
@@ -349,9 +390,9 @@ def result_from(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
             raise ValueError(f"{name} is not finite everywhere")
     if not (arrays["radii"] > 0).all() or not (arrays["contact_h"] > 0).all():
         raise ValueError("not all radii and gaps are positive")
-    law, target = str(about["law"]), str(about["target"])
-    parameters, energy, stats = (dict(about[name]) for name in ("parameters", "energy", "stats"))
-    return ParticleResult(law, target, parameters, arrays, energy, stats)
+    law, target = str(content["law"]), str(content["target"])
+    parameters, energy, stats = (dict(content[name]) for name in ("parameters", "energy", "stats"))
+    return ParticleResult(law, target, parameters, arrays, energy, stats, origin)
 
 
 def load_particles(path: str | Path) -> ParticleResult:

@@ -7,16 +7,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.results.origin import Origin, about, origin_in
+from softdyn.results.result import Result, dataset, table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 SUFFIXES = (".json", ".npz", ".csv")
@@ -33,8 +37,8 @@ class Event:
     delta: float
 
 
-@dataclass(frozen=True)
-class PairResult:
+@dataclass(frozen=True, repr=False)
+class PairResult(Result):
     """What a run of two particles gave; all numbers in the units of the scene's parameters.
 
     Attributes
@@ -60,8 +64,11 @@ class PairResult:
     warnings : tuple of str
     events : tuple of Event
         Where steps had to end, in order: rows of a table, the force crossing zero, a film reached, the gap of the end.
+    origin : Origin, optional
+        By what it was made; None of results that earlier versions have saved.
     """
 
+    kind: ClassVar[str] = "pair"
     law: str
     target: str
     parameters: Mapping[str, float]
@@ -70,20 +77,18 @@ class PairResult:
     stats: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
+    origin: Origin | None = None
 
-    def __getattr__(self, name: str) -> NDArray[np.float64]:
-        if name != "arrays" and name in self.arrays:
-            return self.arrays[name]
-        there = ", ".join(self.arrays) if name != "arrays" else ""
-        raise AttributeError(f"the result has no {name!r}; its arrays are {there}")
-
-    def __len__(self) -> int:
-        return len(self.arrays["t"])
+    def __repr__(self) -> str:
+        t, h = self.arrays["t"], self.arrays["h"]
+        return f"<PairResult of {self.law}: {len(t)} outputs up to t={t[-1]:.6g}, h={h[-1]:.6g}>"
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data, the arrays as lists."""
         return {
             "status": "success",
+            "kind": self.kind,
+            **about(self.origin),
             "law": self.law,
             "target": self.target,
             "parameters": dict(self.parameters),
@@ -109,9 +114,9 @@ class PairResult:
             if path.suffix == ".json":
                 temporary.write_text(json.dumps(self.to_dict()) + "\n", encoding="utf-8")
             elif path.suffix == ".npz":
-                about = {key: value for key, value in self.to_dict().items() if key not in self.arrays}
+                rest = {key: value for key, value in self.to_dict().items() if key not in self.arrays}
                 with temporary.open("wb") as file:
-                    content: dict[str, Any] = {"about": np.array(json.dumps(about)), **self.arrays}
+                    content: dict[str, Any] = {"about": np.array(json.dumps(rest)), **self.arrays}
                     np.savez(file, **content)
             else:
                 columns = np.column_stack(list(self.arrays.values()))
@@ -123,6 +128,42 @@ class PairResult:
         from softdyn.pair.plots import plot_pair
 
         return plot_pair(self)
+
+    def to_xarray(self) -> Dataset:
+        """Everything over time as an xarray.Dataset; needs ``pip install 'softdyn[data]'``."""
+        return dataset(self, dict.fromkeys(self.arrays, ("output",)))
+
+    def to_pandas(self) -> DataFrame:
+        """Everything over time as a pandas.DataFrame; needs ``pip install 'softdyn[data]'``."""
+        return table(self.arrays)
+
+
+def pair_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> PairResult:
+    """Result from the content of a file.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        If something is missing, or does not fit the rest.
+    """
+    arrays = {"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays}
+    for name, values in arrays.items():
+        if values.dtype.kind != "f" or values.ndim != 1 or len(values) != len(arrays["t"]) or not len(values):
+            raise ValueError(f"{name} has the shape {values.shape}, t the shape {arrays['t'].shape}")
+    return PairResult(
+        law=str(content["law"]),
+        target=str(content["target"]),
+        parameters={str(name): float(value) for name, value in content["parameters"].items()},
+        arrays=arrays,
+        stopped_by=str(content["stopped_by"]),
+        stats=dict(content["stats"]),
+        warnings=tuple(str(warning) for warning in content["warnings"]),
+        events=tuple(
+            Event(str(event["what"]), *(float(event[name]) for name in ("t", "h", "delta")))
+            for event in content.get("events", ())
+        ),
+        origin=origin_in(content),
+    )
 
 
 def _json_number(value: float) -> float | None:

@@ -1,19 +1,31 @@
-"""Reading results of every kind."""
+"""Reading results of every kind: one registry of them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
-from softdyn.results.pair_result import Event, PairResult
+from softdyn.results.origin import scene_from
 
 if TYPE_CHECKING:
+    from softdyn.particles.particle_scene import ParticleScene
     from softdyn.particles.results import ParticleResult
+    from softdyn.results.pair_result import PairResult
+    from softdyn.scene.pair_scene import Scene
+
+#: Of each kind of result, what reads it and the scene that makes it; none is imported before it is met.
+KINDS = {
+    "pair": ("softdyn.results.pair_result:pair_from", "softdyn.scene.pair_scene:Scene"),
+    "particles": ("softdyn.particles.results:result_from", "softdyn.particles.particle_scene:ParticleScene"),
+}
 
 
 def load_result(path: str | Path) -> PairResult | ParticleResult:
@@ -31,44 +43,59 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
             "arrays alone, .gsd and .pvd what other programs show"
         )
     try:
-        if path.suffix == ".npz":
-            arrays = read_arrays(path)
-            if "about" not in arrays:
-                raise ValueError("it holds no run; the table of a sweep is for numpy.load")
-            about = read_json(str(arrays.pop("about")))
-            if about.get("kind") == "checkpoint":
-                raise ValueError("it is a checkpoint, from which the run that left it goes on with --resume")
-            if about.get("kind") == "particles":
-                from softdyn.particles.results import result_from
-
-                return result_from(about, arrays)
-        else:
-            about = read_json(path.read_text(encoding="utf-8-sig"))
-            arrays = {
-                name: np.array([math.nan if v is None else v for v in values], dtype=float)
-                for name, values in about.items()
-                if isinstance(values, list) and name not in ("warnings", "events")
-            }
-        arrays = {"t": arrays["t"], "h": arrays["h"], "delta": arrays["delta"], **arrays}
-        for name, values in arrays.items():
-            if values.dtype.kind != "f" or values.ndim != 1 or len(values) != len(arrays["t"]) or not len(values):
-                raise ValueError(f"{name} has the shape {values.shape}, t the shape {arrays['t'].shape}")
-        return PairResult(
-            law=str(about["law"]),
-            target=str(about["target"]),
-            parameters={str(name): float(value) for name, value in about["parameters"].items()},
-            arrays=arrays,
-            stopped_by=str(about["stopped_by"]),
-            stats=dict(about["stats"]),
-            warnings=tuple(str(warning) for warning in about["warnings"]),
-            events=tuple(
-                Event(str(event["what"]), *(float(event[name]) for name in ("t", "h", "delta")))
-                for event in about.get("events", ())
-            ),
-        )
+        about, arrays = _npz(path) if path.suffix == ".npz" else _json(path)
+        kind = about.get("kind", "pair")
+        if kind == "checkpoint":
+            raise ValueError("it is a checkpoint, from which the run that left it goes on with --resume")
+        if kind not in KINDS:
+            raise ValueError(f"it is of the kind {kind!r}, which a later softdyn writes")
+        read: Callable[..., PairResult | ParticleResult] = _found(KINDS[kind][0])
+        return read(about, arrays)
     except OSError as error:
         raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
     except KeyError as error:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): it has no {error}") from None
     except (ValueError, TypeError, AttributeError, OverflowError) as error:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): {error}") from None
+
+
+def scene_of(result: PairResult | ParticleResult) -> Scene | ParticleScene:
+    """Return the scene that made a result: simulated again, it gives the same.
+
+    Raises
+    ------
+    SceneError
+        If the result does not tell: one that an earlier version has saved, or whose law was an object of a program.
+
+    Examples
+    --------
+    >>> import softdyn
+    >>> result = softdyn.load_result("run.npz")                                             # doctest: +SKIP
+    >>> longer = softdyn.simulate(dataclasses.replace(softdyn.scene_of(result), until_t=9)) # doctest: +SKIP
+    """
+    if result.origin is None:
+        raise SceneError("the result does not tell the scene that made it: an earlier version of softdyn has saved it")
+    found: Scene | ParticleScene = scene_from(result.origin, _found(KINDS[result.kind][1]))
+    return found
+
+
+def _found(place: str) -> Any:
+    module, name = place.split(":")
+    return getattr(import_module(module), name)
+
+
+def _npz(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    arrays = read_arrays(path)
+    if "about" not in arrays:
+        raise ValueError("it holds no run; the table of a sweep is for numpy.load")
+    return read_json(str(arrays.pop("about"))), arrays
+
+
+def _json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    about = read_json(path.read_text(encoding="utf-8-sig"))
+    arrays = {
+        name: np.array([math.nan if v is None else v for v in values], dtype=float)
+        for name, values in about.items()
+        if isinstance(values, list) and name not in ("warnings", "events")
+    }
+    return about, arrays
