@@ -135,13 +135,26 @@ def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name
     """Return a path on which a quantity, over what is claimed of it, does not tend to 1; None if none is found."""
     for sample in samples:
         off = [deviation(point, name, claim) for point in sample.points]
-        if not _lasts(off):
+        if not _lasts(off) or not _has_its_digits(law, limit, sample, name, claim):
             continue
         further = _further(law, limit, sample.path)
         off += [deviation(point, name, claim) for point in further]
         if _lasts(off[1:]) and (further or _is_steady(off)):
             return told(limit, sample, name, claim)
     return None
+
+
+def _has_its_digits(law: ContactLaw, limit: Limit, sample: Sample, name: str, claim: Expr) -> bool:
+    """Whether three times the digits leave a deviation as it is: in cosh(h/R) - 1 all of them may be lost.
+
+    It is looked at where most are needed, and where that takes too many, at a point before.
+    """
+    for level, point in reversed(list(zip(LEVELS, sample.points, strict=False))):
+        exact = _point(law, limit, sample.path, level, more=3)
+        if exact is not None:
+            one, other = (deviation(x, name, claim) for x in (point, exact))
+            return one is not None and other is not None and bool(abs(one - other) <= (1 - LASTING) * abs(other))
+    return False
 
 
 def _further(law: ContactLaw, limit: Limit, path: Path) -> list[Point]:
@@ -349,14 +362,16 @@ def _drawn(
     )
 
 
-def _point(law: ContactLaw, limit: Limit, path: Path, level: int, slowly: int | None = None) -> Point | None:
+def _point(
+    law: ContactLaw, limit: Limit, path: Path, level: int, slowly: int | None = None, more: int = 1
+) -> Point | None:
     """All quantities of a law at a level of a path, in units R = E = eta = 1; None where they have no value.
 
-    Another level of what varies by a logarithm only may be given.
+    Another level of what varies by a logarithm only may be given, and so many times as many digits.
     """
     slowly = level if slowly is None else slowly
     decades = max(abs(float(path.power[s]) * level + float(path.slow[s]) * log10(slowly)) for s in path.power)
-    digits = 40 + int(3 * decades)
+    digits = (40 + int(3 * decades)) * more
     if digits > MOST_DIGITS:
         return None
     with mpmath.workdps(digits):

@@ -9,7 +9,7 @@ import mpmath
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import Expr, Rational, Symbol, exp, log
+from sympy import Expr, Rational, Symbol, cosh, exp, log
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, Limit, R, a, delta, h
 from softdyn.derive.laws.dlvo import law as dlvo
@@ -37,6 +37,14 @@ def finding(law: ContactLaw, order: Order, quantity: str, claim: Expr) -> Findin
 
 def claim_of(law: ContactLaw, limit: str, quantity: str) -> Expr:
     return next(x for x in law.limits if x.name == limit).claims[quantity]
+
+
+def test_a_difference_of_which_all_digits_are_lost_refutes_nothing() -> None:
+    """cosh(h/ell) - 1 where (h/ell)^2 is below the digits that a point of the path has."""
+    law = pushed(A * (cosh(h / ell) - 1))
+    for number, verdict in ((1, "proved"), (2, "disproved")):
+        order = ((delta, h, R), (h, ell))
+        assert finding(law, order, "F_adh", number * A * h**2 / (2 * ell**2)).verdict == verdict
 
 
 FADING = pushed(A * exp(-h / ell) + B)
