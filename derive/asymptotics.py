@@ -69,8 +69,9 @@ from sympy.codegen.cfunctions import expm1, log1p
 from sympy.core.relational import Ge, Gt, Le, Lt
 from sympy.logic.boolalg import And, Boolean, Not, Or
 
+from softdyn.derive.bessel import Bessel, powers_at_zero
 from softdyn.derive.cones import Cone, Normal, dot
-from softdyn.derive.identities import Tail, everywhere, far_out
+from softdyn.derive.identities import Tail, at_zero, everywhere, far_out
 from softdyn.derive.patience import nodes, spend
 from softdyn.derive.positive import knows_range_in, sides_taken
 from softdyn.derive.regions import combination
@@ -82,7 +83,7 @@ Order = tuple[int | Fraction, ...]
 KEPT = 8
 
 #: Analytic functions, expanded about a finite argument.
-ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc, LambertW)
+ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc, LambertW, Bessel)
 
 #: Functions that are written in these.
 DERIVED = (acosh, acos, asin, atanh, acoth, coth)
@@ -938,12 +939,18 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
     centre = argument.terms.get(unit, S.Zero)
     if centre.has(log) and centre.free_symbols & scale.orders.keys():
         raise UndecidedError(f"{expr} has a logarithm in its argument")
+    written = at_zero(expr) if centre == 0 else None
+    if written is not None:
+        return _with_tail(written, expr, scale)
     x = Symbol("x", positive=True)
 
     def derivatives() -> Iterable[Expr]:
         if isinstance(expr, LambertW) and centre == 0:
             yield S.Zero
             yield from ((-S(k)) ** (k - 1) / factorial(k) for k in range(1, _depth(scale) + 1))
+            return
+        if isinstance(expr, Bessel) and centre == 0:
+            yield from powers_at_zero(expr, _depth(scale) + 1)
             return
         function = expr.func(x)
         for k in range(_depth(scale) + 1):
@@ -964,8 +971,11 @@ def _saturated(expr: Expr, side: int, scale: Scale) -> Series:
     written = far_out(expr, side) if scale.axes is not None or not isinstance(expr, (sinh, cosh, LambertW)) else None
     if written is None:
         raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")
-    if not isinstance(written, Tail):
-        return expand(written, scale)
+    return _with_tail(written, expr, scale) if isinstance(written, Tail) else expand(written, scale)
+
+
+def _with_tail(written: Tail, expr: Expr, scale: Scale) -> Series:
+    """Series of a function that is written up to a rest."""
     factor = expand(written.factor, scale)
     if factor.terms or factor.remainder:
         known, (left_out, _) = expand(written.known, scale), leading(expand(written.rest, scale), expr)

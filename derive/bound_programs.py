@@ -49,6 +49,7 @@ from sympy import (
 )
 from sympy.codegen.cfunctions import expm1, log1p
 
+from softdyn.derive.bessel import Bessel
 from softdyn.derive.bounds import INF, ODD, Box, Frame, OutOfReachError, Span, Value, span, wider
 from softdyn.derive.special import LOWEST
 
@@ -173,6 +174,7 @@ KINDS: tuple[tuple[Any, str], ...] = (
     (cosh, "cosh"),
     ((sin, cos, tan), "circular"),
     ((acos, acosh, erfc, LambertW), "monotone"),
+    (Bessel, "bessel"),
     (Abs, "abs"),
     (sign, "sign"),
     ((Max, Min), "extreme"),
@@ -246,6 +248,24 @@ def _monotone(box: Box, kind: Any, values: list[Any]) -> Value:
     return box.constant((max(below, 0.0), above), 1)
 
 
+def _bessel(box: Box, kind: Any, values: list[Any]) -> Value:
+    """I grows and K falls where the argument is positive; |J| is at most 1; of Y nothing is known here."""
+    if kind.kind == "j":
+        return box.constant((-1.0, 1.0))
+    if kind.kind == "y" or values[0].sign <= 0:
+        raise OutOfReachError
+    # beyond 700 there are bounds, in place of values that have no float
+    low, high = (min(max(end, 1e-300), 700.0) for end in box.bounds(values[0]))
+    if kind.kind == "i":
+        below, above = (float(mpmath.besseli(kind.order, end)) for end in (low, high))
+        least = 0.0 if low <= 1e-300 and kind.order else below
+        return box.constant((wider(least, least)[0], wider(above, above)[1] if high < 700 else INF), 1)
+    below, above = (float(mpmath.besselk(kind.order, end)) for end in (high, low))
+    return box.constant(
+        (wider(below, below)[0] if high < 700 else 0.0, wider(above, above)[1] if low > 1e-300 else INF), 1
+    )
+
+
 def _less(box: Box, kind: Any, values: list[Any]) -> bool | None:
     (difference,) = values
     if difference is None or (difference.terms and not difference.sign):
@@ -306,6 +326,7 @@ _STEPS: dict[str, Callable[[Box, Any, list[Any]], Any]] = {
     "cosh": _on_known(lambda box, _, values: box.cosh(values[0])),
     "circular": _on_known(lambda box, function, values: box.circular(function, values[0])),
     "monotone": _on_known(_monotone),
+    "bessel": _on_known(_bessel),
     "abs": _on_known(_absolute),
     "sign": _on_known(_sign),
     "extreme": _on_known(_extreme),

@@ -42,6 +42,7 @@ from sympy import (
 )
 from sympy.core.relational import Relational
 
+from softdyn.derive.bessel import AS_ONES_OF_ORDER
 from softdyn.derive.special import principal
 from softdyn.derive.symbols import COMMON_PARAMETERS, a, delta, h
 
@@ -54,6 +55,7 @@ AS_OTHERS = {
     sec: lambda x: 1 / cos(x),
     csc: lambda x: 1 / sin(x),
     LambertW: principal,
+    **AS_ONES_OF_ORDER,
     Heaviside: lambda x, *_: Piecewise((Integer(1), x > 0), (Integer(0), True)),
 }
 #: Values of the other variables at which a gap between branches is looked for, at most.
@@ -68,7 +70,7 @@ SIZES = {
 
 
 def in_plain_functions(expr: Expr) -> Expr:
-    """Write coth, sech, csch, cot, sec, csc, Heaviside and Lambert's W by functions that all targets have."""
+    """Write coth, sech, csch, cot, sec, csc, Heaviside, W and Bessel's by functions that all targets have."""
     for function, other in AS_OTHERS.items():
         if expr.has(function):
             expr = expr.replace(function, other)

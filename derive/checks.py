@@ -63,6 +63,7 @@ from sympy.core.numbers import Exp1 as EulerNumber
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
+from softdyn.derive.bessel import Bessel
 from softdyn.derive.branches import gap_of
 from softdyn.derive.dimensions import (
     DIMENSIONLESS,
@@ -333,14 +334,15 @@ def _node_faults(name: str, expr: Expr) -> list[str]:
     for node in _unprintable(expr):
         near = get_close_matches(type(node).__name__, [f.__name__ for f in PRINTABLE], n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]}?" if near else ""
-        listing = ", ".join(["sqrt", *(f.__name__ for f in PRINTABLE)])
+        bessel = "besselj, bessely, besseli, besselk of whole order (up to 2 of j and i)"
+        listing = ", ".join(["sqrt", *(f.__name__ for f in PRINTABLE), bessel])
         faults.append(f"{name}: no target can print {node}; allowed functions: {listing}{hint}")
     return faults
 
 
 def _unprintable(expr: Expr) -> list[Basic]:
     """Outermost nodes outside the grammar of printable expressions."""
-    if expr.func in PRINTABLE or isinstance(expr, (Add, Mul, Pow, Relational, BooleanFunction)):
+    if expr.func in PRINTABLE or isinstance(expr, (Add, Mul, Pow, Bessel, Relational, BooleanFunction)):
         return [bad for argument in expr.args for bad in _unprintable(argument)]
     if isinstance(expr, (ImaginaryUnit, Infinity, NegativeInfinity, ComplexInfinity, NaN)):
         return [expr]

@@ -8,6 +8,7 @@ each is translated, put behind the elementary functions that it calls, and wrapp
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import softdyn
 from softdyn import templates
-from softdyn.derive import special
+from softdyn.derive import bessel, special
 from softdyn.derive.elementary import constants, nested, used_functions
 from softdyn.derive.kernel import KernelIR, Provenance, operations_of, total_operations
 from softdyn.derive.printing import KINDS
@@ -94,9 +95,13 @@ def kernel_body(ir: KernelIR) -> str:
 
 def with_special(body: str) -> str:
     """A body in the subset of Python that all targets share, behind the special functions that it calls."""
-    if not special.calls_special(body):
-        return body
-    return render_part("common/special.py.j2", {**special.constants(), "nested": nested}) + "\n\n" + body
+    called = bessel.called_in(body)
+    if called:
+        numbers = {"called": called, "polynomials": bessel.polynomials, "nested": nested, "pi": math.pi}
+        body = render_part("common/bessel.py.j2", numbers) + "\n\n" + body
+    if special.calls_lambert(body):
+        body = render_part("common/special.py.j2", {**special.constants(), "nested": nested}) + "\n\n" + body
+    return body
 
 
 def with_functions(body: str, target: str) -> str:

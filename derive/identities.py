@@ -1,7 +1,8 @@
 """Functions written in others, where their own series do not serve: far out, or beside a point where they are singular.
 
 Input: a function of an argument, and to which side it grows. Output: the same in exponentials, logarithms, roots and
-functions of a small argument; exact, but for the error functions and Lambert's, whose series say what they leave out.
+functions of a small argument; exact, but for the error functions, Lambert's and Bessel's, whose series say what they
+leave out.
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ from sympy import (
     sqrt,
     tanh,
 )
+
+from softdyn.derive import bessel
+from softdyn.derive.bessel import Bessel
 
 #: Terms of the asymptotic series of the error functions.
 TERMS = 8
@@ -65,6 +69,14 @@ def everywhere(expr: Expr) -> Expr | None:
     return None
 
 
+def at_zero(expr: Expr) -> Tail | None:
+    """Write a function that has a logarithm at 0, and no power series; None if it is another."""
+    if not isinstance(expr, Bessel) or expr.kind not in "yk":
+        return None
+    known, rest = bessel.near_zero(expr)
+    return Tail(S.Zero, S.One, known, rest)
+
+
 def far_out(expr: Expr, side: int) -> Expr | Tail | None:
     """Write a function of an argument that grows beyond all bounds, to one side; None if that is not known."""
     x = expr.args[0]
@@ -83,6 +95,9 @@ def far_out(expr: Expr, side: int) -> Expr | Tail | None:
         return side * log(away + sqrt(1 + x**2))
     if isinstance(expr, LambertW) and side > 0:
         return Tail(log(x) - log(log(x)), S.One, S.Zero, log(log(x)) / log(x))
+    if isinstance(expr, Bessel):
+        series = bessel.far_out(expr) if side > 0 else None
+        return None if series is None else Tail(S.Zero, *series)
     if isinstance(expr, (erf, erfc)):
         # erfc(x) ~ exp(-x^2)/(x sqrt(pi)) (1 - 1/(2 x^2) + 3/(2 x^2)^2 - ...)
         known = sum((S.NegativeOne**k * factorial2(2 * k - 1) / (2 * x**2) ** k for k in range(TERMS)), start=S.Zero)

@@ -23,8 +23,10 @@ import numpy as np
 from sympy import Expr, exp
 from sympy import LambertW as GeneralLambertW
 
+from softdyn.derive import bessel
+
 #: Names of functions in kernels, by those that sympy has for them.
-NAMES = {"LambertW": "_lambert_w"}
+NAMES = {"LambertW": "_lambert_w"} | bessel.NAMES
 #: Coefficients of Q, enough to leave less than 2^-60.
 COEFFICIENTS = 21
 #: Digits that they are computed with.
@@ -80,6 +82,6 @@ def constants() -> dict[str, float | tuple[float, ...]]:
         return {"low": LOWEST, "e1": float(e1), "e2": float(e2), "e3": float(mpmath.e - e1 - e2), "branch": branch}
 
 
-def calls_special(body: str) -> bool:
-    """Whether a kernel's body calls one of the functions."""
-    return re.search(rf"\b({'|'.join(NAMES.values())})\(", body) is not None
+def calls_lambert(body: str) -> bool:
+    """Whether a kernel's body calls Lambert's W."""
+    return re.search(r"\b_lambert_w\(", body) is not None

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from kernels_by_text import compile_c, import_text
 from numpy.typing import NDArray
-from sympy import Abs, Expr, LambertW, Rational, Symbol, besselk, log, sign
+from sympy import Abs, Expr, LambertW, Rational, Symbol, besselj, besselk, log, sign
 
 import softdyn
 from softdyn.derive import LENGTH, ContactLaw, E, Limit, R, a, delta, h
@@ -186,7 +186,12 @@ def test_a_spring_of_w_has_a_stiffness_where_it_is_undeformed(target: str) -> No
     assert result.delta.min() < 0 < result.delta.max()
 
 
-def test_other_branches_and_bessel_functions_are_refused_by_name() -> None:
-    for force in (E * R**2 * LambertW(-ell / (R + 9 * h + 9 * ell), -1), E * R**2 * besselk(0, h / ell)):
+def test_other_branches_and_bessel_functions_of_other_orders_are_refused_by_name() -> None:
+    branch, half, high = (
+        LambertW(-ell / (R + 9 * h + 9 * ell), -1),
+        besselk(Rational(1, 2), h / ell),
+        besselj(3, h / ell),
+    )
+    for force in (E * R**2 * branch, E * R**2 * half, E * R**2 * high):
         with pytest.raises(LawError, match="no target can print"):
             soft(force)
