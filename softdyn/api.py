@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from softdyn.derive.limits import Finding
     from softdyn.derive.regimes import Diagram
     from softdyn.particles import ParticleScene
+
+P = ParamSpec("P")
 
 __all__ = [
     "Batch",
@@ -61,6 +63,24 @@ def read_scene(path: str | Path) -> Scene | ParticleScene:
     return particles.read_scene(path)
 
 
+class _Simulate(Protocol[P]):
+    """What :func:`simulate` takes, for type checkers and completion: a scene, or the fields of one."""
+
+    @overload
+    def __call__(
+        self, scene: Scene | ParticleScene | str | Path, *, progress: Callable[..., None] | None = None
+    ) -> Any: ...
+
+    @overload
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Any: ...
+
+
+def _with_fields_of(_: Callable[P, Scene]) -> Callable[[Callable[..., Any]], _Simulate[P]]:
+    """Type a function by the fields of a class; it stays what it is."""
+    return lambda function: cast(_Simulate[P], function)
+
+
+@_with_fields_of(Scene)
 def simulate(
     scene: Scene | ParticleScene | str | Path | None = None,
     *,
@@ -74,11 +94,11 @@ def simulate(
     scene : Scene or ParticleScene, or path of a scene file, optional
     progress : function, optional
         Called now and then: with (t, h) during a run, with (runs done, runs) where there are many; of many particles
-        with (t, steps, iterations).
+        with (t, steps, iterations). Only with ``scene``.
     **keywords
-        The fields of :class:`softdyn.Scene`, in the place of ``scene``. A numpy array, of shape (runs,), as h, delta, a
-        force or velocity, a parameter or a constant makes so many runs, in one call; several arrays are taken value by
-        value. (A table of forces is a pair of arrays.)
+        The fields of :class:`softdyn.Scene`, in the place of ``scene``; ``softdyn keys`` tells them. A numpy array, of
+        shape (runs,), as h, delta, a force or velocity, a parameter or a constant, here or in a Scene, makes so many
+        runs, in one call; several arrays are taken value by value. (A table of forces is a pair of arrays.)
 
     Returns
     -------
@@ -112,7 +132,7 @@ def simulate(
             raise SceneError(f"simulate takes a scene or its fields, not both (here {', '.join(keywords)})")
         given = read_scene(scene) if isinstance(scene, (str, Path)) else scene
         if isinstance(given, Scene):
-            return simulate_pair(given, progress)
+            return _simulate_fields({field.name: getattr(given, field.name) for field in fields(given)}, progress)
         from softdyn import particles
 
         if isinstance(given, particles.ParticleScene):
@@ -126,10 +146,15 @@ def simulate(
     missing += [] if set(DRIVES) & set(keywords) else ["force"]
     if missing:
         raise SceneError(f"simulate needs {', '.join(missing)}")
-    varied = _varied(keywords)
+    return _simulate_fields(keywords, None)
+
+
+def _simulate_fields(given: dict[str, Any], progress: Callable[..., None] | None) -> Any:
+    """One run, or as many as there are values in arrays."""
+    varied = _varied(given)
     if varied:
-        return simulate_batch(Scene(**_first(keywords)), varied, progress)
-    return simulate_pair(Scene(**keywords), progress)
+        return simulate_batch(Scene(**_first(given)), varied, progress)
+    return simulate_pair(Scene(**given), progress)
 
 
 #: Numbers of a scene that may be arrays.

@@ -149,7 +149,7 @@ def test_what_fails_says_why_and_leaves_the_others() -> None:
     assert isinstance(found, Batch)
     assert sorted(found.errors) == [1, 2, 3]
     assert "E must be positive, not -1.0" in found.errors[1]
-    assert "h must be finite, not nan" in found.errors[2]
+    assert "h must be a positive number, not nan" in found.errors[2]
     assert "moves the gap the other way" in found.errors[3]
     assert np.isfinite(found.t[0]).all()
     assert np.isnan(found.t[1:]).all()

@@ -24,7 +24,8 @@ eta = 1.0
 h = 100.0
 [drive]
 force = "1e-2*(1 + 0.5*sin(w*t))"
-constants = {w = 1e-5}
+[constants]
+w = 1e-5
 [until]
 h = 1e-3
 [output]

@@ -208,7 +208,7 @@ def test_every_drive_is_read_from_a_scene_file(tmp_path: Path) -> None:
         'spring = {stiffness = 1.0, base = {file = "base.csv"}}': {
             "spring": {"stiffness": 1.0, "base": ([0, 1000, 3000], [3, 2, 2])}
         },
-        'position = "3 - v*t"\nconstants = {v = 1e-4}': {"position": "3 - v*t", "constants": {"v": 1e-4}},
+        'position = "3 - v*t"\n[constants]\nv = 1e-4': {"position": "3 - v*t", "constants": {"v": 1e-4}},
         "velocity = -1e-4": {"velocity": -1e-4},
     }
     for text, scene in drives.items():

@@ -56,7 +56,8 @@ L = 1e-3
 h = 0.1
 [drive]
 velocity = "-1e-4*cos(w*t)"
-constants = {w = 1e-3}
+[constants]
+w = 1e-3
 [until]
 t = 1e3
 [output]

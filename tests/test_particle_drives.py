@@ -625,7 +625,7 @@ def test_a_force_without_a_bound_is_told_of() -> None:
     """x^2/x^2 is 1, but at x = 0 alone it has no value: bounds of its parts say nothing of it."""
     constants = {"F": STOKES / T, "c": 0.37123 * T}
     push = Push([0], ["F*(t - c)**2/(t - c)**2", 0.0])
-    result = simulate_particles(free(pushes=[push], constants=constants))
+    result = simulate_particles(free(push=[push], constants=constants))
     (warning,) = result.stats["warnings"]
     assert warning.startswith("[[push]] 0: force along x changes too fast to be bounded near t=371.23, however short")
     assert np.abs(result.x[:, 0, 0] - result.t / T).max() < 10 * RTOL

@@ -135,7 +135,7 @@ until = {t = 10.0}
     [
         ("contacts = {gap", "contact = {gap", "unknown key 'contact'; did you mean 'contacts'"),
         ("range = 0.4", "rnage = 0.4", r"\[contacts\] unknown key 'rnage'; did you mean 'range'"),
-        ("strain = 0.1", "strain = true", r"\[until\] strain must be a number other than 0"),
+        ("strain = 0.1", "strian = 0.1", r"\[until\] unknown key 'strian'; did you mean 'strain'"),
         (", seed = 3", "", "seed missing"),
         ("fraction = 0.88", "fraction = 7", "fraction must lie between"),
         ("count = 40", "count = 40.5", "count must be a whole number"),

@@ -60,7 +60,11 @@ def read_and_check(path: Path) -> None:
         ("force = 1e-3", "force = {file = 3}", ["[drive] force: file must be a path, not 3"]),
         ("force = 1e-3", 'force = ""', ["[drive] force: expression ''", "the end where a number"]),
         ("force = 1e-3", "force = 1e-3\nvelocity = 1.0", ["takes one of force, position", "has force and velocity"]),
-        ("h = 0.1", 'h = 0.1\nX = "a"\ndelta = "b"', ["X must be a number", "delta must be a number", "leave it out"]),
+        (
+            "h = 0.1",
+            'h = 0.1\nX = "a"\ndelta = "b"',
+            ["X must be a finite number", "delta must be a finite number", "leave it out"],
+        ),
     ],
 )
 def test_a_pair(tmp_path: Path, old: str, new: str, words: list[str]) -> None:

@@ -113,7 +113,7 @@ def sweep(
         damaged ones, or the scheduler cannot be reached.
     """
     named_numbers("[parameters]", scene.parameters)
-    named_numbers("[drive] constants", scene.constants)
+    named_numbers("[constants]", scene.constants)
     values = {name: np.atleast_1d(np.asarray(given, dtype=float)) for name, given in vary.items()}
     for name in values:
         if values[name].ndim != 1 or not len(values[name]):

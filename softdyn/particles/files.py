@@ -44,7 +44,6 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
         raise SceneError("it is a scene of two particles, with [pair]; here [particles] or [packing] is needed")
     # a packing, or a result that is gone on from, has lengths of its own
     box = data.get("box")
-    fields = fields_from(ParticleScene, data, folder, needed=("until",))
-    if isinstance(box, Mapping) and "lengths" not in box and set(box) != {"depth"}:
-        raise SceneError("[box] lengths is missing, one for each axis; 0 along those that are not periodic")
-    return ParticleScene(**fields)
+    endless = isinstance(box, Mapping) and "lengths" not in box and set(box) != {"depth"}
+    lacking = ["[box] lengths is missing, one for each axis; 0 along those that are not periodic"] if endless else []
+    return ParticleScene(**fields_from(ParticleScene, data, folder, needed=("until",), besides=lacking))

@@ -13,6 +13,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.particle_keys import PLACES
 from softdyn.particles.words import AXES, is_number
 from softdyn.scene.keys import key_faults, rows
+from softdyn.scene.kinds import PATH
 from softdyn.tables import Column, read_columns
 from softdyn.words import listed
 
@@ -32,6 +33,10 @@ def placed(scene: ParticleScene, file: str | Path | None, packing: Packing | Non
     SceneError
         If the scene says itself what they say, or they cannot be used.
     """
+    if packing is not None and not hasattr(packing, "kind"):
+        raise SceneError(f"packing must be a Packing(...), not {packing!r}")
+    if file is not None and PATH.fault is not None and (fault := PATH.fault(file)):
+        raise SceneError(f"[particles] file{fault}")
     if packing is not None and (file is not None or scene.positions is not None or scene.radii is not None):
         raise SceneError(PLACES)
     if scene.positions is not None:

@@ -68,15 +68,16 @@ def shown(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def between(low: float, high: float, why: str = "") -> Kind:
-    """Numbers from the least to the greatest."""
+def between(low: float, high: float, why: str = "", below: bool = False) -> Kind:
+    """Numbers from the least to the greatest, or below that; ``why`` there is a least."""
 
     def fault(value: Any) -> str | None:
         if not is_number(value):
             return f" must be a number, not {shown(value)}"
-        return None if low <= value <= high else f" must lie between {low:g}{why} and {high:g}, not {value:g}"
+        good = low <= value and (value < high if below else value <= high)
+        return None if good else f" must lie between {low:g}{why} and {high:g}, not {value:g}"
 
-    schema = {"type": "number", "minimum": low, "maximum": high}
+    schema = {"type": "number", "minimum": low, "exclusiveMaximum" if below else "maximum": high}
     return Kind(f"a number between {low:g} and {high:g}", schema, fault)
 
 
@@ -117,9 +118,16 @@ def _is_mapping(value: Any) -> str | None:
 
 
 NUMBER = of_kind("a finite number", {"type": "number"}, is_number)
-POSITIVE = of_kind(
-    "a positive number", {"type": "number", "exclusiveMinimum": 0}, lambda value: is_number(value) and value > 0
-)
+
+
+def _not_positive(value: Any) -> str | None:
+    if not is_number(value) or not value > 0:
+        return f" must be a positive number, not {shown(value)}"
+    tiny = value < np.finfo(float).tiny
+    return f" = {value!r} is below the smallest normal double; choose other units" if tiny else None
+
+
+POSITIVE = Kind("a positive number", {"type": "number", "exclusiveMinimum": 0}, _not_positive)
 NOT_NEGATIVE = of_kind(
     "0 or a positive number", {"type": "number", "minimum": 0}, lambda value: is_number(value) and value >= 0
 )

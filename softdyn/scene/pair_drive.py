@@ -22,13 +22,6 @@ if TYPE_CHECKING:
 
 #: What can drive a pair; exactly one of them does.
 DRIVES = ("force", "position", "velocity", "spring")
-#: Headings of their tables, besides their own names; those of a result of softdyn among them.
-HEADINGS = {
-    "force": ("F", "F_ext"),
-    "velocity": ("v", "V", "dX_dt"),
-    "position": ("x", "X", "distance"),
-    "base": ("x", "X", "position"),
-}
 
 
 @dataclass(frozen=True)
@@ -108,19 +101,19 @@ def _checked(drive: Drive) -> Drive:
     return drive
 
 
-def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
+def _drive_from(name: str, value: Any, named: Mapping[str, Any]) -> Drive:
     if isinstance(value, str):
-        constants = named_numbers("[drive] constants", named)
+        constants = named_numbers("[constants]", named)
         taken = [constant for constant in constants if constant in ("t", "pi", *FUNCTIONS)]
         if taken:
-            raise SceneError(f"[drive] constants: {', '.join(taken)} has a meaning of its own in an expression")
+            raise SceneError(f"[constants] {', '.join(taken)} has a meaning of its own in an expression")
         try:
             expression: Expression = parse(value, constants)
         except SceneError as error:
             raise SceneError(f"[drive] {name}: {error}") from None
         unused = [constant for constant in constants if not re.search(rf"\b{re.escape(constant)}\b", value)]
         if unused:
-            raise SceneError(f"[drive] constants: {', '.join(unused)} does not appear in the {name} {value!r}")
+            raise SceneError(f"[constants] {', '.join(unused)} does not appear in the {name} {value!r}")
         if expression.of_time:
             return Drive(expression.shape, np.array(expression.constants or (0.0,)))
         number = evaluate_expression(expression, 0.0)
@@ -128,7 +121,7 @@ def _drive_from(name: str, value: Any, named: Mapping[str, float]) -> Drive:
             raise SceneError(f"[drive] {name} = {value!r} has no finite value")
         return Drive("constant", np.array([number]))
     if named:
-        raise SceneError(f"[drive] constants belong to a {name} that is an expression, and this one is not")
+        raise SceneError(f"[constants] belong to a {name} that is an expression, and this one is not")
     if isinstance(value, Table):
         value = (value.t, value.F)
     if isinstance(value, (tuple, list)) and len(value) == 2:

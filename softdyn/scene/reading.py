@@ -95,7 +95,9 @@ def _places(cls: Any) -> dict[str, _Place]:
     return places
 
 
-def fields_from(cls: type, data: Mapping[str, Any], folder: Path, needed: Sequence[str] = ()) -> dict[str, Any]:
+def fields_from(
+    cls: type, data: Mapping[str, Any], folder: Path, needed: Sequence[str] = (), besides: Sequence[str] = ()
+) -> dict[str, Any]:
     """Fields of a scene's class from the content of a scene file.
 
     Parameters
@@ -107,6 +109,8 @@ def fields_from(cls: type, data: Mapping[str, Any], folder: Path, needed: Sequen
         Paths in the content are relative to it.
     needed : sequence of str
         Sections that cannot be left out, though none of their keys is needed by itself.
+    besides : sequence of str
+        Faults that are known already.
 
     Raises
     ------
@@ -117,10 +121,11 @@ def fields_from(cls: type, data: Mapping[str, Any], folder: Path, needed: Sequen
     faults = unknown_keys(data, places, "")
     for name, place in places.items():
         faults += _section_faults(name, place, data, places)
-        faults += _inner_faults(name, place, data)
-    faults += _missing(places, data, needed)
+    faults += [*_missing(places, data, needed), *besides]
     if faults:
-        raise SceneError(listed(faults))
+        # without these, values are judged with what they mean together, by the check of the scene
+        values = [fault for name, place in places.items() for fault in _inner_faults(name, place, data)]
+        raise SceneError(listed(faults + values))
     found = {}
     for name, place in places.items():
         if name not in data:
