@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
@@ -51,3 +51,37 @@ def undisturbed() -> Iterator[None]:
             signal.signal(number, handler)
     if came:
         signal.raise_signal(came[0])
+
+
+@contextmanager
+def held_back() -> Iterator[Callable[[], None]]:
+    """Within it the first of both signals waits until the function that it gives is called; a second one does not.
+
+    So what is in the middle of something comes to its end, but a user who insists is heard.
+    """
+    mine = threading.current_thread() is threading.main_thread()
+    usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)} if mine else {}
+    usual = {number: handler for number, handler in usual.items() if callable(handler)}
+    came: list[int] = []
+
+    def let_go() -> None:
+        if came:
+            restore()
+            signal.raise_signal(came.pop())
+
+    def restore() -> None:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
+
+    def wait(number: int, _: object) -> None:
+        came.append(number)
+        if len(came) > 1:
+            let_go()
+
+    for number in usual:
+        signal.signal(number, wait)
+    try:
+        yield let_go
+    finally:
+        restore()
+    let_go()

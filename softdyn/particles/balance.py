@@ -65,6 +65,8 @@ class Newton:
         Of the present list of contacts.
     gauge_pairs : list of pair of int
     counts : dict
+    whole : bool
+        Whether no step is on its way: then another run can go on from here.
     """
 
     solver: linear.Solver | None = None
@@ -72,6 +74,7 @@ class Newton:
     pattern: linear.Pattern | None = None
     gauge_pairs: list[tuple[int, int]] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("iterations", "matrices", "contacts"), 0))
+    whole: bool = True
 
     def forget(self) -> None:
         """Another list of contacts: nothing of the old matrix holds."""
@@ -382,11 +385,7 @@ def linearise(
     d = system.dimension
     if newton.pattern is None:
         newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
-        ends = np.array(newton.gauge_pairs, dtype=np.int64).reshape(-1, 2)
-        i, j = contacts.i, contacts.j
-        if len(ends):
-            i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
-        newton.pattern = linear.pattern_of(count, i, j)
+        newton.pattern = pattern_of(contacts, newton.gauge_pairs, count)
     if newton.solver is None:
         newton.solver = linear.Solver(d, width, symmetric=known is None, certain=not system.dragged)
     newton.solver.matrix = None  # not two at a time
@@ -428,6 +427,15 @@ def linearise(
 
     matrix = linear.assemble_quarters(newton.pattern, quarters(), own, system.fixed)
     linear.prepare(newton.solver, matrix)
+
+
+def pattern_of(contacts: Contacts, gauge_pairs: list[tuple[int, int]], count: int) -> linear.Pattern:
+    """Pattern of the matrix: of contacts, and of the pairs whose rotation is taken away."""
+    ends = np.array(gauge_pairs, dtype=np.int64).reshape(-1, 2)
+    i, j = contacts.i, contacts.j
+    if len(ends):
+        i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
+    return linear.pattern_of(count, i, j)
 
 
 def own_tangents(system: System, given: StageInput, x: Array) -> Array:

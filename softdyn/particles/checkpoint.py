@@ -11,10 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import bsr_array
 
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
+from softdyn.particles.balance import Newton, pattern_of
 from softdyn.particles.geometry import Contacts
+from softdyn.particles.linear import Solver, direct
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import HISTORY, Frame
@@ -65,8 +68,10 @@ def _digest(content: Mapping[str, NDArray[Any]]) -> str:
     return total.hexdigest()
 
 
-def save(path: Path, state: State, key: str) -> None:
-    """Write a checkpoint.
+def save(path: Path, state: State, newton: Newton, key: str) -> None:
+    """Write a checkpoint. A run that goes on from it does, to the last bit, what this one does.
+
+    Only where a step was broken off, what Newton's iteration leaves for the next is left out: that starts anew.
 
     Raises
     ------
@@ -81,6 +86,9 @@ def save(path: Path, state: State, key: str) -> None:
                     "key": key,
                     "t": state.t,
                     "dt": state.dt,
+                    "grow": state.grow,
+                    "recovery": state.recovery,
+                    "newton": _newton_data(newton),
                     "stored0": state.stored0,
                     "work": state.work,
                     "work_error": state.work_error,
@@ -104,6 +112,7 @@ def save(path: Path, state: State, key: str) -> None:
         **{name: getattr(state, name) for name in STATE},
         **{f"listed_{name}": getattr(state.listed, name) for name in LISTED},
         **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
+        **_newton_arrays(newton),
     }
     for number, frame in enumerate(state.frames):
         content |= {f"frame{number}_{name}": np.asarray(getattr(frame, name)) for name in FRAME}
@@ -112,7 +121,66 @@ def save(path: Path, state: State, key: str) -> None:
         np.savez(file, **content)
 
 
-def load(path: Path, key: str, system: System) -> State:
+#: Numbers of a linear solver.
+SOLVER = ("exact", "by_blocks", "spent", "solutions", "last", "counts")
+
+
+def _newton_data(newton: Newton) -> dict[str, Any] | None:
+    if not newton.whole:
+        return None
+    solver = None if newton.solver is None else {name: getattr(newton.solver, name) for name in SOLVER}
+    pairs = [[int(one), int(other)] for one, other in newton.gauge_pairs]
+    listed = newton.pattern is not None
+    return {"s": newton.s, "pairs": pairs, "listed": listed, "counts": newton.counts, "solver": solver}
+
+
+def _newton_arrays(newton: Newton) -> dict[str, NDArray[Any]]:
+    """Matrices: the present one, and the one that the factor is of."""
+    solver = newton.solver if newton.whole else None
+    if solver is None:
+        return {}
+    kept = {"matrix": solver.matrix, "factored": None if solver.exact else solver.factored}
+    return {
+        f"{name}_{part}": getattr(matrix, part)
+        for name, matrix in kept.items()
+        if matrix is not None
+        for part in ("data", "indices", "indptr")
+    }
+
+
+def _newton_from(told: Any, arrays: Mapping[str, NDArray[Any]], contacts: Contacts, system: System) -> Newton:
+    """What Newton's iteration has left; patterns and factors are made again, as they were."""
+    if told is None:
+        return Newton()
+    count, width = system.fixed.shape
+    pairs = [(int(one), int(other)) for one, other in told["pairs"]]
+    solver = None
+    if told["solver"] is not None:
+        solver = Solver(system.dimension, width, symmetric=not system.kernel.tangential, certain=not system.dragged)
+        numbers = told["solver"]
+        solver.exact, solver.counts = bool(numbers["exact"]), {k: int(v) for k, v in numbers["counts"].items()}
+        solver.by_blocks, solver.spent, solver.last = (float(numbers[name]) for name in ("by_blocks", "spent", "last"))
+        solver.solutions = int(numbers["solutions"])
+        solver.matrix = _matrix("matrix", arrays, count, width)
+        solver.factored = solver.matrix if solver.exact else _matrix("factored", arrays, count, width)
+        solver.factor = None if solver.factored is None else direct(solver.factored, width)
+    return Newton(
+        solver=solver,
+        s=float(told["s"]),
+        pattern=pattern_of(contacts, pairs, count) if told["listed"] else None,
+        gauge_pairs=pairs,
+        counts={name: int(number) for name, number in told["counts"].items()},
+    )
+
+
+def _matrix(name: str, arrays: Mapping[str, NDArray[Any]], count: int, width: int) -> bsr_array | None:
+    if f"{name}_data" not in arrays:
+        return None
+    parts = tuple(arrays[f"{name}_{part}"] for part in ("data", "indices", "indptr"))
+    return bsr_array(parts, shape=(count * width, count * width))
+
+
+def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
     """Read a checkpoint.
 
     Raises
@@ -153,11 +221,15 @@ def load(path: Path, key: str, system: System) -> State:
         )
         walls = [replace(wall, point=point) for wall, point in zip(system.walls, arrays["wall_point"], strict=True)]
         history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
-        return State(
+        contacts = Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS})
+        newton = _newton_from(about["newton"], arrays, contacts, system)
+        state = State(
             t=float(about["t"]),
             dt=float(about["dt"]),
+            grow=float(about["grow"]),
+            recovery=float(about["recovery"]),
             **{name: arrays[name] for name in STATE},
-            contacts=Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS}),
+            contacts=contacts,
             listed=Listed(**{name: arrays[f"listed_{name}"] for name in LISTED}, skin=float(about["skin"])),
             box=box,
             walls=tuple(walls),
@@ -176,6 +248,7 @@ def load(path: Path, key: str, system: System) -> State:
             history=history,
             frames=frames,
         )
+        return state, newton
     except OSError as error:
         raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:

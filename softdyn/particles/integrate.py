@@ -21,7 +21,7 @@ from softdyn.particles.pulled import At, look
 from softdyn.particles.resolve import SHORTEST, breaks, resolved
 from softdyn.particles.results import Frame
 from softdyn.particles.start import pass_break
-from softdyn.particles.state import State, frame_now, frame_within, overlaps, present
+from softdyn.particles.state import LARGEST_GROWTH, State, frame_now, frame_within, overlaps, present
 from softdyn.particles.step import Step, take_step
 from softdyn.particles.system import System, contact_state
 from softdyn.particles.until import ends_at_strain, run_end
@@ -35,8 +35,6 @@ MOST_STEPS = 1_000_000
 SMALLEST_STEP = 1e-12
 #: Of the step that the error allows: with less of it fewer are rejected, which costs least on the stock scenes.
 SAFETY = 0.8
-#: A step is longer than the one before by this factor at most.
-LARGEST_GROWTH = 3.0
 #: After a step that could not be solved for, that limit starts from 1 and grows so: what was too long a step still is.
 RECOVERY = 1.1
 #: Of the first step: velocities at the start are those of a step of this part of it.
@@ -60,7 +58,7 @@ def integrate(
         The state is then the last good one.
     """
     system = present(system, state)
-    until, grow, recovery = run_end(system.scene), LARGEST_GROWTH, math.inf
+    until = run_end(system.scene)
     goals = np.append(breaks(system), until)
     within = int(np.searchsorted(goals, until))
     if within > MOST_STEPS:
@@ -75,6 +73,7 @@ def integrate(
     step: Step | None = None
     while state.t < until and not _has_strained(system, state):
         step = None  # many numbers that the next one has no use for
+        newton.whole = False
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
         require_balanced(system, state)
@@ -85,8 +84,8 @@ def integrate(
         step, failure = _attempt(system, newton, state, dt, when)
         if step is None or not step.error <= 1.0:
             _shorten(system, state, until, dt, math.inf if step is None else step.error, failure)
-            newton.s, grow = newton.s if failure is None else 0.0, 1.0
-            recovery = math.inf if failure is None else RECOVERY
+            newton.s, state.grow = newton.s if failure is None else 0.0, 1.0
+            state.recovery = math.inf if failure is None else RECOVERY
             continue
         if _drift(system, state, step.end.x[:, : system.dimension], step.system, when) > 1.0:
             # further than the list of contacts reaches, and than was expected
@@ -103,14 +102,15 @@ def integrate(
         require_films(system, state, step.end.h, when)
         require_shallow(system, state, step.end, when)
         with undisturbed():
-            system = _accept(system, state, step, dt, when, grow)
+            system = _accept(system, state, step, dt, when)
             if state.t in goals[:-1]:
                 pass_break(system, newton, state)
             if _drift(system, state) > 0.5:
                 _list_again(system, newton, state)
             if state.t in system.times or _has_strained(system, state):
                 state.frames.append(frame_now(system, state))
-        grow = min(LARGEST_GROWTH, recovery * grow)
+            state.grow = min(LARGEST_GROWTH, state.recovery * state.grow)
+            newton.whole = True
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
         if after_step is not None:
@@ -187,7 +187,7 @@ def _shorten(system: System, state: State, until: float, dt: float, error: float
         state.v, state.y_rate, state.power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
 
 
-def _accept(system: System, state: State, step: Step, dt: float, when: float, grow: float) -> System:
+def _accept(system: System, state: State, step: Step, dt: float, when: float) -> System:
     """Take the end of a step for the state; returns the system with box and walls as they are there."""
     if state.frames and state.frames[0].t == state.t == 0.0:
         state.frames[0] = _first_frame(system, state, step, dt)
@@ -210,7 +210,7 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float, gr
     state.contacts.touched |= touching
     state.counts["steps"] += 1
     state.history.append((state.t, dt, step.end.residual, step.error, int(touching.sum())))
-    longer = dt * min(grow, SAFETY * max(step.error, 1e-12) ** (-1 / ORDER))
+    longer = dt * min(state.grow, SAFETY * max(step.error, 1e-12) ** (-1 / ORDER))
     # a step shortened to end says nothing against a longer one
     state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
     state.power = step.power

@@ -207,8 +207,10 @@ class Solver:
     matrix : bsr_array or None
         The present one.
     factor : Factor or None
+    factored : bsr_array or None
+        The matrix that the factor is of.
     exact : bool
-        Whether the factor is that of the present matrix, not of an earlier one.
+        Whether that is the present one, not an earlier one.
     by_blocks : float
         Cost of the last solution without a factor; 0 before there is any.
     spent, solutions, last : float, int, float
@@ -223,6 +225,7 @@ class Solver:
     certain: bool = False
     matrix: bsr_array | None = None
     factor: Factor | None = None
+    factored: bsr_array | None = None
     exact: bool = False
     by_blocks: float = 0.0
     spent: float = 0.0
@@ -320,7 +323,7 @@ def _is_worth_a_factor(solver: Solver) -> bool:
     if solver.last <= average:
         return False
     if solver.by_blocks < average:
-        solver.factor = None
+        solver.factor = solver.factored = None
         return False
     solver.by_blocks *= 0.8  # what was found long ago is tried again one day
     return True
@@ -328,9 +331,9 @@ def _is_worth_a_factor(solver: Solver) -> bool:
 
 def _factorise(solver: Solver) -> None:
     assert solver.matrix is not None
-    solver.factor = None  # not two at a time
+    solver.factor = solver.factored = None  # not two at a time
     solver.factor = direct(solver.matrix, solver.width)
-    solver.exact = True
+    solver.factored, solver.exact = solver.matrix, True
     solver.counts["factorisations"] += 1
     solver.spent, solver.solutions, solver.last = solver.factor.cost, 0, 0.0
 

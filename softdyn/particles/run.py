@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import System, ValidatedScene, given_works, turns_freely, with_mechanisms, works
-from softdyn.signals import terminable
+from softdyn.signals import held_back, terminable
 
 Array = NDArray[np.float64]
 #: Seconds between two checkpoints.
@@ -54,7 +53,7 @@ def simulate_particles(
         Called after every step.
     checkpoint : str or Path, optional
         File to which the state is written now and then, and when the run is interrupted (SIGINT, or SIGTERM, which
-        raises :class:`softdyn.signals.Terminated`) or cannot go on; it is removed at the end.
+        raises :class:`softdyn.signals.Terminated`), at the end of a step, or cannot go on; it is removed at the end.
     resume : bool
         Whether to go on from that file, if it is there.
     keep : bool
@@ -78,31 +77,36 @@ def simulate_particles(
     newton = Newton()
     key = checkpoints.fingerprint(system)
     if resume and checkpoint is not None and checkpoint.exists():
-        state = checkpoints.load(checkpoint, key, system)
+        state, newton = checkpoints.load(checkpoint, key, system)
     else:
         state = start(system, newton)
     last = time.monotonic()
 
     def now_and_then(state: State) -> None:
         nonlocal last
-        if checkpoint is not None and time.monotonic() - last > CHECKPOINT_EVERY:
-            checkpoints.save(checkpoint, state, key)
+        assert checkpoint is not None
+        if time.monotonic() - last > CHECKPOINT_EVERY:
+            checkpoints.save(checkpoint, state, newton, key)
             last = time.monotonic()
+        let_go()
 
     try:
-        with terminable() if checkpoint is not None else nullcontext():
-            integrate(system, newton, state, progress, now_and_then)
+        if checkpoint is None:
+            integrate(system, newton, state, progress)
+        else:
+            with terminable(), held_back() as let_go:
+                integrate(system, newton, state, progress, now_and_then)
     except IntegrationError as error:
         error.partial = _result(system, newton, state, began)
         if checkpoint is None:
             raise
-        checkpoints.save(checkpoint, state, key)
+        checkpoints.save(checkpoint, state, newton, key)
         stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
         stopped.partial = error.partial
         raise stopped from None
     except KeyboardInterrupt:
         if checkpoint is not None:
-            checkpoints.save(checkpoint, state, key)
+            checkpoints.save(checkpoint, state, newton, key)
         raise
     if checkpoint is not None and not keep:
         checkpoint.unlink(missing_ok=True)

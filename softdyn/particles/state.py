@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -21,6 +22,9 @@ from softdyn.particles.system import System, contact_state, works
 
 Array = NDArray[np.float64]
 
+#: A step is longer than the one before by this factor at most.
+LARGEST_GROWTH = 3.0
+
 
 @dataclass
 class State:
@@ -30,6 +34,9 @@ class State:
     ----------
     t, dt : float
         Time, and the step to try next.
+    grow, recovery : float
+        By how much a step may be longer than the one before; and by how much that limit grows in turn, after a step
+        that could not be solved for.
     x : array, shape (N, d)
     v : array, shape (N, d + rotations)
         Velocities, and with tangential motion radius times angular velocity.
@@ -73,6 +80,8 @@ class State:
     work: dict[str, float]
     power: dict[str, float] | None = None
     work_error: float = 0.0
+    grow: float = LARGEST_GROWTH
+    recovery: float = math.inf
     unseen: dict[str, float] = field(default_factory=dict)
     settled: float = 0.0
     turned: float = 0.0
