@@ -24,8 +24,9 @@ from softdyn.derive.printing import KINDS
 from softdyn.derive.radau import PANEL_NODES, blindness, radau_iia
 from softdyn.targets import Signature, target_module
 
-#: Contacts that go together; wide enough for any machine's vectors, and for the latency of divisions.
-LANES = 16
+#: Contacts that go together are wide enough for any machine's vectors, and for the latency of divisions; of elements so
+#: many that what they give stays in the nearest cache until it is written in order.
+LANES = {"contacts": 16, "elements": 4}
 
 
 class Written(NamedTuple):
@@ -85,7 +86,7 @@ def _numbers(kind: str) -> dict[str, object]:
     """Numbers of the algorithm of a kind of kernels, whatever its functions."""
     if kind == "pair":
         return {"radau": radau_iia(), "panel": radau_iia(PANEL_NODES), "blind": blindness()}
-    return {"lanes": LANES} if kind == "contacts" else {}
+    return {"lanes": LANES[kind]} if kind in LANES else {}
 
 
 def kernel_body(ir: KernelIR) -> str:
@@ -129,7 +130,7 @@ def header(ir: KernelIR) -> str:
     if made.source:
         lines += ["", f"Source: {made.source}"]
     if made.declaration:
-        lines += [f"Law {made.fingerprint}:", *(f"    {name} = {expr}" for name, expr in made.declaration)]
+        lines += [f"{made.fingerprint}:", *(f"    {name} = {expr}" for name, expr in made.declaration)]
     if made.fixed:
         lines.append("With " + ", ".join(f"{name} = {value}" for name, value in made.fixed) + ".")
     if ir.savings:

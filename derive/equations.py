@@ -34,6 +34,17 @@ def inserted(equations: Equations, known: Mapping[Symbol, Expr]) -> Equations:
     )
 
 
+def followed(equations: Equations) -> Equations:
+    """Return the equations with what has become a number in the place of its symbol, until nothing else does."""
+    while True:
+        definitions = equations.definitions
+        used = {symbol for expr in definitions.values() for symbol in expr.free_symbols}
+        numbers = {symbol: expr for symbol, expr in definitions.items() if symbol in used and expr.is_number}
+        if not numbers:
+            return equations
+        equations = inserted(equations, numbers)
+
+
 def cost(equations: Equations) -> int:
     """Operations of all that the kernel uses, computed once."""
     order = [symbol for symbol in equations.definitions if symbol in equations.wanted]

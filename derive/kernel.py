@@ -54,7 +54,7 @@ class Provenance:
     source : str
         Where that is published.
     fingerprint : str
-        What it is told by.
+        What it is told by, such as "Law 0123abcd".
     declaration : tuple of (str, str)
         What was declared: names and expressions.
     fixed : tuple of (str, str)

@@ -16,7 +16,8 @@ from sympy.core.relational import Relational
 from softdyn.derive.contact_equations import ContactNeeds, film, film_h, grip, grip_h, w, w_h
 from softdyn.derive.controls import compliance, remote_delta, remote_h
 from softdyn.derive.dynamics import F_adh, dF_dt
-from softdyn.derive.equations import Equations, changed, cost, inserted
+from softdyn.derive.element_equations import ElementEquations, ElementNeeds
+from softdyn.derive.equations import Equations, changed, cost, followed, inserted
 from softdyn.derive.pair_equations import OUTPUTS, Needs, integrated, named
 from softdyn.derive.symbols import delta, size_ratio
 
@@ -41,8 +42,8 @@ class Rule:
 
     name: str
     of: tuple[type, ...]
-    applies: Callable[[Equations, Any], bool]
-    apply: Callable[[Equations, Any], Equations]
+    applies: Callable[[Any, Any], bool]
+    apply: Callable[[Any, Any], Equations]
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,16 @@ def equal_radii(equations: Equations, needs: ContactNeeds) -> Equations:
     return inserted(equations, {size_ratio: Rational(1, 4)})
 
 
+def absent_coefficients(equations: ElementEquations, needs: ElementNeeds) -> Equations:
+    """Without the terms of coefficients that are zero."""
+    return followed(inserted(equations, {s: x for name in needs.absent for s, x in equations.absent[name].items()}))
+
+
+def uniform_coefficients(equations: ElementEquations, needs: ElementNeeds) -> Equations:
+    """Without the gradients of coefficients that are uniform, and with one value in the place of those at the nodes."""
+    return followed(inserted(equations, {s: x for name in needs.uniform for s, x in equations.uniform[name].items()}))
+
+
 def fixed_parameters(equations: Equations, needs: Needs) -> Equations:
     """With numbers, exact, in the place of parameters."""
     known = {name: Rational(value) for name, value in needs.fixed.items()}
@@ -148,6 +159,8 @@ RULES = (
         lambda _, needs: needs.tangential and size_ratio.name not in needs.varying,
         equal_radii,
     ),
+    Rule("absent coefficients", (ElementNeeds,), lambda _, needs: bool(needs.absent), absent_coefficients),
+    Rule("uniform coefficients", (ElementNeeds,), lambda _, needs: bool(needs.uniform), uniform_coefficients),
     Rule("fixed parameters", (Needs,), lambda _, needs: bool(needs.fixed), fixed_parameters),
     Rule("outputs asked for", (Needs,), lambda equations, needs: bool(_unasked(equations, needs)), asked_outputs),
 )

@@ -2,8 +2,9 @@
 
 The algorithms of a kernel (Newton's iteration, the integrator) are written once, in a subset of Python that numba
 compiles as it is; this module prints the same functions in C, comments included. The subset: functions with annotated
-arguments (``float``, ``int``, ``array``), assignments, ``if``, ``while``, ``for ... in range``, ``return``, arithmetic,
-comparisons, calls of math.h and of one another. Whatever lies outside is refused.
+arguments (``float``, ``int``, ``array``, ``indices``, an array of integers that is read), assignments, ``if``,
+``while``, ``for ... in range``, ``return``, arithmetic, comparisons, calls of math.h and of one another. Whatever lies
+outside is refused.
 """
 
 from __future__ import annotations
@@ -189,7 +190,10 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
     arguments, arrays, types = [], set(), {}
     for argument, is_written in zip(node.args.args, written[node.name], strict=True):
         kind = ast.unparse(argument.annotation) if argument.annotation else ""
-        if kind == "array":
+        if kind == "indices" and not is_written:
+            arrays.add(argument.arg)
+            arguments.append(f"const int64_t *restrict {argument.arg}")
+        elif kind == "array":
             arrays.add(argument.arg)
             arguments.append(f"{'' if is_written else 'const '}double *restrict {argument.arg}")
         elif kind in C_TYPES:

@@ -9,7 +9,7 @@ class SoftdynError(Exception):
 
 
 class LawError(SoftdynError):
-    """A contact law is faulty; the message lists every fault found.
+    """A contact law, or a weak form, is faulty; the message lists every fault found.
 
     Attributes
     ----------
@@ -17,10 +17,10 @@ class LawError(SoftdynError):
         One entry for each fault.
     """
 
-    def __init__(self, name: str, faults: tuple[str, ...]) -> None:
+    def __init__(self, name: str, faults: tuple[str, ...], what: str = "law") -> None:
         self.faults = faults
         lines = "\n".join(f"  - {fault}" for fault in faults)
-        super().__init__(f"law {name!r} has {len(faults)} fault{'s' if len(faults) > 1 else ''}:\n{lines}")
+        super().__init__(f"{what} {name!r} has {len(faults)} fault{'s' if len(faults) > 1 else ''}:\n{lines}")
 
 
 class SceneError(SoftdynError):

@@ -238,7 +238,7 @@ def tool_digest() -> str:
     here = Path(__file__).parent
     files = {
         f"softdyn/{name}": here / name
-        for name in ("kernels.py", "particles/kernel.py", "laws.py", "expression.py", "enclosure.py")
+        for name in ("kernels.py", "elements.py", "particles/kernel.py", "laws.py", "expression.py", "enclosure.py")
     }
     files |= {f"softdyn/targets/{path.name}": path for path in (here / "targets").glob("*.py")}
     for package, ending in (("derive", "*.py"), ("templates", "*.j2")):
@@ -262,6 +262,13 @@ def manifest_of(
         identity = ["file", str(reference.path), reference.name]
     else:
         identity = ["stock", reference.name]
+    return kept_manifest(kind, identity, target, needs, lambda: make(reference, target, needs))
+
+
+def kept_manifest(
+    kind: str, identity: Any, target: str, needs: Mapping[str, Any], make: Callable[[], dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the manifest of what is told by ``identity``: from the cache, while what it depends on stands, or made."""
     key = cache.key_of(kind, identity, target, needs, tool_digest())
     entry = cache.read("manifests", key)
     if entry is not None:
@@ -269,7 +276,7 @@ def manifest_of(
             manifest = _manifest_in(entry)
             if all(digest(file) == expected for file, expected in manifest["depends"].items()):
                 return manifest
-    manifest = make(reference, target, needs)
+    manifest = make()
     out_of_date = entry is not None
     cache.publish("manifests", key, {"manifest.json": json.dumps(manifest).encode()}, replace=out_of_date)
     return manifest

@@ -13,10 +13,13 @@ from kernels_by_text import compile_c
 
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
+from softdyn.derive.element_equations import ElementNeeds
+from softdyn.derive.element_kernel import element_ir
 from softdyn.derive.emit import emit, header, kernel_body, write, write_enclosures
 from softdyn.derive.kernel import KernelIR, function, names_in
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
+from softdyn.derive.stokes import averaged_stokes
 from softdyn.expression import parse
 from softdyn.laws import law_of
 from softdyn.targets import TARGETS
@@ -30,6 +33,7 @@ KINDS: dict[str, list[Callable[[], KernelIR]]] = {
     "contacts": [
         lambda: contact_ir(law_of("equal_spheres"), ContactNeeds(("R",), fading=True, tangential=True, drag=True)),
     ],
+    "elements": [lambda: element_ir(averaged_stokes(2), ElementNeeds(uniform=("eta",)))],
 }
 
 

@@ -10,11 +10,14 @@ import pytest
 
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
+from softdyn.derive.element_equations import ElementNeeds
+from softdyn.derive.element_kernel import element_ir
 from softdyn.derive.emit import emit
 from softdyn.derive.equations import Equations
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.rules import RULES, Rule, specialised
+from softdyn.derive.stokes import averaged_stokes
 from softdyn.laws import law_of
 
 
@@ -24,6 +27,10 @@ def pair(law: str, needs: Needs) -> Callable[..., Any]:
 
 def contacts(law: str, needs: ContactNeeds) -> Callable[..., Any]:
     return lambda rules: contact_ir(law_of(law), needs, rules)
+
+
+def elements(needs: ElementNeeds) -> Callable[..., Any]:
+    return lambda rules: element_ir(averaged_stokes(2), needs, rules)
 
 
 #: Of each rule a kernel that it is applied to, and a name that is then absent from its code.
@@ -37,6 +44,8 @@ DROPPED: list[tuple[str, Callable[..., Any], str]] = [
     ("no range", contacts("rognon_gay", ContactNeeds()), "film"),
     ("no remote force", contacts("rognon_gay", ContactNeeds()), "F_adh"),
     ("equal radii", contacts("equal_spheres", ContactNeeds(tangential=True)), "size_ratio"),
+    ("absent coefficients", elements(ElementNeeds(absent=("k",))), "own_k_n0"),
+    ("uniform coefficients", elements(ElementNeeds(uniform=("eta",))), "own_eta_d1"),
 ]
 
 

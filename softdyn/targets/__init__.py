@@ -16,7 +16,8 @@ from types import ModuleType
 
 from softdyn.errors import SceneError
 
-#: What a function returns, "int", "float" or "None", and the types of its arguments: "int", "float", "array".
+#: What a function returns, "int", "float" or "None", and the types of its arguments: "int", "float", "array" and
+#: "indices", an array of integers.
 Signature = Sequence[str | Sequence[str]]
 Signatures = Mapping[str, Signature]
 
