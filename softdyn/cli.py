@@ -35,6 +35,7 @@ examples:
   softdyn report my_law.py -o my_law.html    all of it on one page, to hand to a colleague
   softdyn generate rognon_gay --target c     the kernel's source, on the terminal
   softdyn run scene.toml -o result.npz       simulate a scene
+  softdyn keys range                         what a key of a scene means; without KEY all of them
   softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv     the scene for a hundred forces
   softdyn plot result.npz                    draw the result
   softdyn run emulsion -o emulsion.npz       many particles: a scene that comes with softdyn
@@ -231,6 +232,11 @@ def _parser() -> argparse.ArgumentParser:
         help="many particles: go on from the checkpoint that an interrupted, killed or failed run with the same -o has "
         "left beside FILE",
     )
+
+    keys = add("keys", _keys, "list what a scene may say; of one key: where, which kind and unit, what it means")
+    keys.add_argument("key", metavar="KEY", nargs="?", help="its name in a scene file or in Python, or a section")
+    keys.add_argument("--schema", action="store_true", help="a JSON schema of scene files, for editors")
+    keys.add_argument("--markdown", action="store_true", help="the reference page, .docs/keys.md")
 
     many = add("sweep", _sweep, "simulate a scene of two particles for many values of some of its numbers")
     many.add_argument(
@@ -656,6 +662,18 @@ def _closure(stats: Any) -> str:
     if "force_residual" in stats:
         return f"the force balance holds to {stats['force_residual']:.1e}"
     return f"X keeps to the drive within {stats['drift']:.1e} R" if "drift" in stats else "X follows from its rate"
+
+
+def _keys(options: argparse.Namespace) -> int:
+    from softdyn.scene.key_words import listed_keys, page, schema, told
+
+    if options.schema:
+        print(json.dumps(schema(), indent=2))
+    elif options.markdown:
+        print(page())
+    else:
+        print(told(options.key) if options.key else listed_keys())
+    return 0
 
 
 def _sweep(options: argparse.Namespace) -> int:

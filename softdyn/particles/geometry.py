@@ -101,25 +101,31 @@ class Wall:
     A run has point and normal as arrays, and the normal as a unit vector.
     """
 
-    point: Annotated[Any, Key("[[wall]] point", COORDINATES, "A point of it, one number for each axis.", "length")]
+    point: Annotated[
+        Any, Key("[[wall]] point", COORDINATES, "A point of the wall, one number for each axis.", "length")
+    ]
     normal: Annotated[
-        Any, Key("[[wall]] normal", COORDINATES, "Its normal, from the particles into the wall, of any length.")
+        Any, Key("[[wall]] normal", COORDINATES, "Normal of the wall, from the particles into it, of any length.")
     ]
     rigid: Annotated[
         bool,
         Key(
             "[[wall]] rigid",
             Kind("true or false", FLAG.schema),
-            "Whether it gives in as the particles do, or not at all.",
+            "Whether the wall does not give in at all, or as the particles do.",
         ),
     ] = True
     velocity: Annotated[
         Sequence[OverTime] | None,
         Key(
-            "[[wall]] velocity", DRIVEN_LIST, "One for each axis; at rest without.", "length/time", ("v", "V"),
+            "[[wall]] velocity",
+            DRIVEN_LIST,
+            "Velocity of the wall, one number for each axis; at rest without.",
+            "length/time",
+            ("v", "V"),
             of_axes=True,
         ),
-    ] = None  # fmt: skip
+    ] = None
 
 
 @dataclass

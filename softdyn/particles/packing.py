@@ -43,33 +43,36 @@ class Packing:
     """Where particles start: a random packing in a periodic box, or a lattice."""
 
     kind: Annotated[
-        str, Key("[packing] kind", choice("kind", KINDS), "At random places, moved apart; or on a lattice.")
+        str,
+        Key("[packing] kind", choice("kind", KINDS), "Kind of packing: at random places, moved apart, or a lattice."),
     ] = "random"
     count: Annotated[
         int | None, Key("[packing] count", whole_number(0), "How many particles, of a random packing.")
     ] = None
-    dimension: Annotated[int | None, Key("[packing] dimension", whole_number(0), "2 or 3, of a random packing.")] = None
+    dimension: Annotated[
+        int | None, Key("[packing] dimension", whole_number(0), "Dimension of a random packing, 2 or 3.")
+    ] = None
     fraction: Annotated[
         float | None,
         Key(
             "[packing] fraction",
             NUMBER,
-            "Volume of all particles, overlaps counted twice, relative to that of the box, of a random packing; area "
-            "in two dimensions.",
+            "Fraction of the box that a random packing fills: volumes, areas in two dimensions, overlaps counted "
+            "twice.",
         ),
     ] = None
     seed: Annotated[
         int | None,
-        Key("[packing] seed", whole_number(0), "Of a random packing: the same seed gives the same packing."),
+        Key("[packing] seed", whole_number(0), "Seed of a random packing: the same seed gives the same packing."),
     ] = None
     radii: Annotated[
         float | Sequence[float] | Mapping[str, Any] | None,
         Key(
             "[packing] radii",
             PACKED_RADII,
-            "Radii, taken in turn; or, of a random packing, a distribution that they are drawn from: {mean, sigma}, "
-            "the mean radius and the standard deviation of its logarithm, or {values, weights}, radii and how often "
-            "each comes.",
+            "Radii of the particles, taken in turn; or, of a random packing, a distribution that they are drawn from: "
+            "{mean, sigma}, the mean radius and the standard deviation of its logarithm, or {values, weights}, radii "
+            "and how often each comes.",
             "length",
         ),
     ] = None

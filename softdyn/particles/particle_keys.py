@@ -58,18 +58,25 @@ AXES_NAMED = Kind('some of "xyz"', {"type": "string", "pattern": "^[xyz]{1,3}$"}
 class Push:
     """An external force or torque, or both, on each of some particles."""
 
-    particles: Annotated[Sequence[int] | str, Key("[[push]] particles", PARTICLES, "Which particles.")]
+    particles: Annotated[Sequence[int] | str, Key("[[push]] particles", PARTICLES, "Which particles are pushed.")]
     force: Annotated[
         Sequence[OverTime] | None,
-        Key("[[push]] force", DRIVEN_LIST, "On each of them, one for each axis.", "force", ("F",), of_axes=True),
+        Key(
+            "[[push]] force",
+            DRIVEN_LIST,
+            "Force on each of them, one number for each axis.",
+            "force",
+            ("F",),
+            of_axes=True,
+        ),
     ] = None
     torque: Annotated[
         Sequence[OverTime] | None,
         Key(
             "[[push]] torque",
             DRIVEN_LIST,
-            "About the centre, where there is tangential motion: one in two dimensions, > 0 from x to y; three in "
-            "three.",
+            "Torque on each about its centre, where there is tangential motion: one in two dimensions, > 0 from x to "
+            "y; three in three.",
             "force length",
             ("T", "moment"),
             of_axes=True,
@@ -82,15 +89,19 @@ class Push:
 class Hold:
     """Coordinates that do not follow from forces: held at rest, or driven."""
 
-    particles: Annotated[Sequence[int] | str, Key("[[hold]] particles", PARTICLES, "Which particles.")]
+    particles: Annotated[Sequence[int] | str, Key("[[hold]] particles", PARTICLES, "Which particles are held.")]
     axes: Annotated[str, Key("[[hold]] axes", AXES_NAMED, "Along which axes they are held.")]
     velocity: Annotated[
         Sequence[OverTime] | None,
         Key(
-            "[[hold]] velocity", DRIVEN_LIST, "One for each of the axes; at rest without.", "length/time", ("v", "V"),
+            "[[hold]] velocity",
+            DRIVEN_LIST,
+            "Velocity along each of the axes; at rest without.",
+            "length/time",
+            ("v", "V"),
             of_axes=True,
         ),
-    ] = None  # fmt: skip
+    ] = None
     spin: Annotated[
         Sequence[OverTime] | None,
         Key(
@@ -296,7 +307,7 @@ class ParticleScene:
         Key(
             "[flow] drag",
             NOT_NEGATIVE,
-            "What resists each particle is 6 pi eta R times this: 1 for Stokes' drag, 0 for none. With it, contacts "
+            "Drag of each particle over 6 pi eta R: 1 for Stokes' drag, 0 for none. With it, contacts "
             "carry what of the law's friction exceeds its limit far apart: see softdyn.derive.far_field.",
         ),
     ] = 0.0
@@ -342,7 +353,9 @@ class ParticleScene:
             "Relative error of the gaps allowed in one step.",
         ),
     ] = 1e-4
-    target: Annotated[str, Key("target", choice("target", CHOICES), "What runs the kernel.")] = "auto"
+    target: Annotated[
+        str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
+    ] = "auto"
 
     def __post_init__(self, file: str | Path | None, packing: "Packing | None") -> None:
         if file is not None or packing is not None:

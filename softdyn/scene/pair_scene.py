@@ -49,9 +49,16 @@ QUANTITY_NAMES = Kind("a list of names", {"type": "array", "items": {"enum": lis
 class Spring(TypedDict):
     """A spring whose force is stiffness (X - base), as from a cantilever whose base moves."""
 
-    stiffness: Annotated[float, Key("[drive] spring: stiffness", POSITIVE, "Of the spring.", "force/length")]
+    stiffness: Annotated[float, Key("[drive] spring: stiffness", POSITIVE, "Stiffness of the spring.", "force/length")]
     base: Annotated[
-        OverTime, Key("[drive] spring: base", DRIVEN, "Place of its base; no jumps.", "length", ("x", "X", "position"))
+        OverTime,
+        Key(
+            "[drive] spring: base",
+            DRIVEN,
+            "Place of the base of the spring; no jumps.",
+            "length",
+            ("x", "X", "position"),
+        ),
     ]
 
 
@@ -121,8 +128,8 @@ class Scene:
         Key(
             "[pair] delta",
             NUMBER,
-            "Initial deflection where the force is not given, better conditioned than X; with a velocity alone, 0 if "
-            "neither is given.",
+            "Initial deflection where the force is not given. It is better conditioned than X; with a velocity alone, "
+            "it is 0 if neither is given.",
             "length",
         ),
     ] = None
@@ -147,8 +154,8 @@ class Scene:
         Key(
             "[output] gaps",
             count_or_list(LARGEST_COUNT),
-            "Output gaps instead: how many, evenly spaced in ln h between h and until_h, or which, in the order of "
-            "passage.",
+            "Output gaps, in the place of times: how many, evenly spaced in ln h between h and until_h, or which, in "
+            "the order of passage.",
             "length",
         ),
     ] = None
@@ -173,13 +180,16 @@ class Scene:
         Key(
             "[accuracy] method",
             choice("method", METHODS),
-            '"auto" takes ln h as the independent variable under a constant force, as long as the gap moves by more '
-            'than a tenth of its distance to where it would rest; else, and with "integrate" always, it is the time. '
-            '"quadrature", for a constant force and outputs at gaps alone, is Gauss\'s, to rounding: what the others '
+            'Which way the pair is integrated. "auto" takes ln h as the independent variable under a constant force, '
+            "as long as the gap moves by more than a tenth of its distance to where it would rest; else, and with "
+            '"integrate" always, it is the time. "quadrature", for a constant force and outputs at gaps alone, is '
+            "Gauss's, to rounding: what the others "
             "are measured against.",
         ),
     ] = "auto"
-    target: Annotated[str, Key("target", choice("target", CHOICES), "What runs the kernel.")] = "auto"
+    target: Annotated[
+        str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
+    ] = "auto"
 
 
 def read_scene(path: str | Path) -> Scene:
