@@ -50,12 +50,17 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         If it is no such file, is damaged, encrypted, or compressed in another way than numpy does, holds anything but
         such arrays, or would unpack to far more than its own size.
     """
+    with path.open("rb") as file:
+        return arrays_in(file, path.stat().st_size)
+
+
+def arrays_in(file: IO[bytes], size: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an .npz archive that is open, of so many bytes; raises as :func:`read_arrays`."""
     try:
-        with path.open("rb") as file, ZipFile(file) as archive, warnings.catch_warnings():
+        with ZipFile(file) as archive, warnings.catch_warnings():
             warnings.simplefilter("error")  # of old or odd headers
             members = archive.infolist()
             total = sum(member.file_size for member in members)
-            size = path.stat().st_size
             if total > LARGEST + RATIO * size:
                 raise ValueError(f"its {size} bytes would unpack to {total}")
             found = {_name_of(member): _read_member(archive, member) for member in members}

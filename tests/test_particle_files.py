@@ -28,6 +28,7 @@ from softdyn.particles.particle_scene import check
 from softdyn.particles.placing import read_particles
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.particles.run import prepare, simulate_particles
+from softdyn.results.registry import load_result
 from softdyn.results.rerun import differences
 
 EMULSION = """
@@ -323,8 +324,16 @@ def test_a_killed_run_resumes(tmp_path: Path) -> None:
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     assert checkpoint.exists()
+    there = load_result(tmp_path / "a.frames")
     assert main(["run", str(path), "-o", str(tmp_path / "a.npz"), "--resume"]) == 0
-    assert load_particles(tmp_path / "a.npz").t[-1] == pytest.approx(1e4)
+    whole = load_particles(tmp_path / "a.npz")
+    assert whole.t[-1] == pytest.approx(1e4)
+    # what was there when it was killed is what came out
+    assert 0 < len(there) < len(whole)
+    assert np.array_equal(there.x, whole.x[: len(there)])
+    assert np.array_equal(there.contact_delta, whole.contact_delta[: len(there.contact_delta)])
+    assert "has not ended" in there.warnings[0]
+    assert not (tmp_path / "a.frames").exists()
 
 
 def test_a_failed_run_leaves_its_last_good_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,27 +13,41 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
+import softdyn
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.particles.balance import Newton, pattern_of
+from softdyn.particles.frame_file import ENDING, go_on
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.linear import Solver, direct
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.pulled import Pulled
-from softdyn.particles.results import HISTORY, Frame
+from softdyn.particles.results import HISTORY
 from softdyn.particles.state import State
 from softdyn.particles.system import System
 from softdyn.results.whole_files import written_whole
 
+#: Version of these files; no other is read.
+FORMAT = 1
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")
 LISTED = ("x", "cell", "walls")
-FRAME = tuple(field.name for field in fields(Frame))
 CONTACTS = tuple(field.name for field in fields(Contacts))
 
 
 #: Fields of a scene that say when it ends and how much it tells, and those that stand in the other arrays.
 LEFT_OUT = ("law", "target", "until_t", "until_strain", "times", "positions", "radii", "species", "films")
+
+
+def frames_beside(path: Path) -> Path:
+    """The file of the frames of a run, beside its checkpoint."""
+    return path.with_name(path.name.removesuffix(".npz").removesuffix(".checkpoint") + ENDING)
+
+
+def remove(path: Path) -> None:
+    """Remove a checkpoint, and the frames beside it."""
+    path.unlink(missing_ok=True)
+    frames_beside(path).unlink(missing_ok=True)
 
 
 def fingerprint(system: System) -> str:
@@ -83,6 +97,8 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
             json.dumps(
                 {
                     "kind": "checkpoint",
+                    "format": FORMAT,
+                    "softdyn": softdyn.__version__,
                     "key": key,
                     "t": state.t,
                     "dt": state.dt,
@@ -114,8 +130,6 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
         **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
         **_newton_arrays(newton),
     }
-    for number, frame in enumerate(state.frames):
-        content |= {f"frame{number}_{name}": np.asarray(getattr(frame, name)) for name in FRAME}
     content["digest"] = np.array(_digest(content))
     with written_whole(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **content)
@@ -194,6 +208,11 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
         about = read_json(str(arrays["about"]))
         if about["kind"] != "checkpoint":
             raise ValueError("it is another kind of file")
+        if about.get("format") != FORMAT:
+            raise SceneError(
+                f"the checkpoint {path} is of another version of softdyn, {about.get('softdyn', 'an earlier one')}: "
+                "remove it, or run without --resume"
+            )
         if about["key"] != key:
             raise SceneError(
                 f"the checkpoint {path} belongs to another scene, or to another version of it: remove it, or run "
@@ -201,13 +220,6 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
             )
         if digest != _digest(arrays):
             raise ValueError("it is damaged: its content is not what was written")
-        frames = [
-            Frame(
-                **{name: arrays[f"frame{number}_{name}"] for name in FRAME if name != "t"},
-                t=float(arrays[f"frame{number}_t"]),
-            )
-            for number in range(about["frames"])
-        ]
         stretch = arrays["box_stretch"]
         rate, tilt, since = map(float, about["box"])
         stretching = stretch if stretch.any() else None
@@ -246,7 +258,7 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
                 [(float(a), float(b), float(c)) for a, b, c in arrays["pressures"]],
             ),
             history=history,
-            frames=frames,
+            frames=go_on(frames_beside(path), key, int(about["frames"])),
         )
         return state, newton
     except OSError as error:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from softdyn.errors import SceneError
+from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
@@ -43,7 +44,7 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     for path in written:
         _save(result, path, checkpoint)
     if checkpoint is not None:
-        checkpoint.unlink(missing_ok=True)
+        checkpoints.remove(checkpoint)
     summary = {
         "status": "success",
         "law": result.law,

@@ -67,7 +67,7 @@ def integrate(
             f"each, and a run takes {MOST_STEPS} steps at most: give tables fewer rows, or end the run at "
             f"t={goals[MOST_STEPS - 1]:.6g} or before"
         )
-    if not state.frames and system.times[0] == 0.0:
+    if not len(state.frames) and system.times[0] == 0.0:
         state.frames.append(frame_now(system, state))
         _look_at_start(system, state)
     step: Step | None = None
@@ -189,7 +189,7 @@ def _shorten(system: System, state: State, until: float, dt: float, error: float
 
 def _accept(system: System, state: State, step: Step, dt: float, when: float) -> System:
     """Take the end of a step for the state; returns the system with box and walls as they are there."""
-    if state.frames and state.frames[0].t == state.t == 0.0:
+    if state.t == 0.0 and len(state.frames) and state.frames[0].t == 0.0:
         state.frames[0] = _first_frame(system, state, step, dt)
     for output in step.outputs:
         state.frames.append(frame_within(output, state))

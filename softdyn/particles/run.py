@@ -14,6 +14,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.balance import Newton
 from softdyn.particles.energy import CARRIED, ELASTIC
+from softdyn.particles.frame_file import begin
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
@@ -25,6 +26,7 @@ from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import System, ValidatedScene, given_works, turns_freely, with_mechanisms, works
+from softdyn.results.origin import about, origin_now
 from softdyn.signals import held_back, terminable
 
 Array = NDArray[np.float64]
@@ -80,6 +82,10 @@ def simulate_particles(
         state, newton = checkpoints.load(checkpoint, key, system)
     else:
         state = start(system, newton)
+        if checkpoint is not None:
+            beside: dict[str, NDArray[Any]] = {}
+            made = about(origin_now(scene, system.kernel.fingerprint), beside)
+            state.frames = begin(checkpoints.frames_beside(checkpoint), {"key": key, **made}, beside)
     last = time.monotonic()
 
     def now_and_then(state: State) -> None:
@@ -108,9 +114,10 @@ def simulate_particles(
         if checkpoint is not None:
             checkpoints.save(checkpoint, state, newton, key)
         raise
+    result = _result(system, newton, state, began)
     if checkpoint is not None and not keep:
-        checkpoint.unlink(missing_ok=True)
-    return _result(system, newton, state, began)
+        checkpoints.remove(checkpoint)
+    return result
 
 
 def kernel_needs(facts: ValidatedScene) -> dict[str, Any]:
@@ -199,4 +206,4 @@ def _result(system: System, newton: Newton, state: State, began: float) -> Parti
     ]
     stats["pulled"] = list(pulled_films(state.pulled))
     stats["warnings"] += stats["pulled"]
-    return gather(system, state.frames, state.history, energy, stats)
+    return gather(system, list(state.frames), state.history, energy, stats)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from softdyn.particles import linear
 from softdyn.particles.equilibrium import velocities
+from softdyn.particles.frame_file import FrameFile
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
 from softdyn.particles.kernel import energies
 from softdyn.particles.neighbours import Listed
@@ -65,7 +66,7 @@ class State:
         What the steps have had of pulled films.
     history : list of tuple
         For each step: time, length, residual, error, contacts within their range.
-    frames : list of Frame
+    frames : list of Frame, or FrameFile
     """
 
     t: float
@@ -89,7 +90,7 @@ class State:
     counts: dict[str, int] = field(default_factory=dict)
     pulled: Pulled = field(default_factory=Pulled)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[Frame] | FrameFile = field(default_factory=list)
 
 
 def overlaps(system: System, state: State) -> Array:

@@ -29,7 +29,7 @@ KINDS = {
 
 
 def load_result(path: str | Path) -> PairResult | ParticleResult:
-    """Read a result saved as .json or .npz.
+    """Read a result saved as .json or .npz, or the frames of a run of many particles that has not ended, .frames.
 
     Raises
     ------
@@ -37,10 +37,14 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
         If the file is not such a result.
     """
     path = Path(path)
+    if path.suffix == ".frames":
+        from softdyn.particles.unfinished import load_frames
+
+        return load_frames(path)
     if path.suffix not in (".json", ".npz"):
         raise SceneError(
-            f"cannot read {path}: results are read back from .json and .npz, which hold all of a run; a .csv holds the "
-            "arrays alone, .gsd and .pvd what other programs show"
+            f"cannot read {path}: results are read back from .json and .npz, which hold all of a run, and from "
+            ".frames, which holds what there is of one; a .csv holds the arrays alone, .gsd and .pvd what others show"
         )
     try:
         about, arrays = _npz(path) if path.suffix == ".npz" else _json(path)
