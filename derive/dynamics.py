@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, diff, expand, factor_terms, simplify, solve
+from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, diff, expand, simplify, solve
 
-from softdyn.derive.law import is_dry, is_rigid
-from softdyn.derive.soundness import sides_of, sound, tidy
+from softdyn.derive.law import is_rigid
+from softdyn.derive.soundness import sides_of, sound
 from softdyn.derive.symbols import F, R, a, delta, h
 
 if TYPE_CHECKING:
@@ -279,65 +279,3 @@ def lambda1_of(law: ContactLaw, stiffness: Expr) -> Expr:
     # F_a/delta and F_h/delta are finite at delta = 0 wherever the deflection starts linearly
     over_delta = {symbol: (values[symbol] / delta).cancel() for symbol in (F_a, F_h)}
     return -h * sound(generic_dynamics(law.general).by_gap.subs({**values, **over_delta})) / stiffness
-
-
-def law_quantities(law: ContactLaw) -> dict[str, Expr]:
-    """The dynamics of a law, in a, h, delta, F, dF_dt and the parameters.
-
-    Returns
-    -------
-    dict
-        ``a`` (in h and delta), ``F_ela``, ``zeta``, ``F_adh``, ``C`` (stiffness), ``D`` (friction), ``dh_dt`` (eq. 7),
-        ``ddelta_dt``, ``dX_dt`` (eq. 9), ``lambda1`` and ``lambda2``.
-    """
-    values = partials(law)
-    generic = generic_dynamics(law.general)
-    if is_rigid(law):
-        return _rigid_quantities(law, values)
-    stiffness = sound(generic.stiffness.subs(values))
-    if is_dry(law):
-        rates = {"ddelta_dt": dF_dt / (2 * stiffness), "dX_dt": -dF_dt / stiffness}
-        return {"a": sound(law.a), "F_ela": values[F_ela], "C": stiffness, **rates}
-    friction = sound((generic.friction.subs(C, stiffness)).subs(values))
-    gap_rate = sound(generic.dh_dt.subs(values))
-    return {
-        "a": sound(law.a),
-        "F_ela": values[F_ela],
-        "zeta": values[zeta],
-        "F_adh": values[F_adh],
-        "C": stiffness,
-        "D": friction,
-        "dh_dt": gap_rate,
-        "ddelta_dt": sound((dF_dt - generic.by_gap.subs(values) * gap_rate) / (2 * stiffness)),
-        "dX_dt": -dF_dt / stiffness - sound((F - values[F_adh]) / friction),
-        "lambda1": sound(lambda1_of(law, 2 * stiffness)),
-        "lambda2": sound(generic.lambda2.subs(dh_dt, gap_rate).subs(C, stiffness).subs(values)),
-    }
-
-
-def _rigid_quantities(law: ContactLaw, values: dict[Symbol, Expr]) -> dict[str, Expr]:
-    """No deflection: the centres follow the gap, D = zeta."""
-    gap_rate = sound(generic_dynamics(law.general).dh_dt.subs(values))
-    along = total(zeta, h).subs({symbol: expr for symbol, expr in values.items() if symbol != zeta})
-    remote = total(F_adh, h).subs(values)
-    return {
-        "a": sound(law.a),
-        "zeta": values[zeta],
-        "F_adh": values[F_adh],
-        "D": values[zeta],
-        "dh_dt": gap_rate,
-        "dX_dt": gap_rate,
-        "lambda2": sound(-h * along / values[zeta])
-        - (h * sound(remote / (F - values[F_adh])) if law.F_adh != 0 else 0),
-    }
-
-
-def law_jacobians(law: ContactLaw) -> dict[str, Matrix]:
-    """Jacobians of the rates of the state, by state formulation, in a, h, delta, dh_dt, ddelta_dt, C and zeta."""
-    if is_rigid(law) or is_dry(law):
-        return {}  # one state variable, or none
-    values = {symbol: expr for symbol, expr in partials(law).items() if symbol != zeta}
-    return {
-        state: jacobian.applyfunc(lambda entry: factor_terms(tidy(entry.subs(values))))
-        for state, jacobian in generic_dynamics(law.general).jacobians.items()
-    }

@@ -37,10 +37,11 @@ from sympy.printing.conventions import split_super_sub
 from sympy.printing.latex import LatexPrinter, greek_letters_set
 
 from softdyn.derive.balance import size
-from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, law_jacobians, law_quantities, partials
+from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, partials
 from softdyn.derive.forms import V, as_product, force, force_unit, kappa
 from softdyn.derive.forms import x as gap_ratio
 from softdyn.derive.law import Drag, drag_expressions, expressions, tangential_expressions
+from softdyn.derive.law_dynamics import law_jacobians, law_quantities
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.tangential import motion
 

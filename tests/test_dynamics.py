@@ -33,11 +33,10 @@ from softdyn.derive.dynamics import (
     dF_dt,
     dh_dt,
     generic_dynamics,
-    law_jacobians,
-    law_quantities,
     zeta,
 )
 from softdyn.derive.law import parameters_of
+from softdyn.derive.law_dynamics import law_jacobians, law_quantities
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.soundness import cancelling_sums, sound, tidy
 

@@ -11,7 +11,7 @@ from sympy import Abs, Rational, Symbol, exp, oo, pi, sign, simplify, sqrt
 
 import softdyn
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
-from softdyn.derive.dynamics import law_quantities
+from softdyn.derive.law_dynamics import law_quantities
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.hertz_dry import law as hertz_dry
 from softdyn.derive.laws.lubrication_rigid import law as lubrication_rigid

@@ -16,9 +16,9 @@ import softdyn
 from softdyn import derive as derive_package
 from softdyn import particles
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, Limit, R, a, delta, eta, h
-from softdyn.derive.dynamics import law_quantities
 from softdyn.derive.far_field import excess, far_friction
 from softdyn.derive.law import code_names, in_code, parameters_of
+from softdyn.derive.law_dynamics import law_quantities
 from softdyn.derive.limits import check_limits
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir

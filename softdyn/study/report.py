@@ -23,7 +23,7 @@ from sympy import Eq, Expr, S, Symbol, sstr
 
 import softdyn
 from softdyn.derive.checks import chains
-from softdyn.derive.dynamics import generic_dynamics, law_quantities, partials
+from softdyn.derive.dynamics import generic_dynamics, partials
 from softdyn.derive.emit import emit
 from softdyn.derive.films import Film, Films
 from softdyn.derive.forms import force, force_unit
@@ -38,6 +38,7 @@ from softdyn.derive.law import (
     range_text,
     ranges_of,
 )
+from softdyn.derive.law_dynamics import law_quantities
 from softdyn.derive.limits import Finding, ordering, side_of
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
