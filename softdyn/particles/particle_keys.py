@@ -50,6 +50,15 @@ PARTICLES = Kind(
     f'a list of their numbers, the name of a species, or "{ALL}"',
     {"anyOf": [{"type": "array", "items": {"type": "integer", "minimum": 0}}, {"type": "string"}]},
 )
+DENSITY = Kind(
+    "a number, or one for each species",
+    {
+        "anyOf": [
+            {"type": "number", "minimum": 0},
+            {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
+        ]
+    },
+)
 AXES_NAMED = Kind('some of "xyz"', {"type": "string", "pattern": "^[xyz]{1,3}$"})
 
 
@@ -309,6 +318,33 @@ class ParticleScene:
             NOT_NEGATIVE,
             "Drag of each particle over 6 pi eta R: 1 for Stokes' drag, 0 for none. With it, contacts "
             "carry what of the law's friction exceeds its limit far apart: see softdyn.derive.far_field.",
+        ),
+    ] = 0.0
+    gravity: Annotated[
+        Sequence[float] | None,
+        Key(
+            "[gravity] acceleration",
+            COORDINATES,
+            "Acceleration of gravity, one number for each axis. It needs the density of the particles.",
+            "length/time^2",
+        ),
+    ] = None
+    density: Annotated[
+        float | Mapping[str, float] | None,
+        Key(
+            "[gravity] density",
+            DENSITY,
+            "Density of the particles, of which they have their weight.",
+            "force time^2/length^4",
+        ),
+    ] = None
+    fluid_density: Annotated[
+        float,
+        Key(
+            "[gravity] fluid_density",
+            NOT_NEGATIVE,
+            "Density of the fluid, whose buoyancy is taken off the weight; 0 without.",
+            "force time^2/length^4",
         ),
     ] = 0.0
     push: Annotated[

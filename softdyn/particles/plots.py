@@ -555,12 +555,15 @@ TAKEN: dict[str, tuple[str, dict[str, Any]]] = {
 def _draw_energy(axes: Axes, result: ParticleResult) -> None:
     """Each term of the balance that is there; all that is given is the sum of all that is taken."""
     along, label = _course(result)
-    given = sum(result.arrays[f"energy_{name}"] for name in ("external", "flow", "box"))
-    taken = {name: result.arrays[f"energy_{name}"] for name in TAKEN if f"energy_{name}" in result.arrays}
+    told = result.stats.get("given", ("external", "flow", "box"))
+    put_in = [name for name in told if f"energy_{name}" in result.arrays]
+    given = sum(result.arrays[f"energy_{name}"] for name in put_in)
+    kinds = [name.removeprefix("energy_") for name in result.arrays if name.startswith("energy_")]
+    taken = {name: result.arrays[f"energy_{name}"] for name in (*TAKEN, *kinds) if name in kinds and name not in put_in}
     axes.plot(along, given, color="0.8", linewidth=4, label="given")
     axes.plot(along, sum(taken.values()), color="k", linestyle="--", linewidth=1, label="taken, in all")
     for name, values in taken.items():
-        words, style = TAKEN[name]
+        words, style = TAKEN.get(name, (name, {}))
         if values.any():
             axes.plot(along, values, label=words, **style)
     axes.set(xlabel=label, ylabel="energy since the start")

@@ -161,8 +161,8 @@ class ParticleResult(Result):
     energy : mapping from str to float
         Put in by ``external`` forces, the ``flow`` and the moving ``box``; ``stored`` elastically; taken by ``gaps``,
         ``drag``, ``remote`` forces and the dependence of F_ela on h (``U_h``), with tangential motion also by
-        ``sliding``, ``rolling`` and a change of the tangential stiffness (``k_t``); ``imbalance``, what is left over
-        relative to the sum of all sizes.
+        ``sliding``, ``rolling`` and a change of the tangential stiffness (``k_t``); under gravity, put in by
+        ``gravity``; ``imbalance``, what is left over relative to the sum of all sizes.
     stats : mapping
         How the run went; ``warnings``: list of str.
     origin : Origin, optional
@@ -363,6 +363,7 @@ def result_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) 
     if arrays["box"].size < 3 and "depth" not in arrays:
         arrays = {**arrays, "depth": np.array(1.0)}  # of earlier versions, whose layers were one unit of length deep
     more = {"depth": ""} if "depth" in arrays else {}
+    more |= {name: "f" for name in arrays if name.startswith("energy_")}
     more |= TANGENTIAL_SHAPES if "contact_T" in arrays else {}
     for name, shape in {**SHAPES, **more}.items():
         array = arrays[name]

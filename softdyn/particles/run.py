@@ -171,6 +171,7 @@ def _result(system: System, newton: Newton, state: State, began: float) -> Parti
         stats["torque_removed"] = state.turned
     for mechanism in system.mechanisms:
         stats |= mechanism.stats()
+    stats["given"] = list(put_in)
     stats["warnings"] = []
     solver = newton.solver
     if solver is not None and solver.certain and solver.counts["krylov"] and not solver.counts["factorisations"]:

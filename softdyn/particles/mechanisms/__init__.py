@@ -35,6 +35,7 @@ Flags = NDArray[np.bool_]
 ROOMS: dict[str, tuple[str, ...]] = {
     "drag": ("drag",),
     "pushes": ("push",),
+    "gravity": ("gravity", "density", "fluid_density"),
     "holds": ("hold",),
     "walls": ("wall",),
     "shear": ("shear_rate",),
