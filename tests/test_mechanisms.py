@@ -151,17 +151,17 @@ class SlipDrag(Mechanism):
     def resistance(self, shape: tuple[int, int]) -> Array:
         return np.full(shape, self.z)
 
-    def act(self, system: System, given: StageInput, x: Array) -> Action | None:
+    def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action | None:
         if given.s <= 0:
             return None
-        v = (x - given.x_star) / given.s - background(system, x)
+        v = (at.x - given.x_star) / given.s - background(system, at.x)
         force = self.z * (1 + self.k * np.linalg.norm(v, axis=1, keepdims=True)) * v
         return Action(force, float(np.abs(force).max()), self.z / given.s)
 
-    def tangent(self, system: System, given: StageInput, x: Array) -> Array | None:
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array | None:
         if given.s <= 0:
             return None
-        v = (x - given.x_star) / given.s - background(system, x)
+        v = (at.x - given.x_star) / given.s - background(system, at.x)
         speed = np.linalg.norm(v, axis=1)[:, None, None]
         along = np.divide(v[:, :, None] * v[:, None, :], speed, out=np.zeros((*v.shape, v.shape[1])), where=speed > 0)
         return self.z * ((1 + self.k * speed) * np.eye(v.shape[1]) + self.k * along) / given.s
@@ -175,8 +175,8 @@ class SlipDrag(Mechanism):
 class NoTangent(SlipDrag):
     """The same with the tangent of a coefficient that is constant."""
 
-    def tangent(self, system: System, given: StageInput, x: Array) -> Array | None:
-        return np.full(x.shape, self.z) / given.s if given.s > 0 else None
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array | None:
+        return np.full(at.x.shape, self.z) / given.s if given.s > 0 else None
 
 
 def run(scene: ParticleScene, *more: Mechanism) -> State:

@@ -18,16 +18,18 @@ than positions.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles import linear, sliding
+from softdyn.particles import linear
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import System, gauge_axes, image_velocities, turns_freely
+from softdyn.particles.system import System, gauge_axes, turns_freely
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -37,8 +39,6 @@ MOST_ITERATIONS = 40
 CONTRACTION = 0.1
 #: What the linear solver may leave: of what Newton's iteration may, and of the present residual.
 AIM, LEAST = 0.3, 0.1
-#: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
-IDLE = 1e-9
 #: Particles are in a line that are no further from it than this part of its length: then none turns about it.
 IN_LINE = 1e-9
 #: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
@@ -98,10 +98,12 @@ class Balance:
         Largest of the others, less what rounding makes of it.
     residual : float
         That relative to the largest force.
-    slid : TangentialForces or None
-        Tangential forces.
     values : dict
         What the kernel gives of tangential motion.
+    T : array, shape (contacts, d), optional
+        Forces of the contacts besides those along the normals, from i to j.
+    notes : dict
+        What mechanisms found, for themselves.
     """
 
     x: Array
@@ -114,8 +116,9 @@ class Balance:
     reaction: Array
     off: float
     residual: float
-    slid: sliding.TangentialForces | None = None
     values: dict[str, Array] = field(default_factory=dict)
+    T: Array | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -128,15 +131,18 @@ class StageInput:
         Its time, and gamma dt. Gaps stay where s = 0.
     x_star : array, shape (N, d + rotations)
     y_star : array, shape (contacts,)
-    known : Known, optional
-        What is known of the tangential forces.
+    own : mapping from str to array
+        Known part of what mechanisms integrate, as x_star is of the positions.
+    begun : mapping from str to Any
+        What they noted as the step began.
     """
 
     t: float
     s: float
     x_star: Array
     y_star: Array
-    known: sliding.Known | None = None
+    own: Mapping[str, Array] = field(default_factory=dict)
+    begun: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _turns(x: Array, radii: Array, width: int) -> Array:
@@ -269,10 +275,9 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
     softdyn.particles.linear.Indefinite
         If the matrix has a direction along which nothing resists.
     """
-    t, s, x_star, y_star, known = given.t, given.s, given.x_star, given.y_star, given.known
+    t, s, x_star, y_star = given.t, given.s, given.x_star, given.y_star
     count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
-    images = s * image_velocities(system, contacts, t) if known is not None else None
     free = ~system.fixed
     turning = turns_freely(system)
 
@@ -280,28 +285,28 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
         n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, y_star, y)
         newton.counts["contacts"] += len(r)
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
-        actions = [action for action in (m.act(system, given, x) for m in system.mechanisms) if action is not None]
+        at = Balance(x, y, h, F, F_r, n, r, reaction, math.nan, math.nan, values)
+        found = (mechanism.act(system, contacts, given, at) for mechanism in system.mechanisms)
+        actions = [action for action in found if action is not None]
+        T: Array | None = None
+        notes: dict[str, Any] = {}
         for action in actions:
             reaction += action.reaction
-        slid = None
-        if known is not None:
-            assert images is not None
-            turning_by = curvatures(contacts, r, count)
-            slid = sliding.slide(known, contacts, values, n, r, turning_by, x - x_star, images, s)
-            reaction += sliding.reactions(contacts, known, slid, n, count)
+            notes |= action.notes
+            if action.T is not None:
+                T = action.T if T is None else T + action.T
         if turning:
             reaction -= held_torque(x[:, :d], system.radii, reaction)
-        biggest = max(largest(external), largest(F), largest(slid.force) if slid else 0.0)
-        biggest = max([biggest, *(action.largest for action in actions)])
+        biggest = max([largest(external), largest(F), *(action.largest for action in actions)])
         wrong = largest(np.where(free, reaction, 0.0))
-        stiffest = max(largest(F_r), largest(values["stiff"])) if known is not None else largest(F_r)
+        stiffest = max([largest(F_r), *(action.stiffness for action in actions)])
         noise = ROUNDING * stiffest * (largest(x) + float(system.radii.max()))
         if wrong - noise > system.force_tolerance * biggest:
             noise += _uncertainty(contacts, h, F, r)
             noise += sum(ROUNDING * action.friction * largest(x) for action in actions)
         off = wrong if math.isnan(wrong) else max(wrong - noise, 0.0)
         relative = off / biggest if biggest > 0 else wrong
-        return Balance(x, y, h, F, F_r, n, r, reaction, off, relative, slid, values)
+        return replace(at, off=off, residual=relative, T=T, notes=notes)
 
     now = evaluate(x, y)
     for attempt in range(4):
@@ -381,16 +386,16 @@ def linearise(
     given: StageInput,
 ) -> None:
     """Prepare Newton's matrix at the present positions."""
-    s, known, (count, width) = given.s, given.known, now.x.shape
+    count, width = now.x.shape
     d = system.dimension
     if newton.pattern is None:
         newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
         newton.pattern = pattern_of(contacts, newton.gauge_pairs, count)
     if newton.solver is None:
-        newton.solver = linear.Solver(d, width, symmetric=known is None, certain=not system.dragged)
+        symmetric = all(mechanism.symmetric for mechanism in system.mechanisms)
+        newton.solver = linear.Solver(d, width, symmetric=symmetric, certain=not system.dragged)
     newton.solver.matrix = None  # not two at a time
-    curvature = curvatures(contacts, now.r, count)
-    across = now.F * curvature
+    across = now.F * curvatures(contacts, now.r, count)
     springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
     scale = largest(now.F_r)
 
@@ -400,25 +405,21 @@ def linearise(
             block -= across
         return np.append(block, [scale * spring[a, b] for spring in springs]) if springs else block
 
-    own = own_tangents(system, given, now.x)
+    own = own_tangents(system, contacts, given, now)
     for axis in gauge_axes(system):
-        _add_to_diagonal(own, np.array([0]), axis, scale)
+        own[(0, axis) if own.ndim == 2 else (0, axis, axis)] += scale
     newton.counts["matrices"] += 1
-    slid = now.slid
-    if slid is None or known is None:
+    found = (mechanism.contact_tangents(system, contacts, given, now) for mechanism in system.mechanisms)
+    others = [tangents for tangents in found if tangents is not None]
+    if not others:
         matrix = linear.assemble(newton.pattern, component, own, system.fixed)
         linear.prepare(newton.solver, matrix)
         return
-    # what spins without any resistance, as a particle about the line of its only contacts, does not
-    rolling = largest(sliding.rolling_stiffness(known, now.values, s) / known.radii.min(axis=0) ** 2)
-    idle = IDLE * max(scale, largest(now.values["stiff"]), rolling)
-    for axis in range(d, width):
-        _add_to_diagonal(own, np.arange(count), axis, idle)
 
     def quarters() -> Iterator[Array]:
         """One after the other: all of them at once would take most of the memory."""
-        parts = sliding.tangents(known, now.values, slid, now.n, curvature, s)
-        for part, sign in zip(parts, (1.0, -1.0, -1.0, 1.0), strict=True):
+        for sign in (1.0, -1.0, -1.0, 1.0):
+            part: Array = reduce(np.add, map(next, others))
             whole = np.concatenate([part, np.zeros((len(springs), width, width))]) if springs else part
             for a in range(d):
                 for b in range(d):
@@ -438,21 +439,26 @@ def pattern_of(contacts: Contacts, gauge_pairs: list[tuple[int, int]], count: in
     return linear.pattern_of(count, i, j)
 
 
-def own_tangents(system: System, given: StageInput, x: Array) -> Array:
+def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:
     """Derivative of what acts on each particle by itself: shape (N, w), or (N, w, w) where coordinates are coupled."""
-    total = np.zeros(x.shape)
+    total = np.zeros(at.x.shape)
     for mechanism in system.mechanisms:
-        more = mechanism.tangent(system, given, x)
+        more = mechanism.tangent(system, contacts, given, at)
         if more is None:
             continue
         if more.ndim > total.ndim:
-            total = total[:, :, None] * np.eye(x.shape[1])
-        total = total + (more if more.ndim == total.ndim else more[:, :, None] * np.eye(x.shape[1]))
+            total = total[:, :, None] * np.eye(total.shape[1])
+        total = total + (more if more.ndim == total.ndim else more[:, :, None] * np.eye(total.shape[1]))
     return total
 
 
-def _add_to_diagonal(own: Array, which: NDArray[np.int64], axis: int, amount: float) -> None:
-    own[(which, axis) if own.ndim == 2 else (which, axis, axis)] += amount
+def unresisted(system: System, contacts: Contacts, near: NDArray[np.int64], n: Array, moved: Array) -> Array | None:
+    """Part of a motion that no contact resists, as far as a mechanism tells; near are those within range."""
+    for mechanism in system.mechanisms:
+        part = mechanism.unresisted(system, contacts, near, n, moved)
+        if part is not None:
+            return part
+    return None
 
 
 def pair_named(contacts: Contacts, c: int, count: int) -> str:

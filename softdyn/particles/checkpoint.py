@@ -129,6 +129,7 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
         **{f"listed_{name}": getattr(state.listed, name) for name in LISTED},
         **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
         **_newton_arrays(newton),
+        **{f"kept_{name}": values for name, values in state.kept.items()},
     }
     content["digest"] = np.array(_digest(content))
     with written_whole(path) as temporary, temporary.open("wb") as file:
@@ -259,6 +260,7 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
             ),
             history=history,
             frames=go_on(frames_beside(path), key, int(about["frames"])),
+            kept={name[5:]: values for name, values in arrays.items() if name.startswith("kept_")},
         )
         return state, newton
     except OSError as error:

@@ -92,6 +92,11 @@ def sum_of(parts: Sequence[Driven], shape: tuple[int, int]) -> Driven:
     return Driven([term for part in parts for term in part.terms], scale, base)
 
 
+def constant(values: Array) -> Driven:
+    """The same at all times."""
+    return Driven([], np.ones(values.shape), values)
+
+
 def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> NDArray[np.int64]:
     """Numbers of the particles that are named: by their numbers, their species, or all of them."""
     if isinstance(particles, str):

@@ -18,14 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import IntegrationError
-from softdyn.particles import sliding
-from softdyn.particles.balance import Balance, held_torque, pair_named
+from softdyn.particles.balance import Balance, held_torque
 from softdyn.particles.driven import Driven
 from softdyn.particles.geometry import Contacts, crossing
-from softdyn.particles.kernel import energies
-from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import System, contact_state, given_works, moving_images, turns_freely, works
+from softdyn.particles.system import System, given_works, moving_images, turns_freely, works
 
 Array = NDArray[np.float64]
 
@@ -47,45 +43,29 @@ class Rates:
         Velocities, and radius times angular velocity.
     h, r : array, shape (contacts,)
         Rates of the gaps, and of the distances.
-    T : array, shape (contacts, d)
-        Rates of the tangential forces, in the frame of the step's start.
+    own : mapping from str to array
+        Rates of what mechanisms integrate.
     """
 
     t: float
     v: Array
     h: Array
     r: Array
-    T: Array
+    own: Mapping[str, Array]
 
 
-def powers(
-    system: System, contacts: Contacts, at: Balance, t: float, v: Array, y_rate: Array, T_rate: Array
-) -> dict[str, float]:
+def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Mapping[str, Array]) -> dict[str, float]:
     """Power of each kind of :func:`softdyn.particles.system.works`, and of elastic energy, at one stage."""
+    v = rates["x"]
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
-    h_rate = at.h * y_rate / np.sqrt(1 + at.y**2)
+    h_rate = at.h * rates["y"] / np.sqrt(1 + at.y**2)
     r_rate = np.einsum("ca,ca->c", _apart(system, contacts, t, v), at.n)
-    rates = Rates(t, v, h_rate, r_rate, T_rate)
-    found = dict.fromkeys(works(system), 0.0)
+    moving = Rates(t, v, h_rate, r_rate, rates)
+    found = dict.fromkeys((*works(system), ELASTIC), 0.0)
     for mechanism in system.mechanisms:
-        for name, power in mechanism.powers(system, contacts, at, rates).items():
+        for name, power in mechanism.powers(system, contacts, at, moving).items():
             found[name] += power
-    more, elastic = {}, float(np.sum(at.F * (h_rate - r_rate)))
-    if at.slid is not None:
-        values = contact_state(system, contacts, contacts.S - at.r, at.h)
-        more = tangential_powers(system, contacts, at, values, v, r_rate, h_rate)
-        elastic += float(np.sum(sliding.dot(at.slid.turned, T_rate) / values["k_t"])) - more["k_t"]
-        del values
-    gaps, remote, U_h = _gap_powers(system, contacts, at, t, h_rate)
-    return {
-        **found,
-        "gaps": gaps,
-        "remote": remote,
-        "U_h": U_h,
-        **more,
-        ELASTIC: elastic - U_h,
-        CARRIED: float(np.sum(system.resistance * v**2)),
-    }
+    return {**found, CARRIED: float(np.sum(system.resistance * v**2))}
 
 
 def power_of(system: System, load: Driven, at: Balance, rates: Rates) -> float:
@@ -99,7 +79,7 @@ def power_of(system: System, load: Driven, at: Balance, rates: Rates) -> float:
 def forces_at(at: Balance, which: NDArray[np.int64]) -> Array:
     """Forces of some contacts, from i to j, shape (those, d)."""
     pushed = at.F[which, None] * at.n[which]
-    return pushed if at.slid is None else pushed + at.slid.force[which]
+    return pushed if at.T is None else pushed + at.T[which]
 
 
 def power_of_box(system: System, contacts: Contacts, at: Balance, gradient: Array) -> float:
@@ -126,49 +106,3 @@ def net_power(system: System, powers: Mapping[str, float]) -> float:
     return sum(powers[name] for name in given) - sum(
         power for name, power in powers.items() if name not in (*given, ELASTIC, CARRIED)
     )
-
-
-def _gap_powers(
-    system: System, contacts: Contacts, at: Balance, when: float, h_rate: Array
-) -> tuple[float, float, float]:
-    """Power lost in the gaps, and taken by remote forces and the U_h term."""
-
-    def of(part: slice) -> tuple[float, float, float]:
-        some = portion(contacts, part)
-        overlap, h, rate = some.S - at.r[part], at.h[part], h_rate[part]
-        values = contact_state(system, some, overlap, h)
-        beyond = np.flatnonzero(~np.isfinite(values["friction"]))
-        if len(beyond):
-            who = pair_named(some, int(beyond[0]), len(system.radii))
-            raise IntegrationError(
-                f"at t={when:.6g} the friction of {who} is beyond the largest number that there is: choose units in "
-                "which sizes, moduli and viscosities are nearer to 1"
-            )
-        _, U_h = energies(system.kernel, system.reach, overlap, h, system.p, some.q.reshape(-1))
-        lost, remote = np.sum(values["friction"] * rate**2), -np.sum(values["remote"] * rate)
-        return float(lost), float(remote), -float(np.sum(U_h * rate))
-
-    gaps, remote, taken = zip(*in_portions(of, len(h_rate)), strict=True)
-    return sum(gaps), sum(remote), sum(taken)
-
-
-def tangential_powers(
-    system: System, contacts: Contacts, at: Balance, values: dict[str, Array], v: Array, r_rate: Array, h_rate: Array
-) -> dict[str, float]:
-    """Power lost in sliding and in rolling, and taken by a change of the tangential stiffness, at one stage."""
-    assert at.slid is not None
-    d = system.dimension
-    walls = np.zeros((len(system.walls), v.shape[1]))
-    one, other = (np.concatenate([v, walls])[ends] for ends in (contacts.i, contacts.j))
-    square = sliding.dot(at.slid.force, at.slid.force)
-    slides = values["friction_t"] > 0
-    radii = np.append(system.radii, np.ones(len(walls)))
-    turn = one[:, d:] / radii[contacts.i, None] - other[:, d:] / radii[contacts.j, None]
-    if d == 3:
-        turn = turn - sliding.dot(turn, at.n)[:, None] * at.n
-    k_rate = values["k_t_h"] * h_rate + values["k_t_delta"] * (h_rate - r_rate) / 2
-    return {
-        "sliding": float(np.sum(square[slides] / values["friction_t"][slides])),
-        "rolling": float(np.sum(values["roll"] * sliding.dot(turn, turn))),
-        "k_t": float(np.sum(square * k_rate / (2 * values["k_t"] ** 2))),
-    }

@@ -8,9 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from softdyn.errors import IntegrationError, pressed_only_words
-from softdyn.particles import linear, sliding
-from softdyn.particles.balance import Balance, pair_named
-from softdyn.particles.geometry import directions, lattice, some_of
+from softdyn.particles import linear
+from softdyn.particles.balance import Balance, pair_named, unresisted
+from softdyn.particles.geometry import directions, lattice, some_of, torque
 from softdyn.particles.state import State, free_positions, overlaps
 from softdyn.particles.system import System, contact_state, gauge_axes, turns_freely
 from softdyn.particles.words import AXES, particles_named
@@ -80,27 +80,27 @@ def require_balanced(system: System, state: State) -> None:
     if not turns_freely(system) or not external.any():
         return
     remedy = "give the particles a drag ([flow] drag = 1), hold two of them, or balance the forces"
-    torque, levers, rounding = _torque(system, external, system.x)
+    turning, levers, rounding = _torque(system, external, system.x)
     settled = min(TURNED * levers, state.settled * float(np.linalg.norm(force, axis=1).sum()))
-    if torque > UNTURNED * levers + settled + rounding:
+    if turning > UNTURNED * levers + settled + rounding:
         raise IntegrationError(
-            f"the external forces have the torque {torque:.6g} at t={t:.6g} about the given positions, and without "
+            f"the external forces have the torque {turning:.6g} at t={t:.6g} about the given positions, and without "
             f"drag nothing resists it: {remedy}"
         )
-    torque, levers, rounding = _torque(system, external, x)
-    if torque > TURNED * levers + rounding:
+    turning, levers, rounding = _torque(system, external, x)
+    if turning > TURNED * levers + rounding:
         raise IntegrationError(
-            f"the particles have moved until the external forces have the torque {torque:.6g} at t={t:.6g}, "
-            f"{torque / levers:.2g} of what they could have, and without drag nothing resists it: {remedy}"
+            f"the particles have moved until the external forces have the torque {turning:.6g} at t={t:.6g}, "
+            f"{turning / levers:.2g} of what they could have, and without drag nothing resists it: {remedy}"
         )
-    state.turned = max(state.turned, torque / levers if levers else 0.0)
+    state.turned = max(state.turned, turning / levers if levers else 0.0)
 
 
 def _torque(system: System, external: Array, x: Array) -> tuple[float, float, float]:
     """Torque of external forces, that of as large ones across their levers, and what of it may be rounding."""
     d = x.shape[1]
     away, force, torques = x - x.mean(axis=0), external[:, :d], external[:, d:] * system.radii[:, None]
-    total = sliding.torque(away, force).sum(axis=0)
+    total = torque(away, force).sum(axis=0)
     if torques.size:
         total = total + torques.sum(axis=0)
     levers = float(np.linalg.norm(away, axis=1) @ np.linalg.norm(force, axis=1))
@@ -123,13 +123,16 @@ def require_films(system: System, state: State, h: Array, when: float) -> None:
 
 def _twisted(system: System, state: State) -> NDArray[np.int64]:
     """Particles with an external torque that neither drag nor any contact resists."""
-    if not system.kernel.tangential or system.dragged:
+    if system.dragged:
         return np.empty(0, dtype=np.int64)
     near = np.flatnonzero(state.contacts.h < system.reach)
     n, _ = directions(state.contacts, state.x, lattice(system.box, state.t), system.walls)
-    torques = np.where(system.fixed, 0.0, system.force(state.t))[:, system.dimension :]
-    left = sliding.unresisted(state.contacts.i[near], state.contacts.j[near], n[near], torques)
-    return np.flatnonzero(np.abs(left).max(axis=1) > UNBALANCED * np.abs(torques).max())
+    force = system.force(state.t)
+    left = unresisted(system, state.contacts, near, n[near], force)
+    if left is None:
+        return np.empty(0, dtype=np.int64)
+    torques = np.where(system.fixed, 0.0, force)[:, system.dimension :]
+    return np.flatnonzero(np.abs(left[:, system.dimension :]).max(axis=1) > UNBALANCED * np.abs(torques).max())
 
 
 def why(system: System, state: State, error: Exception) -> str:

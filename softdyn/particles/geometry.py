@@ -396,3 +396,28 @@ def _near(x: Array, radii: Array, box: Box, cell: Array, within: float) -> tuple
 def rotations(d: int) -> int:
     """How many rotations a particle has in d dimensions."""
     return {1: 0, 2: 1, 3: 3}[d]
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Product of the vectors of each contact."""
+    return np.asarray(np.einsum("ca,ca->c", a, b))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of the vectors of each contact, in three dimensions."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def turning(rotation: Array, n: Array) -> Array:
+    """Displacement ``rotation x n``."""
+    if n.shape[1] == 2:
+        return rotation * np.stack([-n[:, 1], n[:, 0]], axis=1)
+    return cross(rotation, n)
+
+
+def torque(n: Array, force: Array) -> Array:
+    """Torque ``n x force``."""
+    if n.shape[1] == 2:
+        return (n[:, 0] * force[:, 1] - n[:, 1] * force[:, 0])[:, None]
+    return cross(n, force)

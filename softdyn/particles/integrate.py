@@ -161,7 +161,18 @@ def _attempt(
     within = system.times[(system.times > state.t) & (system.times < when)]
     try:
         step = take_step(
-            system, state.contacts, newton, state.t, state.x, state.v, state.y_rate, dt, within, state.power, when
+            system,
+            state.contacts,
+            newton,
+            state.t,
+            state.x,
+            state.v,
+            state.y_rate,
+            dt,
+            within,
+            state.power,
+            when,
+            state.kept,
         )
     except (StepFailed, linear.Indefinite) as refused:
         return None, refused
@@ -200,8 +211,9 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float) ->
     # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
     state.y_rate = step.y_rate / np.sqrt(1 + step.end.y**2)
     state.contacts.h = step.end.h
-    if step.end.slid is not None:
-        state.contacts.T = step.end.slid.force
+    if step.end.T is not None:
+        state.contacts.T = step.end.T
+    state.kept = step.kept
     for name, amount in step.work.items():
         state.work[name] += amount
     state.work_error += step.work_error
@@ -220,7 +232,9 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float) ->
 def _first_frame(system: System, state: State, step: Step, dt: float) -> Frame:
     """Frame of the start of a run: velocities and rates of the box by a step in which nothing has time to relax."""
     with suppress(StepFailed, linear.Indefinite):
-        step = take_step(system, state.contacts, Newton(), state.t, state.x, step.first_v, state.y_rate, BRIEF * dt)
+        step = take_step(
+            system, state.contacts, Newton(), state.t, state.x, step.first_v, state.y_rate, BRIEF * dt, kept=state.kept
+        )
     return frame_now(replace(system, box=step.first_box), replace(state, v=step.first_v))
 
 

@@ -97,7 +97,7 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
     listed = Listed(x.copy(), cell, np.array([wall.point for wall in walls]).reshape(len(walls), x.shape[1]), skin)
     apart = r - contacts.S
     contacts.h = apart.copy()
-    contacts.T = np.zeros((len(contacts), x.shape[1] if system.kernel.tangential else 0))
+    contacts.T = np.zeros((len(contacts), x.shape[1] if system.width > x.shape[1] else 0))
     if old is None:
         if system.scene.gap is not None:
             contacts.h = np.maximum(apart, float(system.scene.gap))

@@ -96,8 +96,6 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"the smallest radius or so ({radii.min() / 2:g})"
         )
     box = _box(scene, radii, d, faults)
-    if scene.tangential and d == 1:
-        faults.append("[contacts] tangential: in one dimension there is no tangential motion")
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
         faults.append("[box] tilt: only a box that is periodic along x and y leans")
     elif abs(scene.tilt) > FARTHEST * box.lengths[0]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import GIVEN, TAKEN, TANGENTIAL_WORKS, System, contact_state, works
+from softdyn.particles.system import GIVEN, TAKEN, System, contact_state, works
 from softdyn.results.origin import Origin, about, origin_in, origin_now
 from softdyn.results.registry import load_result
 from softdyn.results.result import Result, dataset, table
@@ -87,7 +87,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         n, r = directions(some, x, cell, system.walls)
         F = contact_state(system, some, some.S - r, some.h)["F"]
         virial = np.einsum("c,ca,cb->ab", F * r, n, n)
-        if system.kernel.tangential:
+        if some.T.size:
             virial += np.einsum("c,ca,cb->ab", r, some.T, n)
         return F, virial
 
@@ -309,7 +309,7 @@ def gather(
     }
     if d < 3:
         arrays["depth"] = np.array(system.box.depth)
-    if system.kernel.tangential:
+    if system.width > d:
         arrays["spin"] = np.array([frame.spin for frame in frames]).reshape(-1, count, rotations(d))
         arrays["contact_T"] = np.concatenate([np.empty((0, d)), *(frame.T for frame in frames)])
     for name in ("i", "j", "h", "F"):
@@ -346,7 +346,7 @@ DIMENSIONS = {
     "f": "frame", "N": "particle", "d": "axis", "w": "wall", "c": "contact", "n": "step", "m": "rotation",
 }  # fmt: skip
 #: Shapes of what tangential motion adds; m rotations.
-TANGENTIAL_SHAPES = {"spin": "fNm", "contact_T": "cd", **{f"energy_{name}": "f" for name in TANGENTIAL_WORKS}}
+TANGENTIAL_SHAPES = {"spin": "fNm", "contact_T": "cd"}
 
 
 def result_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> ParticleResult:

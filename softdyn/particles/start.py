@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear
 from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, pair_named
+from softdyn.particles.driven import constant
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.faults import require_balanced, require_held, why
 from softdyn.particles.geometry import Contacts, bare_contacts
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over
 from softdyn.particles.parameters import mixed_parameters
-from softdyn.particles.ramp import held, holding, ramped
 from softdyn.particles.state import State, overlaps, stored_energy
 from softdyn.particles.system import System, contact_state, works
 from softdyn.particles.until import run_end
@@ -69,6 +69,7 @@ def start(system: System, newton: Newton) -> State:
         walls=system.walls,
         work=dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
+        kept={name: values for mechanism in system.mechanisms for name, values in mechanism.kept(system).items()},
     )
     if not system.dragged and not system.fixed.all():
         if films is not None:
@@ -91,10 +92,19 @@ def start(system: System, newton: Newton) -> State:
 
 def _let_go(system: System, newton: Newton, state: State) -> Balance:
     """Equilibrium that particles go to at once which something has held at their places until now."""
-    if not system.kernel.tangential:
-        return relaxed(system, newton, state)
-    before = holding(system, state.contacts, state.x, state.t)
-    return ramped(system, newton, state.contacts, state.x, state.t, before, system.force(state.t))[0]
+    followed = _followed(system, newton, state, None, system.force(state.t))
+    return relaxed(system, newton, state) if followed is None else followed[0]
+
+
+def _followed(
+    system: System, newton: Newton, state: State, before: Array | None, after: Array
+) -> tuple[Balance, float, str] | None:
+    """What a mechanism says of a jump of the forces, where it depends on the way."""
+    for mechanism in system.mechanisms:
+        found = mechanism.follow(system, newton, state.contacts, state.x, state.t, before, after)
+        if found is not None:
+            return found
+    return None
 
 
 def relaxed(system: System, newton: Newton, state: State) -> Balance:
@@ -107,8 +117,8 @@ def relaxed(system: System, newton: Newton, state: State) -> Balance:
 def _take(state: State, found: Balance) -> None:
     state.x = found.x[:, : state.x.shape[1]]
     state.contacts.h = found.h  # beyond the range pressed gaps follow the centres
-    if found.slid is not None:
-        state.contacts.T = found.slid.force
+    if found.T is not None:
+        state.contacts.T = found.T
 
 
 def pass_break(system: System, newton: Newton, state: State) -> None:
@@ -126,13 +136,11 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
     before, after = system.force(state.t), system.force.after(state.t)
     if system.dragged or system.fixed.all() or np.array_equal(before, after):
         return
-    require_balanced(replace(system, force=held(after)), state)
+    require_balanced(replace(system, force=constant(after)), state)
     stored = stored_energy(system, state)
     try:
-        if system.kernel.tangential:
-            found, work = ramped(system, newton, state.contacts, state.x, state.t, before, after)
-        else:
-            found, work = _passed(system, newton, state, before, after)
+        followed = _followed(system, newton, state, before, after)
+        found, work, kind = followed or (*_passed(system, newton, state, before, after), "")
     except (StepFailed, linear.Indefinite) as error:
         raise IntegrationError(
             f"the forces jump at t={state.t:.6g}, and have no equilibrium behind: {why(system, state, error)}"
@@ -142,8 +150,8 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
     state.work["external"] += work
     stored = stored_energy(system, state) - stored
     state.work[ELASTIC] += stored
-    if found.slid is not None:  # nothing slides or rolls within an instant
-        state.work["k_t"] += work - stored
+    if kind:
+        state.work[kind] += work - stored
 
 
 def _passed(system: System, newton: Newton, state: State, before: Array, after: Array) -> tuple[Balance, float]:
@@ -162,7 +170,7 @@ def _passed(system: System, newton: Newton, state: State, before: Array, after: 
                 # slow at both ends, where a contact may have no force yet
                 s = (panel + point) / count
                 part, rate = s**2 * (3 - 2 * s), 6 * s * (1 - s)
-                found = relaxed(replace(system, force=held(before + part * jump)), newton, state)
+                found = relaxed(replace(system, force=constant(before + part * jump)), newton, state)
                 here = weight / count * rate * (jump * (found.x - state.x))
                 total, size = total - float(here.sum()), size + float(np.abs(here).sum())
         return total, size
@@ -172,7 +180,7 @@ def _passed(system: System, newton: Newton, state: State, before: Array, after: 
         panels *= 2
         finer, size = by_panels(panels)
         work, change = finer, abs(finer - work)
-    found = relaxed(replace(system, force=held(after)), newton, state)
+    found = relaxed(replace(system, force=constant(after)), newton, state)
     return found, work + float(np.sum(after * (found.x - state.x)))
 
 
@@ -185,7 +193,7 @@ def _films(system: System, given: Mapping[str, Any]) -> Contacts:
     contacts = bare_contacts(i, j, shift, system.radii)
     contacts.q = mixed_parameters(system, system.kernel, i, j)
     contacts.h, contacts.touched = h, np.ones(len(h), bool)
-    contacts.T = np.zeros((len(h), system.dimension if system.kernel.tangential else 0))
+    contacts.T = np.zeros((len(h), system.dimension if system.width > system.dimension else 0))
     if contacts.T.size and "T" in films:
         contacts.T = films["T"][near].astype(float)
     return contacts

@@ -13,13 +13,12 @@ from softdyn.particles import linear
 from softdyn.particles.equilibrium import velocities
 from softdyn.particles.frame_file import FrameFile
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
-from softdyn.particles.kernel import energies
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import Frame, frame_of
 from softdyn.particles.step import Output
-from softdyn.particles.system import System, contact_state, works
+from softdyn.particles.system import System, works
 
 Array = NDArray[np.float64]
 
@@ -67,6 +66,8 @@ class State:
     history : list of tuple
         For each step: time, length, residual, error, contacts within their range.
     frames : list of Frame, or FrameFile
+    kept : dict
+        Numbers of the particles that mechanisms integrate, by their names.
     """
 
     t: float
@@ -91,6 +92,7 @@ class State:
     pulled: Pulled = field(default_factory=Pulled)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
     frames: list[Frame] | FrameFile = field(default_factory=list)
+    kept: dict[str, Array] = field(default_factory=dict)
 
 
 def overlaps(system: System, state: State) -> Array:
@@ -105,12 +107,7 @@ def stored_energy(system: System, state: State) -> float:
         some = portion(contacts, part)
         _, r = directions(some, state.x, cell, system.walls)
         overlap = some.S - r
-        U, _ = energies(system.kernel, system.reach, overlap, some.h, system.p, some.q.reshape(-1))
-        stored = float(U.sum())
-        if system.kernel.tangential:
-            k_t = contact_state(system, some, overlap, some.h)["k_t"]
-            stored += float(np.sum(some.T**2 / (2 * k_t[:, None])))
-        return stored
+        return sum(mechanism.stored(system, some, overlap) for mechanism in system.mechanisms)
 
     return sum(in_portions(of, len(contacts)))
 
@@ -133,7 +130,7 @@ def exchanged(system: System, state: State) -> Array:
 def frame_now(system: System, state: State) -> Frame:
     """Frame of the present state."""
     v = state.v
-    if not system.dragged and not system.kernel.tangential:
+    if not system.dragged and system.width == system.dimension:
         # of these the rates of a step are no velocities; where there are none, the next step says why
         with suppress(linear.Indefinite):
             v = velocities(system, state.contacts, state.x, state.t)
@@ -143,6 +140,6 @@ def frame_now(system: System, state: State) -> Frame:
 def frame_within(output: Output, state: State) -> Frame:
     """Frame of a state within the step from the present one."""
     at, d = output.at, output.system.dimension
-    contacts = replace(state.contacts, h=at.h, T=state.contacts.T if at.slid is None else at.slid.force)
+    contacts = replace(state.contacts, h=at.h, T=state.contacts.T if at.T is None else at.T)
     work = {name: state.work[name] + amount for name, amount in output.work.items()}
     return frame_now(output.system, replace(state, t=output.t, x=at.x[:, :d], v=output.v, contacts=contacts, work=work))

@@ -6,25 +6,24 @@ See :mod:`softdyn.particles.balance` for what is solved at a stage, and :mod:`so
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles import sliding
-from softdyn.particles.balance import Balance, Newton, StageInput, balance, largest, unturned, with_torques
+from softdyn.particles.balance import Balance, Newton, StageInput, balance, largest, unresisted, unturned, with_torques
 from softdyn.particles.energy import CARRIED, ELASTIC, net_power, powers
-from softdyn.particles.geometry import Box, Contacts, directions, lattice
+from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
 from softdyn.particles.surroundings import coordinates, moves, placed
 from softdyn.particles.system import System, turns_freely, works
 
 Array = NDArray[np.float64]
+Rates = Mapping[str, Array]
 #: Times that a stage is solved for, each with less of the rotations that nothing resists.
 MOST_TWISTS = 5
-#: Estimates of errors of tangential forces without drag are counted so many times.
-UNDRAGGED = 5.0
 #: Of the estimate for a power that fades: enough for one that falls by any factor up to exp(30) within a step.
 FADING = 0.1
 
@@ -65,6 +64,8 @@ class Step:
         Of each kind, at the end.
     work_error : float
         Estimated error of all work together.
+    kept : dict
+        Numbers of the particles that mechanisms integrate, at the end.
     """
 
     end: Balance
@@ -78,6 +79,7 @@ class Step:
     outputs: tuple[Output, ...]
     power: dict[str, float]
     work_error: float
+    kept: dict[str, Array]
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,10 @@ class _Begun:
         Positions; rotations count from here.
     z : array
         Coordinates of box and walls, if they move otherwise than by a given shear rate; else empty.
-    known : Known or None
-        What is known of the tangential forces.
+    own : dict
+        What mechanisms integrate, as it is at the start.
+    notes : dict
+        What they noted.
     turned : array, shape (N, rotations)
         By how much those whose spin is given have turned before.
     """
@@ -104,17 +108,22 @@ class _Begun:
     dt: float
     x: Array
     z: Array
-    known: sliding.Known | None
+    own: dict[str, Array]
+    notes: dict[str, Any]
     turned: Array
 
 
 @dataclass(frozen=True)
 class _Stage:
-    """One implicit stage: what was found, with box and walls; all rates; the unknown ones of the box."""
+    """One implicit stage: what was found, with box and walls; all rates; the unknown ones of the box.
 
+    Rates are by name: ``x``, ``y``, ``z`` of positions, gaps, and box with walls; the others are the mechanisms' own.
+    """
+
+    given: StageInput
     found: Balance
     system: System
-    rates: tuple[Array, ...]
+    rates: Rates
     box_rates: Array
 
 
@@ -130,6 +139,7 @@ def take_step(
     outputs: Sequence[float] | Array = (),
     power: dict[str, float] | None = None,
     end: float | None = None,
+    kept: Mapping[str, Array] | None = None,
 ) -> Step:
     """Try a step of the given length from time t, with v and y_rate as guesses of the rates.
 
@@ -141,15 +151,18 @@ def take_step(
         Power of each kind at t, if v and y_rate are the rates there, and not only guesses of them.
     end : float, optional
         Time at the end, which t + dt rounds.
+    kept : mapping, optional
+        Numbers of the particles that mechanisms integrate from step to step, as they are.
 
     Raises
     ------
     StepFailed, softdyn.particles.linear.Indefinite
     """
-    begun = _begin(system, contacts, newton, t, x, dt)
+    begun = _begin(system, contacts, newton, t, x, dt, kept or {})
     z_rate = placed(system, t, 0.0, begun.z, system.box_rates)[1] if begun.z.size else begun.z
-    # at the start, and at each stage: of positions, gaps, box and walls, tangential forces, their frames, and slips
-    rates: list[tuple[Array, ...]] = [(v, y_rate, z_rate, *_still(contacts))]
+    # at the start, where those of the mechanisms' own are not known, and at each stage
+    unknown = {name: np.zeros_like(values) for name, values in begun.own.items()}
+    rates: list[Rates] = [{"x": v, "y": y_rate, "z": z_rate, **unknown}]
     guess_x, guess_y, box_rates = v, y_rate, system.box_rates
     spent = [power or dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0)]
     at: _Stage | None = None
@@ -158,46 +171,47 @@ def take_step(
         at = None  # many numbers that the next stage has no use for
         at = _stage(begun, rates, row, float(when), guess_x, guess_y, box_rates)
         rates.append(at.rates)
-        guess_x, guess_y, box_rates = at.rates[0], at.rates[1], at.box_rates
-        spent.append(powers(at.system, contacts, at.found, float(when), guess_x, guess_y, at.rates[3]))
+        guess_x, guess_y, box_rates = at.rates["x"], at.rates["y"], at.box_rates
+        spent.append(powers(at.system, contacts, at.found, float(when), at.rates))
     assert at is not None
 
-    errors = np.array([0.0, *ERROR])
-    x_error, y_error, z_error, T_error = (dt * _combined(rates, errors, k) for k in range(4))
-    # where positions are algebraic they, and slips, have no error; rates are differences of them, and have
-    slip_error = np.zeros_like(T_error) if system.dragged else dt * _combined(rates, errors, 5)
+    weights = np.array([0.0, *ERROR])
+    errors = {name: dt * _combined(rates, weights, name) for name in at.rates}
     # what is given by its rate has no error
-    error = error_of(system, at.found, y_error, np.where(system.fixed, 0.0, x_error), T_error, slip_error)
+    errors["x"] = np.where(system.fixed, 0.0, errors["x"])
+    error = error_of(system, at.found, errors)
     if system.leader is not None:
         # errors of the strains of the box, as of positions
         strains = system.dimension + (system.lean0 is None)
-        error = max(error, largest(z_error[:strains]) / system.rtol)
+        error = max(error, largest(errors["z"][:strains]) / system.rtol)
     between = []
     for when in outputs if error <= 1.0 else ():
-        if begun.known is not None:
+        if begun.own:
             # their rates at the start are not known, without which a stage more is not as good: a shorter step is
-            shorter = take_step(system, contacts, newton, t, x, v, y_rate, float(when) - t, (), power, float(when))
+            shorter = take_step(
+                system, contacts, newton, t, x, v, y_rate, float(when) - t, (), power, float(when), kept
+            )
             between.append(Output(float(when), shorter.end, shorter.v, shorter.work, shorter.system))
             continue
         theta = (float(when) - t) / dt
         near = np.array([0.0, *rate_weights(theta)])
         row = dense_row(theta, power is not None)
-        guess_x, guess_y = _combined(rates, near, 0), _combined(rates, near, 1)
+        guess_x, guess_y = _combined(rates, near, "x"), _combined(rates, near, "y")
         other = _stage(begun, rates, row, when, guess_x, guess_y, box_rates)
-        own = powers(other.system, contacts, other.found, when, other.rates[0], other.rates[1], other.rates[3])
+        own = powers(other.system, contacts, other.found, when, other.rates)
         work = _work(dt, [*row, GAMMA], [*spent, own])
-        between.append(Output(float(when), other.found, other.rates[0], work, other.system))
+        between.append(Output(float(when), other.found, other.rates["x"], work, other.system))
     ahead = np.array([0.0, *rate_weights(0.0)])
-    first_v, first_box = _combined(rates, ahead, 0), system.box
+    first_v, first_box = _combined(rates, ahead, "x"), system.box
     if system.leader is not None:
-        first_box = system.leader.box_with(system.box, _combined(rates, ahead, 2))
+        first_box = system.leader.box_with(system.box, _combined(rates, ahead, "z"))
     whole = _work(dt, ROWS[-1], spent)
     work_error = dt * power_error(np.array([net_power(system, of) for of in spent[1:]]))
     return Step(
         at.found,
         error,
-        at.rates[0],
-        at.rates[1],
+        at.rates["x"],
+        at.rates["y"],
         whole,
         at.system,
         first_v,
@@ -205,6 +219,7 @@ def take_step(
         tuple(between),
         spent[-1],
         work_error,
+        {name: at.given.own[name] + at.given.s * at.rates[name] for name in kept or {}},
     )
 
 
@@ -223,27 +238,26 @@ def power_error(power: Array) -> float:
     return float(size * (abs(ERROR @ part) + (FADING * (part[-1] - part[0]) ** 2 if fades else 0.0)))
 
 
-def _begin(system: System, contacts: Contacts, newton: Newton, t: float, x: Array, dt: float) -> _Begun:
-    known = None
-    if system.kernel.tangential:
-        normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
-        known, x = sliding.starting(contacts, system.radii, normal), with_torques(system, x)
+def _begin(
+    system: System, contacts: Contacts, newton: Newton, t: float, x: Array, dt: float, kept: Mapping[str, Array]
+) -> _Begun:
+    notes: dict[str, Any] = {}
+    own = dict(kept)
+    for mechanism in system.mechanisms:
+        noted, start = mechanism.begin(system, contacts, t, x)
+        notes |= noted
+        own |= start
     z = coordinates(system, t) if moves(system) else np.empty(0)
-    turned = system.place(t)[:, system.dimension :] if known is not None else np.empty((len(x), 0))
-    return _Begun(system, contacts, newton, t, dt, x, z, known, turned)
+    turned = system.place(t)[:, system.dimension :] if system.fixed.any() else np.empty(0)
+    return _Begun(system, contacts, newton, t, dt, with_torques(system, x), z, own, notes, turned)
 
 
-def _still(contacts: Contacts) -> tuple[Array, Array, Array]:
-    """Rates of tangential forces, of their frames and of slips, where there are none or they are not known."""
-    return np.zeros_like(contacts.T), np.zeros(len(contacts) if contacts.T.size else 0), np.zeros_like(contacts.T)
-
-
-def _combined(rates: Sequence[tuple[Array, ...]], weights: Array, which: int) -> Array:
+def _combined(rates: Sequence[Rates], weights: Array, name: str) -> Array:
     """Weighted sum of one of the rates over the start and the stages."""
-    total = np.zeros_like(rates[0][which])
+    total = np.zeros_like(rates[0][name])
     for weight, of_stage in zip(weights, rates, strict=False):
         if weight:
-            total += weight * of_stage[which]
+            total += weight * of_stage[name]
     return total
 
 
@@ -255,7 +269,7 @@ def _work(dt: float, weights: Sequence[float] | Array, spent: Sequence[dict[str,
 
 def _stage(
     begun: _Begun,
-    rates: Sequence[tuple[Array, ...]],
+    rates: Sequence[Rates],
     row: Array,
     when: float,
     guess_x: Array,
@@ -266,7 +280,7 @@ def _stage(
 
     Parameters
     ----------
-    rates : sequence of tuple of array
+    rates : sequence of mapping
         At the start, and at the stages before.
     row : array
         Weights of these.
@@ -277,7 +291,7 @@ def _stage(
     """
     system, contacts, newton, dt = begun.system, begun.contacts, begun.newton, begun.dt
     s = GAMMA * dt
-    x_star, y_star = begun.x + dt * _combined(rates, row, 0), dt * _combined(rates, row, 1)
+    x_star, y_star = begun.x + dt * _combined(rates, row, "x"), dt * _combined(rates, row, "y")
     first = x_star + s * guess_x
     if not system.dragged:  # rates are no velocities there, and behind a jump not even that
         far = largest(first - begun.x) / (0.5 * float(system.radii.min()))
@@ -289,16 +303,14 @@ def _stage(
         place[:, system.dimension :] -= begun.turned  # rotations count from the start of the step
         x_star = np.where(system.fixed, place - s * velocity, x_star)
         first = np.where(system.fixed, place, first)
-    known = begun.known
-    if known is not None:
-        T_star, angle_star = (dt * _combined(rates, row, which) for which in (3, 4))
-        known = replace(known, force=contacts.T + T_star, angle=angle_star)
+    own = {name: values + dt * _combined(rates, row, name) for name, values in begun.own.items()}
+    given = StageInput(when, s, x_star, y_star, own, begun.notes)
     here, at_z, guess = system, np.empty(0), y_star + s * guess_y
 
     def solve(here: System, x: Array) -> Balance:
-        return balance(here, contacts, newton, StageInput(when, s, x_star, y_star, known), x, guess)
+        return balance(here, contacts, newton, given, x, guess)
 
-    z_star = begun.z + dt * _combined(rates, row, 2)
+    z_star = begun.z + dt * _combined(rates, row, "z")
     for _ in range(MOST_TWISTS):
         if system.leader is not None:
             found, here, at_z, box_rates = system.leader.lead(
@@ -308,55 +320,38 @@ def _stage(
             if begun.z.size:
                 here, at_z = placed(system, when, s, z_star, box_rates)
             found = solve(here, first)
-        if known is None or system.dragged:
+        if system.dragged:
             break
         # what no film resists keeps the guess that it had, and has none
-        twist = _unresisted(system, contacts, found, x_star)
-        if largest(twist) <= system.force_tolerance * float(system.radii.min()):
+        near = np.flatnonzero(found.h < system.reach)
+        twist = unresisted(system, contacts, near, found.n[near], found.x - x_star)
+        if twist is None or largest(twist) <= system.force_tolerance * float(system.radii.min()):
             break
         first, guess = found.x - twist, found.y
-    turned = _still(contacts)
-    if known is not None and found.slid is not None:
-        slid = found.slid
-        slip = sliding.turned_back(known, slid.slip, found.n, slid.angle)
-        turned = (slid.turned - known.force) / s, (slid.angle - known.angle) / s, slip / s
-    return _Stage(found, here, ((found.x - x_star) / s, (found.y - y_star) / s, at_z, *turned), box_rates)
+    at_end = {"x": (found.x - x_star) / s, "y": (found.y - y_star) / s, "z": at_z}
+    for mechanism in system.mechanisms:
+        at_end |= mechanism.rates_of(here, given, found)
+    return _Stage(given, found, here, at_end, box_rates)
 
 
-def _unresisted(system: System, contacts: Contacts, found: Balance, x_star: Array) -> Array:
-    """Part of a motion that no film resists: the rotation of a particle about the line of its only contacts."""
-    d, near = system.dimension, found.h < system.reach
-    turned = np.where(system.fixed, 0.0, found.x - x_star)
-    twist = np.zeros_like(turned)
-    twist[:, d:] = sliding.unresisted(contacts.i[near], contacts.j[near], found.n[near], turned[:, d:])
-    return np.where(system.fixed, 0.0, twist)
-
-
-def error_of(system: System, end: Balance, y_error: Array, x_error: Array, T_error: Array, slip_error: Array) -> float:
-    """Error of a step relative to what is allowed.
+def error_of(system: System, end: Balance, errors: Mapping[str, Array]) -> float:
+    """Error of a step relative to what is allowed, from those that the method estimates, by names of the rates.
 
     The root of the mean square over contacts within their range, each as much as there is of it, and a tenth of the
-    largest. Likewise over particles, where their positions are integrated; likewise over tangential forces, relative to
-    the largest force, or to what would shear the contact's surfaces by its gap: of what they have not from slips
-    without an error.
+    largest. Likewise over particles, where their positions are integrated; and what mechanisms say of what they
+    integrate.
     """
     active = end.h < system.reach
     found = [0.0]
     if active.any():
-        relative = (y_error / np.sqrt(1 + end.y**2))[active] * weight(end.h[active], system.reach) / system.rtol
+        relative = (errors["y"] / np.sqrt(1 + end.y**2))[active] * weight(end.h[active], system.reach) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
-    dragged = system.resistance[:, 0] > 0
-    if dragged.any():
-        relative = (x_error[dragged, : system.dimension] / system.radii[dragged, None]).reshape(-1) / system.rtol
+    moving = system.integrated
+    if moving.any():
+        relative = (errors["x"][moving, : system.dimension] / system.radii[moving, None]).reshape(-1) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
-    if end.slid is not None and active.any():
-        k_t = end.values["stiff"][active] / end.values["keep"][active]
-        allowed = np.maximum(k_t * end.h[active], max(largest(end.slid.force), largest(end.F)))
-        wrong = T_error[active] - k_t[:, None] * slip_error[active]
-        if not system.dragged:  # the estimate is of the order of the error itself there, not of a lower one
-            wrong *= UNDRAGGED
-        relative = np.linalg.norm(wrong, axis=1) / (system.rtol * allowed)
-        found += [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
+    for mechanism in system.mechanisms:
+        found += mechanism.errors(system, end, errors)
     return max(found) if all(map(math.isfinite, found)) else math.inf
 
 

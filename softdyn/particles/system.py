@@ -134,7 +134,7 @@ class System(ValidatedScene):
     @property
     def box_rates(self) -> Array:
         """Rates of the box that are unknown, as they are."""
-        return np.empty(0) if self.leader is None else self.leader.rates(self.box)
+        return np.empty(0) if self.leader is None else self.leader.box_rates(self.box)
 
     @property
     def dimension(self) -> int:
@@ -144,7 +144,14 @@ class System(ValidatedScene):
     @cached_property
     def dragged(self) -> bool:
         """Whether anything resists the motion of a particle by itself; if not, positions are in elastic equilibrium."""
-        return bool(np.any(self.resistance[:, 0] > 0))
+        return bool(self.integrated.any())
+
+    @cached_property
+    def integrated(self) -> Flags:
+        """Particles whose positions follow from rates, since something resists them by itself, shape (N,)."""
+        if any(mechanism.moves_freely() for mechanism in self.mechanisms):
+            return np.ones(len(self.radii), dtype=bool)
+        return np.asarray(self.resistance[:, 0] > 0)
 
     @property
     def force_tolerance(self) -> float:
@@ -182,11 +189,10 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
     )
 
 
-#: Energy that is given and taken in every run: by external forces and what holds fixed coordinates, by the flow, and by
-#: the moving box; in the gaps, by drag, by remote forces, and by the dependence of F_ela on h (the U_h term).
+#: Kinds of energy that every result tells of, given and taken, with or without a mechanism that exchanges them: by
+#: external forces and what holds fixed coordinates, by the flow, and by the moving box; in the gaps, by drag, by remote
+#: forces, and by the dependence of F_ela on h (the U_h term).
 GIVEN, TAKEN = ("external", "flow", "box"), ("gaps", "drag", "remote", "U_h")
-#: Besides, with tangential motion: lost in sliding and in rolling, and what a change of the tangential stiffness takes.
-TANGENTIAL_WORKS = ("sliding", "rolling", "k_t")
 
 
 def given_works(system: System) -> tuple[str, ...]:
@@ -196,15 +202,14 @@ def given_works(system: System) -> tuple[str, ...]:
 
 def works(system: System) -> tuple[str, ...]:
     """Kinds of energy that are exchanged: those that are put in, and those that are taken."""
-    more = TANGENTIAL_WORKS if system.kernel.tangential else ()
     taken = (kind for mechanism in system.mechanisms for kind in mechanism.takes)
-    return tuple(dict.fromkeys([*given_works(system), *TAKEN, *more, *taken]))
+    return tuple(dict.fromkeys([*given_works(system), *TAKEN, *taken]))
 
 
 def gauge_axes(system: System) -> list[int]:
     """Axes along which nothing resists a motion of all particles together."""
     d = system.dimension
-    if system.dragged or (system.kernel.tangential and system.walls):
+    if system.dragged or (system.width > d and system.walls):
         return []
     held = [axis for axis in range(d) if system.fixed[:, axis].any()]
     facing = [axis for axis in range(d) if any(wall.normal[axis] for wall in system.walls)]

@@ -9,8 +9,8 @@ How to add one is told in ``.docs/mechanisms.md``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from softdyn.particles.balance import Balance, Newton, StageInput
     from softdyn.particles.driven import Driven
     from softdyn.particles.energy import Rates
-    from softdyn.particles.geometry import Box, Contacts, Wall
+    from softdyn.particles.geometry import Box, Contacts, Integers, Wall
     from softdyn.particles.kernel import ContactKernel
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.resolve import Sensitivity
@@ -33,6 +33,7 @@ Flags = NDArray[np.bool_]
 
 #: Modules here, and the fields of a scene that ask for it: each that is given, and neither 0 nor empty.
 ROOMS: dict[str, tuple[str, ...]] = {
+    "films": ("law",),
     "drag": ("drag",),
     "pushes": ("push",),
     "gravity": ("gravity", "density", "fluid_density"),
@@ -40,6 +41,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "walls": ("wall",),
     "shear": ("shear_rate",),
     "stress": ("stress", "stress_viscosity"),
+    "sliding": ("tangential",),
 }
 
 
@@ -53,13 +55,21 @@ class Action:
         Forces, and torques over radii, that the particles exert on what resists them.
     largest : float
         Of these forces: what the balance is judged by.
-    friction : float
-        Largest force for each length that a coordinate moves in the stage: what rounding of positions makes of it.
+    friction, stiffness : float
+        Largest force for each length that a coordinate moves in the stage, of a particle by itself and of a contact:
+        what rounding of positions makes of it.
+    T : array, shape (contacts, d), optional
+        Forces of the contacts besides those along the normals, from i to j.
+    notes : mapping
+        What else was found, for the mechanism itself; names are its own.
     """
 
     reaction: Array
     largest: float
     friction: float = 0.0
+    stiffness: float = 0.0
+    T: Array | None = None
+    notes: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Mechanism:
@@ -69,6 +79,10 @@ class Mechanism:
     ----------
     gives, takes : tuple of str
         Kinds of energy that it puts in, and that it takes. Several mechanisms may share one.
+    symmetric : bool
+        Whether its tangents are.
+    leads : bool
+        Whether rates of the box are unknown, and its ``lead`` finds them.
     load : Driven, optional
         External forces, and torques over radii, that depend on time alone, shape (N, d + rotations).
     held : tuple of (array of bool, Driven), optional
@@ -81,19 +95,18 @@ class Mechanism:
         Whether the box moves with it otherwise than by a constant shear rate.
     keeps_shape : bool
         Whether all lengths of the box change alike by it.
-    leads : bool
-        Whether rates of the box are unknown, and its ``lead`` finds them.
     """
 
     gives: ClassVar[tuple[str, ...]] = ()
     takes: ClassVar[tuple[str, ...]] = ()
+    symmetric: ClassVar[bool] = True
     leads: ClassVar[bool] = False
-    moves_box: bool = False
-    keeps_shape: bool = True
     load: Driven | None = None
     held: tuple[Flags, Driven] | None = None
     walls: tuple[Wall, ...] = ()
     wall_velocity: Driven | None = None
+    moves_box: bool = False
+    keeps_shape: bool = True
 
     def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> Mechanism:
         """The same, once the kernel of the contacts and the values of its uniform parameters are known."""
@@ -106,17 +119,73 @@ class Mechanism:
         """
         return iter(())
 
+    # what it integrates, beside the positions and the gaps
+
+    def kept(self, system: System) -> dict[str, Array]:
+        """Numbers of the particles that it integrates from step to step, at the start of the run, by its own names."""
+        return {}
+
+    def begin(self, system: System, contacts: Contacts, t: float, x: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+        """What it notes as a step begins, and numbers that it integrates within this step alone, as they are there."""
+        return {}, {}
+
+    def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
+        """Rates of all that it integrates, at the end of a stage."""
+        return {}
+
+    def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
+        """Errors of a step relative to what is allowed, from those that the method estimates, by names of the rates."""
+        return []
+
+    # forces
+
     def resistance(self, shape: tuple[int, int]) -> Array | None:
         """What resists the motion of each coordinate by itself, force over velocity, where nothing moves yet."""
         return None
 
-    def act(self, system: System, given: StageInput, x: Array) -> Action | None:
-        """Forces that depend on the particles' positions x and velocities, (x - x*)/s, at a stage."""
+    def moves_freely(self) -> bool:
+        """Whether positions follow from rates, even where nothing resists them, as with inertia."""
+        return False
+
+    def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action | None:
+        """Forces that depend on positions and velocities, (x - x*)/s, at a stage; ``at`` has no residual yet."""
         return None
 
-    def tangent(self, system: System, given: StageInput, x: Array) -> Array | None:
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array | None:
         """Derivative of these forces by x: of each coordinate by itself, (N, w), or of each particle, (N, w, w)."""
         return None
+
+    def contact_tangents(
+        self, system: System, contacts: Contacts, given: StageInput, at: Balance
+    ) -> Iterator[Array] | None:
+        """The same of each contact, shape (contacts, w, w): blocks ii, ij, ji, jj in turn."""
+        return None
+
+    def unresisted(self, system: System, contacts: Contacts, near: Integers, n: Array, moved: Array) -> Array | None:
+        """Part of a motion, or of forces, shape (N, w), that nothing but drag resists.
+
+        ``near`` are the contacts within range, ``n`` their normals.
+        """
+        return None
+
+    def follow(
+        self,
+        system: System,
+        newton: Newton,
+        contacts: Contacts,
+        x: Array,
+        t: float,
+        before: Array | None,
+        after: Array,
+    ) -> tuple[Balance, float, str] | None:
+        """Elastic equilibrium behind a jump of the forces on particles that nothing resists, if it depends on the way.
+
+        ``before`` is None where something has held the particles until then. Besides, the work of the forces, and the
+        kind of energy that takes what of it is not stored.
+        """
+        return None
+
+    # the box
 
     def gradient(self, t: float, rates: Array) -> Array | None:
         """Velocity gradient of the background flow that it makes, shape (d, d); ``rates`` are unknown ones."""
@@ -126,7 +195,7 @@ class Mechanism:
         """Shear strain that is given, at a time."""
         return 0.0
 
-    def rates(self, box: Box) -> Array:
+    def box_rates(self, box: Box) -> Array:
         """Where it leads: the unknown rates, as a box has them."""
         raise NotImplementedError
 
@@ -149,9 +218,15 @@ class Mechanism:
         """Where it leads: the balance, box and walls, dz/dt, and the rates; see the room ``stress``."""
         raise NotImplementedError
 
+    # energy, and what is told
+
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
-        """Power of each kind that it gives or takes, at one stage."""
+        """Power of each kind that it gives or takes, at one stage, and of what it stores, ``ELASTIC``."""
         return {}
+
+    def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:
+        """Energy that it stores in some contacts, as they are."""
+        return 0.0
 
     def stats(self) -> dict[str, Any]:
         """What a result tells of it besides its arrays."""

@@ -56,14 +56,14 @@ class Drag(Mechanism):
         """See :class:`Mechanism`."""
         return self.coefficients
 
-    def act(self, system: System, given: StageInput, x: Array) -> Action | None:
+    def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action | None:
         """See :class:`Mechanism`."""
         if given.s <= 0:
             return None
-        resisting = self.coefficients * ((x - given.x_star) / given.s - background(system, x))
+        resisting = self.coefficients * ((at.x - given.x_star) / given.s - background(system, at.x))
         return Action(resisting, float(np.abs(resisting).max()), float(np.abs(self.coefficients).max()) / given.s)
 
-    def tangent(self, system: System, given: StageInput, x: Array) -> Array | None:
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array | None:
         """See :class:`Mechanism`."""
         return self.coefficients / given.s if given.s > 0 else None
 

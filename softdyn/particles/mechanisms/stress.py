@@ -113,7 +113,7 @@ class ImposedStress(Mechanism):
         """See :class:`Mechanism`."""
         return np.asarray(np.tensordot(rates, self.gradients, 1))
 
-    def rates(self, box: Box) -> Array:
+    def box_rates(self, box: Box) -> Array:
         """The unknown rates, as a box has them."""
         G = box.gradient
         places = ["xx" if name == "pressure" else name for name in self.names]
@@ -130,7 +130,7 @@ class ImposedStress(Mechanism):
 
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """What moves the box exerts the forces of the contacts through its faces."""
-        G = np.tensordot(self.rates(system.box), self.gradients, 1)
+        G = np.tensordot(self.box_rates(system.box), self.gradients, 1)
         return {"box": power_of_box(system, contacts, at, G)}
 
     def stats(self) -> dict[str, Any]:
@@ -252,8 +252,8 @@ def stress_of(system: System, contacts: Contacts, at: Balance) -> Array:
     The symmetric part, which does the work: where drag resists rotations, there is another.
     """
     stress = np.einsum("c,ca,cb->ab", at.F * at.r, at.n, at.n)
-    if at.slid is not None:
-        sheared = np.einsum("c,ca,cb->ab", at.r, at.slid.force, at.n)
+    if at.T is not None:
+        sheared = np.einsum("c,ca,cb->ab", at.r, at.T, at.n)
         stress += (sheared + sheared.T) / 2
     return -stress / system.box.volume
 

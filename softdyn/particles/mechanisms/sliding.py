@@ -13,20 +13,149 @@ for levers and coefficients.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.geometry import Contacts, Integers
+from softdyn.particles.balance import Balance, Newton, StageInput, largest
+from softdyn.particles.energy import ELASTIC
+from softdyn.particles.geometry import (
+    Contacts,
+    Integers,
+    cross,
+    curvatures,
+    directions,
+    dot,
+    lattice,
+    torque,
+    turning,
+)
+from softdyn.particles.mechanisms import Action, Mechanism
+from softdyn.particles.system import System, contact_state, image_velocities
+
+if TYPE_CHECKING:
+    from softdyn.particles.energy import Rates
+    from softdyn.particles.system import ValidatedScene
 
 Array = NDArray[np.float64]
 
+#: Of the stiffest contact: what resists, in Newton's matrix alone, a rotation that nothing resists.
+IDLE = 1e-9
+#: Estimates of errors of tangential forces without drag are counted so many times.
+UNDRAGGED = 5.0
 
 #: Stiffness of rolling where no time passes, in units of that of sliding: surfaces shear, and roll so much less than
 #: that of what they roll as little is left each time that a stage is solved for anew, with the moments that it had.
 BLOCKED = 1e5
+
+
+@dataclass(frozen=True)
+class Sliding(Mechanism):
+    """Sliding and rolling contacts; a step integrates T, psi and, for the errors, the slip."""
+
+    takes = ("sliding", "rolling", "k_t")
+    symmetric = False
+
+    def begin(self, system: System, contacts: Contacts, t: float, x: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+        """See :class:`Mechanism`."""
+        normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
+        start = {"T": contacts.T, "angle": np.zeros(len(contacts)), "slip": np.zeros_like(contacts.T)}
+        return {"sliding": starting(contacts, system.radii, normal)}, start
+
+    def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action:
+        """See :class:`Mechanism`."""
+        known, count = known_of(given), len(at.x)
+        images = given.s * image_velocities(system, contacts, given.t)
+        turning_by = curvatures(contacts, at.r, count)
+        found = slide(known, contacts, at.values, at.n, at.r, turning_by, at.x - given.x_star, images, given.s)
+        reaction = reactions(contacts, known, found, at.n, count)
+        stiffness = largest(at.values["stiff"])
+        return Action(reaction, largest(found.force), stiffness=stiffness, T=found.force, notes={"sliding": found})
+
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:
+        """What spins without any resistance, as a particle about the line of its only contacts, does not."""
+        known, own = known_of(given), np.zeros(at.x.shape)
+        rolling = largest(rolling_stiffness(known, at.values, given.s) / known.radii.min(axis=0) ** 2)
+        own[:, system.dimension :] = IDLE * max(largest(at.F_r), largest(at.values["stiff"]), rolling)
+        return own
+
+    def contact_tangents(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Iterator[Array]:
+        """See :class:`Mechanism`."""
+        curvature = curvatures(contacts, at.r, len(at.x))
+        return tangents(known_of(given), at.values, at.notes["sliding"], at.n, curvature, given.s)
+
+    def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
+        """See :class:`Mechanism`."""
+        known, found = known_of(given), at.notes["sliding"]
+        slip = turned_back(known, found.slip, at.n, found.angle)
+        return {
+            "T": (found.turned - known.force) / given.s,
+            "angle": (found.angle - known.angle) / given.s,
+            "slip": slip / given.s,
+        }
+
+    def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
+        """Of T, relative to the largest force, or to what would shear the contact's surfaces by its gap.
+
+        Of what it has not from slips without an error: where positions are algebraic they, and slips, have none; rates
+        are differences of them, and have.
+        """
+        active = at.h < system.reach
+        if not active.any():
+            return []
+        k_t = at.values["stiff"][active] / at.values["keep"][active]
+        allowed = np.maximum(k_t * at.h[active], max(largest(at.notes["sliding"].force), largest(at.F)))
+        if system.dragged:
+            wrong = errors["T"][active]
+        else:  # the estimate is of the order of the error itself there, not of a lower one
+            wrong = UNDRAGGED * (errors["T"][active] - k_t[:, None] * errors["slip"][active])
+        relative = np.linalg.norm(wrong, axis=1) / (system.rtol * allowed)
+        return [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
+
+    def unresisted(self, system: System, contacts: Contacts, near: Integers, n: Array, moved: Array) -> Array:
+        """The rotation of a particle about the line of its only contacts, and of one without contacts."""
+        d, moved = system.dimension, np.where(system.fixed, 0.0, moved)
+        twist = np.zeros_like(moved)
+        twist[:, d:] = unresisted(contacts.i[near], contacts.j[near], n, moved[:, d:])
+        return np.where(system.fixed, 0.0, twist)
+
+    def follow(
+        self,
+        system: System,
+        newton: Newton,
+        contacts: Contacts,
+        x: Array,
+        t: float,
+        before: Array | None,
+        after: Array,
+    ) -> tuple[Balance, float, str]:
+        """See :class:`Mechanism`. Nothing slides or rolls within an instant."""
+        from softdyn.particles.mechanisms.sliding_ramp import holding, ramped
+
+        start = holding(system, contacts, x, t) if before is None else before
+        return *ramped(system, newton, contacts, x, t, start, after), "k_t"
+
+    def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
+        """What is lost in sliding and in rolling, what a change of the tangential stiffness takes, what is stored."""
+        values = contact_state(system, contacts, contacts.S - at.r, at.h)
+        found = _powers(system, contacts, at, values, rates)
+        stored = float(np.sum(dot(at.notes["sliding"].turned, rates.own["T"]) / values["k_t"]))
+        return {**found, ELASTIC: stored - found["k_t"]}
+
+    def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:
+        """See :class:`Mechanism`."""
+        k_t = contact_state(system, contacts, overlap, contacts.h)["k_t"]
+        return float(np.sum(contacts.T**2 / (2 * k_t[:, None])))
+
+
+def check(facts: ValidatedScene, faults: list[str]) -> Sliding:
+    """Tangential motion of a scene."""
+    if facts.x.shape[1] == 1:
+        faults.append("[contacts] tangential: in one dimension there is no tangential motion")
+    return Sliding()
 
 
 @dataclass(frozen=True)
@@ -93,6 +222,12 @@ class TangentialForces:
     rotation: Array
 
 
+def known_of(given: StageInput) -> Known:
+    """What is known at a stage."""
+    begun: Known = given.begun["sliding"]
+    return replace(begun, force=given.own["T"], angle=given.own["angle"])
+
+
 def starting(contacts: Contacts, radii: Array, normal: Array) -> Known:
     """What is known at the start of a step."""
     wall = contacts.j >= len(radii)
@@ -100,31 +235,6 @@ def starting(contacts: Contacts, radii: Array, normal: Array) -> Known:
     other = radii[np.where(wall, contacts.i, contacts.j)]  # a wall, which does not turn, may have any
     unlike = np.where(wall, -1.0, (one - other) / (one + other))
     return Known(normal, contacts.T, np.zeros(len(contacts)), np.array([one, other]), unlike)
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Product of the vectors of each contact."""
-    return np.asarray(np.einsum("ca,ca->c", a, b))
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Cross product of the vectors of each contact, in three dimensions."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def turning(rotation: Array, n: Array) -> Array:
-    """Displacement ``rotation x n``."""
-    if n.shape[1] == 2:
-        return rotation * np.stack([-n[:, 1], n[:, 0]], axis=1)
-    return cross(rotation, n)
-
-
-def torque(n: Array, force: Array) -> Array:
-    """Torque ``n x force``."""
-    if n.shape[1] == 2:
-        return (n[:, 0] * force[:, 1] - n[:, 1] * force[:, 0])[:, None]
-    return cross(n, force)
 
 
 def carry(force: Array, start: Array, end: Array) -> Array:
@@ -310,3 +420,24 @@ def tangents(
                 + sign * other * rolled * resisted / (known.radii[row] * known.radii[column])[:, None, None]
             )
             yield block
+
+
+def _powers(
+    system: System, contacts: Contacts, at: Balance, values: dict[str, Array], rates: Rates
+) -> dict[str, float]:
+    """Power lost in sliding and in rolling, and taken by a change of the tangential stiffness, at one stage."""
+    d, v, force = system.dimension, rates.v, at.notes["sliding"].force
+    walls = np.zeros((len(system.walls), v.shape[1]))
+    one, other = (np.concatenate([v, walls])[ends] for ends in (contacts.i, contacts.j))
+    square = dot(force, force)
+    slides = values["friction_t"] > 0
+    radii = np.append(system.radii, np.ones(len(walls)))
+    turn = one[:, d:] / radii[contacts.i, None] - other[:, d:] / radii[contacts.j, None]
+    if d == 3:
+        turn = turn - dot(turn, at.n)[:, None] * at.n
+    k_rate = values["k_t_h"] * rates.h + values["k_t_delta"] * (rates.h - rates.r) / 2
+    return {
+        "sliding": float(np.sum(square[slides] / values["friction_t"][slides])),
+        "rolling": float(np.sum(values["roll"] * dot(turn, turn))),
+        "k_t": float(np.sum(square * k_rate / (2 * values["k_t"] ** 2))),
+    }

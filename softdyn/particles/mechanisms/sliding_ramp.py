@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles import linear, sliding
+from softdyn.particles import linear
 from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, largest, solve_at, with_torques
 from softdyn.particles.balance import contact_forces as sum_of
-from softdyn.particles.driven import Driven
+from softdyn.particles.driven import constant
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
+from softdyn.particles.mechanisms import sliding
 from softdyn.particles.method import ERROR, GAMMA, NODES, ORDER, STAGES
 from softdyn.particles.step import error_of
 from softdyn.particles.system import System
@@ -66,11 +67,6 @@ class Part:
     rolled: Array | float
     spent: float
     error: float
-
-
-def held(values: Array) -> Driven:
-    """The same at all times."""
-    return Driven([], np.ones(values.shape), values)
 
 
 def holding(system: System, contacts: Contacts, x: Array, t: float) -> Array:
@@ -153,19 +149,19 @@ def _part(
 
     for row, node in zip(STAGES, start + NODES * width, strict=True):
         x_star, angle = place - turned + summed(row, 0), summed(row, 2)
-        known = replace(begun, force=contacts.T + summed(row, 1), angle=angle, rolled=rolled)
-        here = replace(system, force=held(ramp.force(node)))
-        found = _blocked(here, newton, contacts, StageInput(ramp.t, 0.0, x_star, nothing, known), x_star + s * guess)
-        assert found.slid is not None
-        slid = found.slid
+        own = {"T": contacts.T + summed(row, 1), "angle": angle}
+        given = StageInput(ramp.t, 0.0, x_star, nothing, own, {"sliding": replace(begun, rolled=rolled)})
+        here = replace(system, force=constant(ramp.force(node)))
+        found = _blocked(here, newton, contacts, given, x_star + s * guess)
+        slid, known = found.notes["sliding"], sliding.known_of(given)
         rolled = sliding.resisted(slid.roll, found.n)
         slip = sliding.turned_back(known, slid.slip, found.n, slid.angle)
         moved = found.x - x_star, slid.turned - known.force, slid.angle - angle, slip
         rates.append(tuple(change / s for change in moved))
         guess = rates[-1][0]
         spent.append(ramp.spent(node, found.x + turned))
-    T_error, slip_error = summed(ERROR, 1), summed(ERROR, 3)
-    error = error_of(system, found, nothing, zeros[0], T_error, slip_error) if T_error.any() else 0.0
+    errors = {"x": zeros[0], "y": nothing, "T": summed(ERROR, 1), "slip": summed(ERROR, 3)}
+    error = error_of(system, found, errors) if errors["T"].any() else 0.0
     there = found.x + turned
     size = float(np.abs(ramp.jump * (there - ramp.x)).sum())
     if size > 0:
@@ -178,13 +174,11 @@ def _blocked(system: System, newton: Newton, contacts: Contacts, given: StageInp
     """A stage in which nothing rolls: solved for anew with the moments that it took, until these are what they were."""
     for _ in range(MOST_ROLLS):
         found = balance(system, contacts, newton, given, guess, np.zeros(len(contacts)))
-        known, slid = given.known, found.slid
-        assert known is not None
-        assert slid is not None
+        known, slid = sliding.known_of(given), found.notes["sliding"]
         rolled = sliding.resisted(slid.roll, found.n)
         sheared = largest((found.values["stiff"] * known.radii[0])[:, None] * (rolled - known.rolled))
         sizes = largest(system.force(given.t)), largest(found.F), largest(slid.force)
         if sheared <= system.force_tolerance * max(sizes):
             break
-        guess, given = found.x, replace(given, known=replace(known, rolled=rolled))
+        guess, given = found.x, replace(given, begun={"sliding": replace(known, rolled=rolled)})
     return found
