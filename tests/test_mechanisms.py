@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -216,11 +217,62 @@ def test_a_drag_that_depends_on_the_slip_carries_with_the_flow() -> None:
     assert abs(state.work["slip"]) < 1e-12
 
 
+@dataclass(frozen=True)
+class Inertia(Mechanism):
+    """Masses, m dv/dt: a velocity that is integrated from step to step."""
+
+    mass: float
+
+    takes = ("kinetic",)
+
+    def moves_freely(self) -> bool:
+        return True
+
+    def kept(self, system: System) -> dict[str, Array]:
+        return {"velocity": np.zeros(system.fixed.shape)}
+
+    def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action:
+        force = self.mass * self.rates_of(system, given, at)["velocity"]
+        return Action(force, float(np.abs(force).max()), self.mass / given.s**2)
+
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:
+        return np.full(at.x.shape, self.mass / given.s**2)
+
+    def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
+        return {"velocity": ((at.x - given.x_star) / given.s - given.own["velocity"]) / given.s}
+
+    def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
+        return [float(np.abs(errors["velocity"]).max()) / system.rtol]
+
+    def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
+        return {"kinetic": float(np.sum(self.mass * rates.own["velocity"] * rates.v))}
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_a_momentum_enters_from_outside(drag: float) -> None:
+    """From rest under a constant force F, against a drag z or none: x(t), and where the work of F is."""
+    m, F, t, z = 2.0, 0.3, 2.0, 6 * math.pi * ETA * drag
+    physics = {**PHYSICS, "until_t": t, "rtol": 1e-6}
+    scene = ParticleScene(**physics, positions=[[0, 0]], radii=1.0, range=1.0, drag=drag, push=[Push([0], [F, 0])])
+    state = run(scene, Inertia(m))
+    if drag:
+        v = F / z * (1 - math.exp(-z * t / m))
+        x = F / z * t - m * v / z
+    else:
+        v, x = F / m * t, F / m * t**2 / 2
+    np.testing.assert_allclose(state.x, [[x, 0]], atol=1e-5)
+    np.testing.assert_allclose(state.kept["velocity"], [[v, 0]], atol=1e-5)
+    assert state.work["kinetic"] == pytest.approx(m * v**2 / 2, rel=1e-4)
+    assert state.work["external"] == pytest.approx(F * x, rel=1e-4)
+    assert state.work["drag"] + state.work["kinetic"] == pytest.approx(state.work["external"], rel=1e-8)
+
+
 # What a scene imports
 
 
 def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
     scenes = {
+        "": "hold=[]",
         "drag": "drag=1.0",
         "drag shear": "drag=1.0, shear_rate=0.1",
         "drag pushes": "drag=1.0, push=[Push([0], [1e-3, 0])]",
@@ -228,15 +280,16 @@ def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
         "drag gravity": "drag=1.0, gravity=[0, -1e-3], density=1.0",
         "drag walls": "drag=1.0, wall=[Wall([0, -3], [0, -1])]",
         "stress": "box=[9.0, 9.0], stress={'pressure': 0.0}, drag=0.0",
+        "sliding": "tangential=True",
     }
     for wanted, given in scenes.items():
         program = (
             "import sys\n"
             "from softdyn.particles import Hold, ParticleScene, Push, Wall\n"
-            "from softdyn.particles.run import prepare\n"
-            f"prepare(ParticleScene({PHYSICS!r}['law'], {PHYSICS!r}['parameters'], positions=[[0, 0]], radii=1.0, "
+            "from softdyn.particles.run import check\n"
+            "check(ParticleScene('equal_spheres', {'E': 1.0, 'eta': 1.0, 'nu': 0.5}, positions=[[0, 0]], radii=1.0, "
             f"until_t=1.0, range=1.0, {given}))\n"
             f"print(*(room for room in {tuple(ROOMS)} if 'softdyn.particles.mechanisms.' + room in sys.modules))"
         )
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-        assert set(done.stdout.split()) == set(wanted.split()), done.stdout
+        assert set(done.stdout.split()) == {"films", *wanted.split()}

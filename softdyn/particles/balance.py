@@ -441,14 +441,15 @@ def pattern_of(contacts: Contacts, gauge_pairs: list[tuple[int, int]], count: in
 
 def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:
     """Derivative of what acts on each particle by itself: shape (N, w), or (N, w, w) where coordinates are coupled."""
-    total = np.zeros(at.x.shape)
+    total: Array = np.zeros(at.x.shape)
+    unit = np.eye(system.width)
     for mechanism in system.mechanisms:
         more = mechanism.tangent(system, contacts, given, at)
         if more is None:
             continue
         if more.ndim > total.ndim:
-            total = total[:, :, None] * np.eye(total.shape[1])
-        total = total + (more if more.ndim == total.ndim else more[:, :, None] * np.eye(total.shape[1]))
+            total = total[:, :, None] * unit
+        total = total + (more if more.ndim == total.ndim else more[:, :, None] * unit)
     return total
 
 

@@ -259,6 +259,7 @@ class ParticleResult(Result):
         Contacts of all frames stand behind one another, those of frame k at ``contact_start[k]:contact_start[k + 1]``.
         """
         known = {**SHAPES, **TANGENTIAL_SHAPES}
+        known |= {name: "f" for name in self.arrays if name.startswith("energy_")}
         names = {
             name: tuple(DIMENSIONS[letter] for letter in known[name])
             if name in known
