@@ -224,9 +224,7 @@ class Inertia(Mechanism):
     mass: float
 
     takes = ("kinetic",)
-
-    def moves_freely(self) -> bool:
-        return True
+    moves_freely = True
 
     def kept(self, system: System) -> dict[str, Array]:
         return {"velocity": np.zeros(system.fixed.shape)}

@@ -286,7 +286,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
         newton.counts["contacts"] += len(r)
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
         at = Balance(x, y, h, F, F_r, n, r, reaction, math.nan, math.nan, values)
-        found = (mechanism.act(system, contacts, given, at) for mechanism in system.mechanisms)
+        found = (mechanism.act(system, contacts, given, at) for mechanism in system.having["act"])
         actions = [action for action in found if action is not None]
         T: Array | None = None
         notes: dict[str, Any] = {}
@@ -396,7 +396,7 @@ def linearise(
         newton.solver = linear.Solver(d, width, symmetric=symmetric, certain=not system.dragged)
     newton.solver.matrix = None  # not two at a time
     across = now.F * curvatures(contacts, now.r, count)
-    springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d])
+    springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d]) if newton.gauge_pairs else []
     scale = largest(now.F_r)
 
     def component(a: int, b: int) -> Array:
@@ -409,7 +409,7 @@ def linearise(
     for axis in gauge_axes(system):
         own[(0, axis) if own.ndim == 2 else (0, axis, axis)] += scale
     newton.counts["matrices"] += 1
-    found = (mechanism.contact_tangents(system, contacts, given, now) for mechanism in system.mechanisms)
+    found = (one.contact_tangents(system, contacts, given, now) for one in system.having["contact_tangents"])
     others = [tangents for tangents in found if tangents is not None]
     if not others:
         matrix = linear.assemble(newton.pattern, component, own, system.fixed)
@@ -443,7 +443,7 @@ def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Bala
     """Derivative of what acts on each particle by itself: shape (N, w), or (N, w, w) where coordinates are coupled."""
     total: Array = np.zeros(at.x.shape)
     unit = np.eye(system.width)
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["tangent"]:
         more = mechanism.tangent(system, contacts, given, at)
         if more is None:
             continue
@@ -455,7 +455,7 @@ def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Bala
 
 def unresisted(system: System, contacts: Contacts, near: NDArray[np.int64], n: Array, moved: Array) -> Array | None:
     """Part of a motion that no contact resists, as far as a mechanism tells; near are those within range."""
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["unresisted"]:
         part = mechanism.unresisted(system, contacts, near, n, moved)
         if part is not None:
             return part

@@ -62,7 +62,7 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Map
     r_rate = np.einsum("ca,ca->c", _apart(system, contacts, t, v), at.n)
     moving = Rates(t, v, h_rate, r_rate, rates)
     found = dict.fromkeys((*works(system), ELASTIC), 0.0)
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["powers"]:
         for name, power in mechanism.powers(system, contacts, at, moving).items():
             found[name] += power
     return {**found, CARRIED: float(np.sum(system.resistance * v**2))}

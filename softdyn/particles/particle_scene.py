@@ -118,13 +118,15 @@ def check(scene: ParticleScene) -> ValidatedScene:
     )
     mechanisms = _mechanisms(facts, faults)
     walls = tuple(wall for mechanism in mechanisms for wall in mechanism.walls)
-    faults += film_faults(scene.films, radii, d, walls)
+    if scene.films is not None:
+        faults += film_faults(scene.films, radii, d, walls)
     if faults:
         raise SceneError(listed(faults))
     faults += _place_faults(x, box, walls) or _overlap_faults(x, radii, box, walls)
     if faults:
         raise SceneError(listed(faults))
-    require_used(scene)
+    if scene.constants:
+        require_used(scene)
     return replace(facts, walls=walls, mechanisms=mechanisms, times=_times(scene, end))
 
 

@@ -98,7 +98,7 @@ def sensitivity(system: System, state: State) -> Sensitivity:
 
 def time_functions(system: System) -> list[TimeFunction]:
     """All that is given as a function of time."""
-    return [function for mechanism in system.mechanisms for function, _ in mechanism.driven()]
+    return [function for mechanism in system.having["driven"] for function, _ in mechanism.driven()]
 
 
 def breaks(system: System) -> Array:
@@ -109,7 +109,7 @@ def breaks(system: System) -> Array:
 def missed(system: System, to: Sensitivity, t: float, dt: float) -> tuple[float, str]:
     """Largest error, in units of what is allowed, that what a step misses may make; and of which function."""
     found = [(0.0, "")]
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["driven"]:
         for function, factor in mechanism.driven():
             bound = function.missed(t, dt)
             found.append((bound * factor(to, dt) if bound else 0.0, function.name))

@@ -77,7 +77,7 @@ def simulate_particles(
     checkpoint = None if checkpoint is None else Path(checkpoint)
     system = prepare(scene)
     newton = Newton()
-    key = checkpoints.fingerprint(system)
+    key = "" if checkpoint is None else checkpoints.fingerprint(system)
     if resume and checkpoint is not None and checkpoint.exists():
         state, newton = checkpoints.load(checkpoint, key, system)
     else:
@@ -169,7 +169,7 @@ def _result(system: System, newton: Newton, state: State, began: float) -> Parti
     energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
     if turns_freely(system):
         stats["torque_removed"] = state.turned
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["stats"]:
         stats |= mechanism.stats()
     stats["given"] = list(put_in)
     stats["warnings"] = []

@@ -69,7 +69,7 @@ def start(system: System, newton: Newton) -> State:
         walls=system.walls,
         work=dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
-        kept={name: values for mechanism in system.mechanisms for name, values in mechanism.kept(system).items()},
+        kept={name: values for one in system.having["kept"] for name, values in one.kept(system).items()},
     )
     if not system.dragged and not system.fixed.all():
         if films is not None:
@@ -100,7 +100,7 @@ def _followed(
     system: System, newton: Newton, state: State, before: Array | None, after: Array
 ) -> tuple[Balance, float, str] | None:
     """What a mechanism says of a jump of the forces, where it depends on the way."""
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["follow"]:
         found = mechanism.follow(system, newton, state.contacts, state.x, state.t, before, after)
         if found is not None:
             return found

@@ -107,7 +107,7 @@ def stored_energy(system: System, state: State) -> float:
         some = portion(contacts, part)
         _, r = directions(some, state.x, cell, system.walls)
         overlap = some.S - r
-        return sum(mechanism.stored(system, some, overlap) for mechanism in system.mechanisms)
+        return sum(mechanism.stored(system, some, overlap) for mechanism in system.having["stored"])
 
     return sum(in_portions(of, len(contacts)))
 

@@ -17,7 +17,7 @@ from softdyn.particles.balance import Balance, Newton, StageInput, balance, larg
 from softdyn.particles.energy import CARRIED, ELASTIC, net_power, powers
 from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
-from softdyn.particles.surroundings import coordinates, moves, placed
+from softdyn.particles.surroundings import coordinates, placed
 from softdyn.particles.system import System, turns_freely, works
 
 Array = NDArray[np.float64]
@@ -243,11 +243,11 @@ def _begin(
 ) -> _Begun:
     notes: dict[str, Any] = {}
     own = dict(kept)
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["begin"]:
         noted, start = mechanism.begin(system, contacts, t, x)
         notes |= noted
         own |= start
-    z = coordinates(system, t) if moves(system) else np.empty(0)
+    z = coordinates(system, t) if system.surrounded else np.empty(0)
     turned = system.place(t)[:, system.dimension :] if system.fixed.any() else np.empty(0)
     return _Begun(system, contacts, newton, t, dt, with_torques(system, x), z, own, notes, turned)
 
@@ -329,7 +329,7 @@ def _stage(
             break
         first, guess = found.x - twist, found.y
     at_end = {"x": (found.x - x_star) / s, "y": (found.y - y_star) / s, "z": at_z}
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["rates_of"]:
         at_end |= mechanism.rates_of(here, given, found)
     return _Stage(given, found, here, at_end, box_rates)
 
@@ -350,7 +350,7 @@ def error_of(system: System, end: Balance, errors: Mapping[str, Array]) -> float
     if moving.any():
         relative = (errors["x"][moving, : system.dimension] / system.radii[moving, None]).reshape(-1) / system.rtol
         found += [float(np.sqrt(np.mean(relative**2))), float(np.abs(relative).max()) / 10]
-    for mechanism in system.mechanisms:
+    for mechanism in system.having["errors"]:
         found += mechanism.errors(system, end, errors)
     return max(found) if all(map(math.isfinite, found)) else math.inf
 

@@ -21,11 +21,6 @@ from softdyn.particles.system import System
 Array = NDArray[np.float64]
 
 
-def moves(system: System) -> bool:
-    """Whether box or walls move otherwise than by a constant shear rate."""
-    return system.wall_velocity is not None or system.box_moves
-
-
 def coordinates(system: System, t: float) -> Array:
     """Coordinates z of all that moves: logarithms of lengths, tilt over the first length, points of walls."""
     cell = lattice(system.box, t)
@@ -48,7 +43,7 @@ def placed(system: System, t: float, s: float, z_star: Array, rates: Array) -> t
     """
     box, d = system.box, len(system.box.lengths)
     z_rate = np.zeros_like(z_star)
-    made = (mechanism.gradient(t, rates) for mechanism in system.mechanisms)
+    made = (mechanism.gradient(t, rates) for mechanism in system.having["gradient"])
     G = sum((gradient for gradient in made if gradient is not None), np.zeros((d, d)))
     stretch, shear = np.diag(G).copy(), float(G[0, 1]) if d > 1 else 0.0
     z_rate[:d] = stretch

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softdyn.particles.driven import Driven, sum_of
 from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, rotations
 from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.mechanisms import Mechanism
+from softdyn.particles.mechanisms import ASKED, Mechanism, having
 
 if TYPE_CHECKING:
     from softdyn.particles.particle_keys import ParticleScene
@@ -94,10 +94,12 @@ class System(ValidatedScene):
         Velocities of the walls, shape (walls, d).
     resistance : array, shape (N, d + rotations)
         What resists the motion of each coordinate by itself, where nothing moves yet: force/velocity.
+    having : mapping from str to tuple of Mechanism
+        By the name of each function of a mechanism, those that define it.
     leader : Mechanism, optional
         The one that finds unknown rates of the box.
-    box_moves : bool
-        Whether the box moves otherwise than by a constant shear rate.
+    box_moves, surrounded : bool
+        Whether the box, and box or walls, move otherwise than by a constant shear rate.
     lean0 : array, shape (2,), optional
         Of a box whose strain is the integral of a given shear rate: tilt, and length along y, over that along x at the
         start.
@@ -111,8 +113,10 @@ class System(ValidatedScene):
     walls0: Array
     wall_velocity: Driven | None
     resistance: Array
+    having: Mapping[str, tuple[Mechanism, ...]]
     leader: Mechanism | None
     box_moves: bool
+    surrounded: bool
     lean0: Array | None
 
     def place(self, t: float) -> Array:
@@ -129,7 +133,7 @@ class System(ValidatedScene):
     def lean(self, t: float) -> float:
         """Tilt of a box with a given shear rate over its length along x."""
         assert self.lean0 is not None
-        return float(self.lean0[0] + self.lean0[1] * sum(mechanism.strain(t) for mechanism in self.mechanisms))
+        return float(self.lean0[0] + self.lean0[1] * sum(mechanism.strain(t) for mechanism in self.having["strain"]))
 
     @property
     def box_rates(self) -> Array:
@@ -149,7 +153,7 @@ class System(ValidatedScene):
     @cached_property
     def integrated(self) -> Flags:
         """Particles whose positions follow from rates, since something resists them by itself, shape (N,)."""
-        if any(mechanism.moves_freely() for mechanism in self.mechanisms):
+        if any(mechanism.moves_freely for mechanism in self.mechanisms):
             return np.ones(len(self.radii), dtype=bool)
         return np.asarray(self.resistance[:, 0] > 0)
 
@@ -166,13 +170,14 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
     held = [mechanism.held for mechanism in ready if mechanism.held is not None]
     driven_walls = [mechanism.wall_velocity for mechanism in ready if mechanism.wall_velocity is not None]
     leaders = [mechanism for mechanism in ready if mechanism.leads]
-    gradients = [mechanism.gradient(0.0, np.empty(0)) for mechanism in ready if not mechanism.leads]
+    gradients = [one.gradient(0.0, np.empty(0)) for one in having(ready, "gradient") if not one.leads]
     shear_rate = sum(float(gradient[0, 1]) for gradient in gradients if gradient is not None)
-    resisting = [mechanism.resistance(shape) for mechanism in ready]
+    resisting = [mechanism.resistance(shape) for mechanism in having(ready, "resistance")]
     box, lean0 = replace(facts.box, shear_rate=shear_rate), None
     if d > 1 and box.periodic[:2].all() and all(mechanism.keeps_shape for mechanism in ready):
         lean0 = np.array([box.tilt, box.lengths[1]]) / box.lengths[0]
     known = {field.name: getattr(facts, field.name) for field in fields(ValidatedScene)}
+    box_moves = any(mechanism.moves_box for mechanism in ready)
     return System(
         **{**known, "box": box, "mechanisms": ready},
         kernel=kernel,
@@ -183,8 +188,10 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
         walls0=np.array([wall.point for wall in facts.walls]).reshape(len(facts.walls), d),
         wall_velocity=driven_walls[0] if driven_walls else None,
         resistance=sum((each for each in resisting if each is not None), np.zeros(shape)),
+        having={name: having(ready, name) for name in ASKED},
         leader=leaders[0] if leaders else None,
-        box_moves=any(mechanism.moves_box for mechanism in ready),
+        box_moves=box_moves,
+        surrounded=box_moves or bool(driven_walls),
         lean0=lean0,
     )
 

@@ -9,7 +9,7 @@ How to add one is told in ``.docs/mechanisms.md``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -81,6 +81,8 @@ class Mechanism:
         Kinds of energy that it puts in, and that it takes. Several mechanisms may share one.
     symmetric : bool
         Whether its tangents are.
+    moves_freely : bool
+        Whether positions follow from rates, even where nothing resists them, as with inertia.
     leads : bool
         Whether rates of the box are unknown, and its ``lead`` finds them.
     load : Driven, optional
@@ -100,6 +102,7 @@ class Mechanism:
     gives: ClassVar[tuple[str, ...]] = ()
     takes: ClassVar[tuple[str, ...]] = ()
     symmetric: ClassVar[bool] = True
+    moves_freely: ClassVar[bool] = False
     leads: ClassVar[bool] = False
     load: Driven | None = None
     held: tuple[Flags, Driven] | None = None
@@ -142,10 +145,6 @@ class Mechanism:
     def resistance(self, shape: tuple[int, int]) -> Array | None:
         """What resists the motion of each coordinate by itself, force over velocity, where nothing moves yet."""
         return None
-
-    def moves_freely(self) -> bool:
-        """Whether positions follow from rates, even where nothing resists them, as with inertia."""
-        return False
 
     def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action | None:
         """Forces that depend on positions and velocities, (x - x*)/s, at a stage; ``at`` has no residual yet."""
@@ -231,6 +230,18 @@ class Mechanism:
     def stats(self) -> dict[str, Any]:
         """What a result tells of it besides its arrays."""
         return {}
+
+
+def having(mechanisms: Sequence[Mechanism], name: str) -> tuple[Mechanism, ...]:
+    """Those of some mechanisms that define one of the functions above."""
+    return tuple(one for one in mechanisms if getattr(type(one), name) is not getattr(Mechanism, name))
+
+
+#: What the engine asks for again and again.
+ASKED = (
+    "driven", "begin", "rates_of", "errors", "act", "tangent", "contact_tangents", "unresisted", "follow", "gradient",
+    "strain", "powers", "stored", "kept", "stats",
+)  # fmt: skip
 
 
 def rooms_of(scene: ParticleScene) -> Iterator[Any]:
