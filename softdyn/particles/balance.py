@@ -10,9 +10,9 @@ drag, Z = 0, positions are algebraic: the elastic equilibrium at the given gaps.
 whole at no cost; its mean velocity is set to zero, and the line between two of its particles does not turn. External
 forces that would turn it are refused, and what rounding leaves of their torque is taken away.
 
-With tangential motion, :mod:`softdyn.particles.sliding`, a particle's rotation stands beside its position: coordinates
-(x, R theta) with theta counted from the start of the step, forces (force, torque/R). Without it nothing below has more
-than positions.
+With tangential motion, :mod:`softdyn.particles.mechanisms.sliding`, a particle's rotation stands beside its position:
+coordinates (x, R theta) with theta counted from the start of the step, forces (force, torque/R). Without it nothing
+below has more than positions. What resists, and what integrates numbers of its own, the mechanisms of the scene say.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
-from softdyn.particles.portions import in_portions, portion
+from softdyn.particles.geometry import Contacts, curvatures, lattice
 from softdyn.particles.system import System, gauge_axes, turns_freely
 
 Array = NDArray[np.float64]
@@ -41,9 +40,6 @@ CONTRACTION = 0.1
 AIM, LEAST = 0.3, 0.1
 #: Particles are in a line that are no further from it than this part of its length: then none turns about it.
 IN_LINE = 1e-9
-#: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
-#: centres.
-INSTANT = 1e-100
 #: Rounding of positions makes forces uncertain by the stiffness times this fraction of the coordinates.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
@@ -201,47 +197,6 @@ def _gauge_springs(pairs: list[tuple[int, int]], x: Array) -> list[Array]:
     return springs
 
 
-def solve_contacts(
-    system: System, overlap: Array, s: float, start: Array, target: Array, y: Array, q: Array
-) -> tuple[Array, Array, Array, dict[str, Array]]:
-    """Gap, force and consistent tangent of each contact at given overlaps; y is a guess, and then the solution.
-
-    Besides what the kernel gives of tangential motion, by name.
-    """
-    kernel = system.kernel
-    h, F, F_r = np.empty_like(overlap), np.empty_like(overlap), np.empty_like(overlap)
-    reach = (system.reach,) if kernel.fading else ()
-    out = np.empty((len(kernel.tangential), len(overlap)))
-    more = (out.reshape(-1),) if kernel.tangential else ()
-    kernel.contacts(
-        len(overlap), float(s), *reach, overlap, start, target, system.p, q.reshape(-1), y, h, F, F_r, *more
-    )
-    return h, F, F_r, dict(zip(kernel.tangential, out, strict=True))
-
-
-def solve_at(
-    system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
-) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
-    """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
-    count, d = len(contacts), x.shape[1]
-    n = np.empty((count, d))
-    r, h, F, F_r = (np.empty(count) for _ in range(4))  # each by itself: h outlives the others
-    values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
-
-    def solve(part: slice) -> None:
-        some = portion(contacts, part)
-        n[part], r[part] = directions(some, x, cell, system.walls)
-        overlap = some.S - r[part]
-        h[part], F[part], F_r[part], more = solve_contacts(
-            system, overlap, s or INSTANT, some.h, target[part], y[part], some.q
-        )
-        for name, value in more.items():
-            values[name][part] = value
-
-    in_portions(solve, count)
-    return n, r, h, F, F_r, values
-
-
 def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
     """Sum of F n over the contacts of each particle: the force that it exerts through them, shape (N, d)."""
     total = np.zeros((count, n.shape[1]))
@@ -278,11 +233,11 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
     t, s, x_star, y_star = given.t, given.s, given.x_star, given.y_star
     count, d = len(x), system.dimension
     cell, external = lattice(system.box, t), system.force(t)
-    free = ~system.fixed
+    free, (films,) = ~system.fixed, system.having["solve"]
     turning = turns_freely(system)
 
     def evaluate(x: Array, y: Array) -> Balance:
-        n, r, h, F, F_r, values = solve_at(system, contacts, x[:, :d], cell, s, y_star, y)
+        n, r, h, F, F_r, values = films.solve(system, contacts, x[:, :d], cell, s, y_star, y)
         newton.counts["contacts"] += len(r)
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
         at = Balance(x, y, h, F, F_r, n, r, reaction, math.nan, math.nan, values)

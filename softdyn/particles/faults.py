@@ -9,16 +9,14 @@ from scipy.sparse.csgraph import connected_components
 
 from softdyn.errors import IntegrationError, pressed_only_words
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, pair_named, unresisted
-from softdyn.particles.geometry import directions, lattice, some_of, torque
+from softdyn.particles.balance import pair_named, unresisted
+from softdyn.particles.geometry import directions, lattice, torque
 from softdyn.particles.state import State, free_positions, overlaps
 from softdyn.particles.system import System, contact_state, gauge_axes, turns_freely
 from softdyn.particles.words import AXES, particles_named
 
 Array = NDArray[np.float64]
 
-#: Gap, relative to the radius, below which a film is drained: the distance of two centres tells no smaller one.
-DRAINED = float(np.finfo(float).eps)
 #: External forces on what may move freely must balance to this fraction.
 UNBALANCED = 1e-9
 #: So must their torque; it depends on the positions, and is known to their accuracy.
@@ -27,8 +25,6 @@ UNTURNED = 1e-4
 TURNED = 0.1
 #: Deflection over the smallest radius below which surfaces that a law knows pressed alone are about to part.
 PARTED = 1e-3
-#: Overlap over the smaller radius below which no contact is as wide as the smaller sphere.
-SHALLOW = 0.25
 
 
 def require_held(system: System, state: State) -> None:
@@ -107,20 +103,6 @@ def _torque(system: System, external: Array, x: Array) -> tuple[float, float, fl
     return float(np.abs(total).max()), levers, UNBALANCED * float(np.abs(torques).sum())
 
 
-def require_films(system: System, state: State, h: Array, when: float) -> None:
-    """No film is drained: attraction without anything at short range to stop it closes a gap within a finite time."""
-    contacts, count = state.contacts, len(state.x)
-    drained = np.flatnonzero(h < DRAINED * system.radii[contacts.i])
-    if len(drained):
-        c = int(drained[np.argmin(h[drained])])
-        raise IntegrationError(
-            f"at t={when:.6g} the film of {pair_named(contacts, c, count)} is drained: its gap of {h[c]:.3g} is below "
-            f"the rounding of the radius {system.radii[contacts.i[c]]:.6g}, where no law holds, and the energy of an "
-            "attraction is without bound; let the law repel at short range (as steric does), weaken what draws the "
-            "surfaces together (as A does in dlvo), or end the run before"
-        )
-
-
 def _twisted(system: System, state: State) -> NDArray[np.int64]:
     """Particles with an external torque that neither drag nor any contact resists."""
     if system.dragged:
@@ -166,36 +148,3 @@ def why(system: System, state: State, error: Exception) -> str:
     kind = "turn as a whole" if turns_freely(system) and len(worst) > 0.9 * len(size) else "give way"
     who = f"{particles_named(worst)} can {kind} without any force to resist"
     return f"{who} (floppy, or unstable under pressure); {remedy}"
-
-
-def require_shallow(system: System, state: State, at: Balance, when: float) -> None:
-    """No surfaces are pressed until centres could pass one another, or are flattened as widely as a sphere is.
-
-    The first is an overlap of the smaller radius. The second is the radius of the law's contact, without what it is of
-    surfaces that are not deflected, above the smaller radius: what matters of unequal spheres, and of walls, is not how
-    unequal they are. A cap of the height delta has a^2 = 2 R delta, with R below twice the smaller radius: contacts
-    that are pressed by less than SHALLOW need not be asked.
-    """
-    contacts, count = state.contacts, len(state.x)
-    smaller = np.minimum(system.radii[contacts.i], np.append(system.radii, np.inf)[np.minimum(contacts.j, count)])
-    pressed = (contacts.S - at.r + at.h) / smaller
-    if not len(pressed) or pressed.max() < SHALLOW:
-        return
-    remedy = "use weaker forces, slower motion, or a stiffer law"
-    c = int(np.argmax(pressed))
-    if pressed[c] > 1:
-        raise IntegrationError(
-            f"at t={when:.6g} {pair_named(contacts, c, count)} is pressed until its surfaces overlap by "
-            f"{pressed[c]:.3g} radii, where no law of contacts holds: {remedy}"
-        )
-    deep = np.flatnonzero(pressed >= SHALLOW)
-    some, h = some_of(contacts, deep), at.h[deep]
-    whole, round_ = (contact_state(system, some, overlap, h)["a"] for overlap in (contacts.S[deep] - at.r[deep], -h))
-    flat = np.sqrt(np.maximum(whole**2 - round_**2, 0.0)) / smaller[deep]
-    k = int(np.argmax(flat))
-    if flat[k] > 1:
-        raise IntegrationError(
-            f"at t={when:.6g} {pair_named(contacts, int(deep[k]), count)} is pressed until its surfaces are flattened "
-            f"over a radius of {flat[k]:.3g} times that of the smaller particle, {smaller[deep[k]]:.6g}, where no law "
-            f"of contacts holds: {remedy}"
-        )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear
 from softdyn.particles.balance import Newton, StepFailed, pair_named
-from softdyn.particles.faults import require_balanced, require_films, require_shallow, why
+from softdyn.particles.faults import require_balanced, why
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
@@ -99,8 +99,8 @@ def integrate(
         if over is not None:
             state.dt = over
             continue
-        require_films(system, state, step.end.h, when)
-        require_shallow(system, state, step.end, when)
+        for mechanism in system.having["require"]:
+            mechanism.require(system, state, step.end, when)
         with undisturbed():
             system = _accept(system, state, step, dt, when)
             if state.t in goals[:-1]:

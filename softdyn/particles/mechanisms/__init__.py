@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from softdyn.particles.kernel import ContactKernel
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.resolve import Sensitivity
+    from softdyn.particles.state import State
     from softdyn.particles.system import System, ValidatedScene
     from softdyn.particles.time_functions import TimeFunction
 
@@ -140,6 +141,20 @@ class Mechanism:
         """Errors of a step relative to what is allowed, from those that the method estimates, by names of the rates."""
         return []
 
+    # contacts
+
+    def solve(
+        self, system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
+    ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
+        """Of one mechanism of a scene: normals, distances, gaps, forces and dF/dr of the contacts at the positions x.
+
+        Besides, what it gives for tangential motion. ``y`` is a guess of the gaps' state, and then the solution.
+        """
+        raise NotImplementedError
+
+    def require(self, system: System, state: State, at: Balance, when: float) -> None:
+        """Refuse a step that ends where what it says does not hold; raises IntegrationError."""
+
     # forces
 
     def resistance(self, shape: tuple[int, int]) -> Array | None:
@@ -240,7 +255,7 @@ def having(mechanisms: Sequence[Mechanism], name: str) -> tuple[Mechanism, ...]:
 #: What the engine asks for again and again.
 ASKED = (
     "driven", "begin", "rates_of", "errors", "act", "tangent", "contact_tangents", "unresisted", "follow", "gradient",
-    "strain", "powers", "stored", "kept", "stats",
+    "strain", "powers", "stored", "kept", "stats", "require", "solve",
 )  # fmt: skip
 
 

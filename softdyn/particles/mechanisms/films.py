@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError
 from softdyn.particles.balance import Balance, pair_named
 from softdyn.particles.energy import ELASTIC
+from softdyn.particles.geometry import Contacts, directions, some_of
 from softdyn.particles.kernel import energies
 from softdyn.particles.mechanisms import Mechanism
 from softdyn.particles.portions import in_portions, portion
@@ -18,10 +19,18 @@ from softdyn.particles.system import System, contact_state
 
 if TYPE_CHECKING:
     from softdyn.particles.energy import Rates
-    from softdyn.particles.geometry import Contacts
+    from softdyn.particles.state import State
     from softdyn.particles.system import ValidatedScene
 
 Array = NDArray[np.float64]
+
+#: Gap, relative to the radius, below which a film is drained: the distance of two centres tells no smaller one.
+DRAINED = float(np.finfo(float).eps)
+#: Overlap over the smaller radius below which no contact is as wide as the smaller sphere.
+SHALLOW = 0.25
+#: Where no time passes films hold for an instant: gaps within their range stay, pressed ones beyond it follow the
+#: centres.
+INSTANT = 1e-100
 
 
 @dataclass(frozen=True)
@@ -29,6 +38,17 @@ class Films(Mechanism):
     """The films between the surfaces."""
 
     takes = ("gaps", "remote", "U_h")
+
+    def solve(
+        self, system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
+    ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
+        """See :func:`solve_at`."""
+        return solve_at(system, contacts, x, cell, s, target, y)
+
+    def require(self, system: System, state: State, at: Balance, when: float) -> None:
+        """See :class:`Mechanism`."""
+        require_films(system, state, at.h, when)
+        require_shallow(system, state, at, when)
 
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """What is lost in the gaps, what remote forces and the U_h term take, and what is stored."""
@@ -45,6 +65,94 @@ class Films(Mechanism):
 def check(facts: ValidatedScene, faults: list[str]) -> Films:
     """Films of a scene: what its law says is checked with the law."""
     return Films()
+
+
+def solve_contacts(
+    system: System, overlap: Array, s: float, start: Array, target: Array, y: Array, q: Array
+) -> tuple[Array, Array, Array, dict[str, Array]]:
+    """Gap, force and consistent tangent of each contact at given overlaps; y is a guess, and then the solution.
+
+    Besides what the kernel gives of tangential motion, by name.
+    """
+    kernel = system.kernel
+    h, F, F_r = np.empty_like(overlap), np.empty_like(overlap), np.empty_like(overlap)
+    reach = (system.reach,) if kernel.fading else ()
+    out = np.empty((len(kernel.tangential), len(overlap)))
+    more = (out.reshape(-1),) if kernel.tangential else ()
+    kernel.contacts(
+        len(overlap), float(s), *reach, overlap, start, target, system.p, q.reshape(-1), y, h, F, F_r, *more
+    )
+    return h, F, F_r, dict(zip(kernel.tangential, out, strict=True))
+
+
+def solve_at(
+    system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
+) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
+    """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
+    count, d = len(contacts), x.shape[1]
+    n = np.empty((count, d))
+    r, h, F, F_r = (np.empty(count) for _ in range(4))  # each by itself: h outlives the others
+    values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
+
+    def solve(part: slice) -> None:
+        some = portion(contacts, part)
+        n[part], r[part] = directions(some, x, cell, system.walls)
+        overlap = some.S - r[part]
+        h[part], F[part], F_r[part], more = solve_contacts(
+            system, overlap, s or INSTANT, some.h, target[part], y[part], some.q
+        )
+        for name, value in more.items():
+            values[name][part] = value
+
+    in_portions(solve, count)
+    return n, r, h, F, F_r, values
+
+
+def require_films(system: System, state: State, h: Array, when: float) -> None:
+    """No film is drained: attraction without anything at short range to stop it closes a gap within a finite time."""
+    contacts, count = state.contacts, len(state.x)
+    drained = np.flatnonzero(h < DRAINED * system.radii[contacts.i])
+    if len(drained):
+        c = int(drained[np.argmin(h[drained])])
+        raise IntegrationError(
+            f"at t={when:.6g} the film of {pair_named(contacts, c, count)} is drained: its gap of {h[c]:.3g} is below "
+            f"the rounding of the radius {system.radii[contacts.i[c]]:.6g}, where no law holds, and the energy of an "
+            "attraction is without bound; let the law repel at short range (as steric does), weaken what draws the "
+            "surfaces together (as A does in dlvo), or end the run before"
+        )
+
+
+def require_shallow(system: System, state: State, at: Balance, when: float) -> None:
+    """No surfaces are pressed until centres could pass one another, or are flattened as widely as a sphere is.
+
+    The first is an overlap of the smaller radius. The second is the radius of the law's contact, without what it is of
+    surfaces that are not deflected, above the smaller radius: what matters of unequal spheres, and of walls, is not how
+    unequal they are. A cap of the height delta has a^2 = 2 R delta, with R below twice the smaller radius: contacts
+    that are pressed by less than SHALLOW need not be asked.
+    """
+    contacts, count = state.contacts, len(state.x)
+    smaller = np.minimum(system.radii[contacts.i], np.append(system.radii, np.inf)[np.minimum(contacts.j, count)])
+    pressed = (contacts.S - at.r + at.h) / smaller
+    if not len(pressed) or pressed.max() < SHALLOW:
+        return
+    remedy = "use weaker forces, slower motion, or a stiffer law"
+    c = int(np.argmax(pressed))
+    if pressed[c] > 1:
+        raise IntegrationError(
+            f"at t={when:.6g} {pair_named(contacts, c, count)} is pressed until its surfaces overlap by "
+            f"{pressed[c]:.3g} radii, where no law of contacts holds: {remedy}"
+        )
+    deep = np.flatnonzero(pressed >= SHALLOW)
+    some, h = some_of(contacts, deep), at.h[deep]
+    whole, round_ = (contact_state(system, some, overlap, h)["a"] for overlap in (contacts.S[deep] - at.r[deep], -h))
+    flat = np.sqrt(np.maximum(whole**2 - round_**2, 0.0)) / smaller[deep]
+    k = int(np.argmax(flat))
+    if flat[k] > 1:
+        raise IntegrationError(
+            f"at t={when:.6g} {pair_named(contacts, int(deep[k]), count)} is pressed until its surfaces are flattened "
+            f"over a radius of {flat[k]:.3g} times that of the smaller particle, {smaller[deep[k]]:.6g}, where no law "
+            f"of contacts holds: {remedy}"
+        )
 
 
 def _gap_powers(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, largest, solve_at, with_torques
+from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, largest, with_torques
 from softdyn.particles.balance import contact_forces as sum_of
 from softdyn.particles.driven import constant
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
@@ -72,7 +72,8 @@ class Part:
 def holding(system: System, contacts: Contacts, x: Array, t: float) -> Array:
     """Forces that hold particles where they are, with the contacts as they are, shape (N, d + rotations)."""
     cell, nothing, count = lattice(system.box, t), np.zeros(len(contacts)), len(x)
-    n, r, _, F, _, values = solve_at(system, contacts, x, cell, 0.0, nothing, nothing.copy())
+    (films,) = system.having["solve"]
+    n, r, _, F, _, values = films.solve(system, contacts, x, cell, 0.0, nothing, nothing.copy())
     force = with_torques(system, sum_of(contacts, F, n, count))
     known, still = sliding.starting(contacts, system.radii, n), np.zeros(force.shape)
     images, curvature = np.zeros(contacts.T.shape), curvatures(contacts, r, count)
