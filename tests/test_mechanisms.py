@@ -6,7 +6,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from softdyn.particles.files import particle_scene_from
 from softdyn.particles.geometry import Contacts, Wall
 from softdyn.particles.integrate import integrate
 from softdyn.particles.mechanisms import ROOMS, Action, Mechanism
+from softdyn.particles.mechanisms.gravity import Gravity
 from softdyn.particles.observables import wall_forces
 from softdyn.particles.particle_scene import Hold, ParticleScene, Push
 from softdyn.particles.results import load_particles
@@ -46,9 +47,7 @@ def weight(density: float, radius: float, g: float) -> float:
 def test_a_sphere_settles_at_the_speed_of_stokes(d: int, drag: float) -> None:
     """(density - fluid_density) 2 R^2 g/(9 eta), and its potential energy is what the drag takes."""
     g = [0.0] * (d - 1) + [-1e-2]
-    scene = ParticleScene(
-        **PHYSICS, positions=[[0.0] * d], radii=2.0, drag=drag, gravity=g, density=2.5, fluid_density=1.0
-    )
+    scene = ParticleScene(**PHYSICS, positions=[[0.0] * d], radii=2.0, drag=drag, gravity=Gravity(g, 2.5, 1.0))
     result = simulate_particles(scene)
     speed = 1.5 * 2 * 2.0**2 * 1e-2 / (9 * ETA) / drag
     np.testing.assert_allclose(result.v[-1, 0, -1], -speed, rtol=1e-9)
@@ -63,7 +62,7 @@ def test_a_sphere_settles_at_the_speed_of_stokes(d: int, drag: float) -> None:
 def test_gravity_is_what_a_push_with_each_weight_is() -> None:
     """Of unequal spheres that touch: to rounding, but for the name of the energy."""
     given = {**PHYSICS, "positions": [[0, 0], [2.6, 0.1]], "radii": [1.0, 1.5], "gap": 0.02, "drag": 1.0}
-    heavy = simulate_particles(ParticleScene(**given, gravity=[0.0, -1e-3], density=2.0))
+    heavy = simulate_particles(ParticleScene(**given, gravity=Gravity([0.0, -1e-3], 2.0)))
     pushes = [Push([k], [0.0, -weight(2.0, R, 1e-3)]) for k, R in enumerate((1.0, 1.5))]
     pushed = simulate_particles(ParticleScene(**given, push=pushes))
     np.testing.assert_allclose(heavy.x, pushed.x, rtol=1e-14)
@@ -75,7 +74,7 @@ def test_of_two_species_one_sinks_and_one_floats() -> None:
     """In one fluid, far apart, each at its own speed."""
     scene = ParticleScene(
         **PHYSICS, positions=[[0, 0, 0], [50, 0, 0]], radii=1.0, species=["lead", "cork"], range=1.0, drag=1.0,
-        gravity=[0.0, 0.0, -1e-3], density={"lead": 11.0, "cork": 0.25}, fluid_density=1.0,
+        gravity=Gravity([0.0, 0.0, -1e-3], {"lead": 11.0, "cork": 0.25}, 1.0),
     )  # fmt: skip
     v = simulate_particles(scene).v[-1, :, 2]
     np.testing.assert_allclose(v, -2e-3 / (9 * ETA) * np.array([10.0, -0.75]), rtol=1e-9)
@@ -87,7 +86,7 @@ def test_a_floor_bears_the_weight(tangential: bool) -> None:
     law = {"law": "equal_spheres", "parameters": {"E": 1.0, "eta": ETA, "nu": 0.5}, "until_t": 100.0, "times": 3}
     scene = ParticleScene(
         **law, positions=[[0, 1.005], [0, 3.015]], radii=1.0, gap=0.02, range=0.6, tangential=tangential,
-        wall=[Wall([0, 0], [0, -1])], hold=[Hold("all", "x")], gravity=[0.0, -1e-3], density=1.0,
+        wall=[Wall([0, 0], [0, -1])], hold=[Hold("all", "x")], gravity=Gravity([0.0, -1e-3], 1.0),
     )  # fmt: skip
     result = simulate_particles(scene)
     np.testing.assert_allclose(wall_forces(result)[:, 0, 1], -2 * weight(1.0, 1.0, 1e-3), rtol=1e-6)
@@ -96,7 +95,7 @@ def test_a_floor_bears_the_weight(tangential: bool) -> None:
 
 
 def test_without_drag_or_anything_to_stand_on_gravity_is_refused() -> None:
-    scene = ParticleScene(**PHYSICS, positions=[[0, 0], [2, 0]], radii=1.0, gap=0.02, gravity=[0, -1e-3], density=1.0)
+    scene = ParticleScene(**PHYSICS, positions=[[0, 0], [2, 0]], radii=1.0, gap=0.02, gravity=Gravity([0, -1e-3], 1.0))
     with pytest.raises(IntegrationError, match=r"external forces along y sum to .* without drag nothing balances them"):
         simulate_particles(scene)
 
@@ -104,24 +103,27 @@ def test_without_drag_or_anything_to_stand_on_gravity_is_refused() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"density": 1.0}, "acceleration is missing"),
-        ({"fluid_density": 1.0}, "acceleration is missing"),
-        ({"gravity": [0, -1.0]}, "density is missing"),
-        ({"gravity": [0, 0, -1.0], "density": 1.0}, "acceleration needs 2 components"),
-        ({"gravity": [0, math.nan], "density": 1.0}, "acceleration needs 2 components, finite"),
-        ({"gravity": -9.81, "density": 1.0}, "acceleration needs 2 components"),
-        ({"gravity": [0, -1.0], "density": -1.0}, "density must be 0 or a positive number, not -1"),
-        ({"gravity": [0, -1.0], "density": True}, "density must be 0 or a positive number, not True"),
-        ({"gravity": [0, -1.0], "density": 1.0, "fluid_density": -2}, "fluid_density must be 0 or a positive"),
-        ({"gravity": [0, -1.0], "density": {"a": 1.0}}, "no value for species 'b'"),
-        ({"gravity": [0, -1.0], "density": {"a": 1.0, "b": 1.0, "c": 2.0}}, "there is no species 'c'"),
-        ({"gravity": [0, -1e99], "density": 1e300}, "weight of particles 0, 1 is beyond the largest number"),
+        (([0, 0, -1.0], 1.0), "acceleration needs 2 components"),
+        (([0, math.nan], 1.0), "acceleration needs 2 components, finite"),
+        ((-9.81, 1.0), "acceleration needs 2 components"),
+        (([0, -1.0], None), "density must be 0 or a positive number, not None"),
+        (([0, -1.0], -1.0), "density must be 0 or a positive number, not -1"),
+        (([0, -1.0], True), "density must be 0 or a positive number, not True"),
+        (([0, -1.0], 1.0, -2), "fluid_density must be 0 or a positive number, not -2"),
+        (([0, -1.0], {"a": 1.0}), "no value for species 'b'"),
+        (([0, -1.0], {"a": 1.0, "b": 1.0, "c": 2.0}), "there is no species 'c'"),
+        (([0, -1e99], 1e300), "weight of particles 0, 1 is beyond the largest number"),
     ],
 )
-def test_what_is_no_gravity_is_refused(given: dict[str, Any], words: str) -> None:
-    scene = ParticleScene(**PHYSICS, positions=[[0, 0], [3, 0]], radii=1.0, species=["a", "b"], drag=1.0, **given)
+def test_what_is_no_gravity_is_refused(given: tuple[Any, ...], words: str) -> None:
+    gravity = Gravity(*given)
+    scene = ParticleScene(
+        **PHYSICS, positions=[[0, 0], [3, 0]], radii=1.0, species=["a", "b"], drag=1.0, gravity=gravity
+    )
     with pytest.raises(SceneError, match=words):
         simulate_particles(scene)
+    with pytest.raises(SceneError, match="must be a Gravity"):
+        simulate_particles(replace(scene, gravity=[0, -1.0]))
 
 
 def test_gravity_is_read_from_a_file_and_saved(tmp_path: Path) -> None:
@@ -275,7 +277,7 @@ def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
         "drag shear": "drag=1.0, shear_rate=0.1",
         "drag pushes": "drag=1.0, push=[Push([0], [1e-3, 0])]",
         "holds": "hold=[Hold('all', 'xy')]",
-        "drag gravity": "drag=1.0, gravity=[0, -1e-3], density=1.0",
+        "drag gravity": "drag=1.0, gravity=particles.Gravity([0, -1e-3], 1.0)",
         "drag walls": "drag=1.0, wall=[Wall([0, -3], [0, -1])]",
         "stress": "box=[9.0, 9.0], stress={'pressure': 0.0}, drag=0.0",
         "sliding": "tangential=True",
@@ -283,6 +285,7 @@ def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
     for wanted, given in scenes.items():
         program = (
             "import sys\n"
+            "from softdyn import particles\n"
             "from softdyn.particles import Hold, ParticleScene, Push, Wall\n"
             "from softdyn.particles.run import check\n"
             "check(ParticleScene('equal_spheres', {'E': 1.0, 'eta': 1.0, 'nu': 0.5}, positions=[[0, 0]], radii=1.0, "

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from softdyn.particles.files import read_particle_scene as read_scene
     from softdyn.particles.geometry import Wall
+    from softdyn.particles.mechanisms.gravity import Gravity
     from softdyn.particles.observables import (
         coordination,
         fabric,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from softdyn.particles.run import simulate_particles as simulate
 
 __all__ = [
+    "Gravity",
     "Hold",
     "Packing",
     "ParticleResult",
@@ -72,6 +74,7 @@ __all__ = [
 
 #: The module of each, and its name there.
 _HOME = {
+    "Gravity": ("mechanisms.gravity", "Gravity"),
     "Hold": ("particle_keys", "Hold"),
     "Packing": ("packing", "Packing"),
     "ParticleResult": ("results", "ParticleResult"),

@@ -347,8 +347,7 @@ def linearise(
         newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
         newton.pattern = pattern_of(contacts, newton.gauge_pairs, count)
     if newton.solver is None:
-        symmetric = all(mechanism.symmetric for mechanism in system.mechanisms)
-        newton.solver = linear.Solver(d, width, symmetric=symmetric, certain=not system.dragged)
+        newton.solver = solver_of(system)
     newton.solver.matrix = None  # not two at a time
     across = now.F * curvatures(contacts, now.r, count)
     springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d]) if newton.gauge_pairs else []
@@ -392,6 +391,12 @@ def pattern_of(contacts: Contacts, gauge_pairs: list[tuple[int, int]], count: in
     if len(ends):
         i, j = np.concatenate([i, ends[:, 0]]), np.concatenate([j, ends[:, 1]])
     return linear.pattern_of(count, i, j)
+
+
+def solver_of(system: System) -> linear.Solver:
+    """A solver of the systems of Newton's iteration."""
+    symmetric = all(mechanism.symmetric for mechanism in system.mechanisms)
+    return linear.Solver(system.dimension, system.width, symmetric=symmetric, certain=not system.dragged)
 
 
 def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:

@@ -16,10 +16,10 @@ from scipy.sparse import bsr_array
 import softdyn
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
-from softdyn.particles.balance import Newton, pattern_of
+from softdyn.particles.balance import Newton, pattern_of, solver_of
 from softdyn.particles.frame_file import ENDING, go_on
 from softdyn.particles.geometry import Contacts
-from softdyn.particles.linear import Solver, direct
+from softdyn.particles.linear import direct
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import HISTORY
@@ -171,7 +171,7 @@ def _newton_from(told: Any, arrays: Mapping[str, NDArray[Any]], contacts: Contac
     pairs = [(int(one), int(other)) for one, other in told["pairs"]]
     solver = None
     if told["solver"] is not None:
-        solver = Solver(system.dimension, width, symmetric=not system.kernel.tangential, certain=not system.dragged)
+        solver = solver_of(system)
         numbers = told["solver"]
         solver.exact, solver.counts = bool(numbers["exact"]), {k: int(v) for k, v in numbers["counts"].items()}
         solver.by_blocks, solver.spent, solver.last = (float(numbers[name]) for name in ("by_blocks", "spent", "last"))

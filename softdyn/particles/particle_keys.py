@@ -35,6 +35,7 @@ from softdyn.scene.time_tables import OverTime
 from softdyn.targets import CHOICES
 
 if TYPE_CHECKING:
+    from softdyn.particles.mechanisms.gravity import Gravity
     from softdyn.particles.packing import Packing
 
 #: What a scene without particles, or with too many, is told.
@@ -49,15 +50,6 @@ RADII = Kind("a number, or a list of numbers", {"anyOf": [{"type": "number"}, CO
 PARTICLES = Kind(
     f'a list of their numbers, the name of a species, or "{ALL}"',
     {"anyOf": [{"type": "array", "items": {"type": "integer", "minimum": 0}}, {"type": "string"}]},
-)
-DENSITY = Kind(
-    "a number, or one for each species",
-    {
-        "anyOf": [
-            {"type": "number", "minimum": 0},
-            {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
-        ]
-    },
 )
 AXES_NAMED = Kind('some of "xyz"', {"type": "string", "pattern": "^[xyz]{1,3}$"})
 
@@ -321,32 +313,13 @@ class ParticleScene:
         ),
     ] = 0.0
     gravity: Annotated[
-        Sequence[float] | None,
-        Key(
-            "[gravity] acceleration",
-            COORDINATES,
-            "Acceleration of gravity, one number for each axis. It needs the density of the particles.",
-            "length/time^2",
+        "Gravity | None",
+        Section(
+            "[gravity]",
+            "softdyn.particles.mechanisms.gravity:Gravity",
+            "The weight of the particles, less their buoyancy.",
         ),
     ] = None
-    density: Annotated[
-        float | Mapping[str, float] | None,
-        Key(
-            "[gravity] density",
-            DENSITY,
-            "Density of the particles, of which they have their weight.",
-            "force time^2/length^4",
-        ),
-    ] = None
-    fluid_density: Annotated[
-        float,
-        Key(
-            "[gravity] fluid_density",
-            NOT_NEGATIVE,
-            "Density of the fluid, whose buoyancy is taken off the weight; 0 without.",
-            "force time^2/length^4",
-        ),
-    ] = 0.0
     push: Annotated[
         Sequence[Push],
         Section(

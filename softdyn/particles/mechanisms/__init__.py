@@ -37,7 +37,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "films": ("law",),
     "drag": ("drag",),
     "pushes": ("push",),
-    "gravity": ("gravity", "density", "fluid_density"),
+    "gravity": ("gravity",),
     "holds": ("hold",),
     "walls": ("wall",),
     "shear": ("shear_rate",),
