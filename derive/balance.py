@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
-from sympy import Expr, Symbol, diff
+from sympy import DiracDelta, Expr, S, Symbol, diff
 from sympy import expand as multiplied_out
 
 from softdyn.derive import dynamics as d
@@ -62,8 +62,8 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
         return {
             a: law.a,
             F: law.F_ela,
-            d.F_a: diff(law.F_ela, a),
-            d.F_delta: diff(law.F_ela, delta),
+            d.F_a: _slope(law.F_ela, a),
+            d.F_delta: _slope(law.F_ela, delta),
             d.a_delta: slope(delta),
             d.C: generic.stiffness,
         }
@@ -76,9 +76,9 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
         a: law.a,
         F: law.F_ela,
         **remote,
-        d.F_a: diff(law.F_ela, a),
-        d.F_delta: diff(law.F_ela, delta),
-        **({d.F_h: diff(law.F_ela, h)} if law.general else {}),
+        d.F_a: _slope(law.F_ela, a),
+        d.F_delta: _slope(law.F_ela, delta),
+        **({d.F_h: _slope(law.F_ela, h)} if law.general else {}),
         d.a_h: slope(h),
         d.dF_dh: generic.by_gap,
         d.a_delta: slope(delta),
@@ -90,6 +90,11 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
 
 
 @lru_cache(maxsize=64)
+def _slope(expr: Expr, variable: Symbol) -> Expr:
+    """Derivative away from delta = 0, where that of sign(delta) is 0."""
+    return diff(expr, variable).replace(DiracDelta, lambda *_: S.Zero)
+
+
 def definitions_at(law: ContactLaw, side: int) -> dict[Symbol, Expr]:
     """The same on one side of delta = 0, without the branches of the other, in the size of delta.
 
