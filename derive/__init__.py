@@ -16,6 +16,7 @@ from softdyn.derive.dimensions import (
     Dimension,
 )
 from softdyn.derive.law import ContactLaw, Drag, Limit, Tangential
+from softdyn.derive.splines import read_points, spline
 from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa, size_ratio
 
 __all__ = [
@@ -41,5 +42,7 @@ __all__ = [
     "eta",
     "h",
     "kappa",
+    "read_points",
     "size_ratio",
+    "spline",
 ]

@@ -75,6 +75,7 @@ from softdyn.derive.identities import Tail, at_zero, everywhere, far_out
 from softdyn.derive.patience import nodes, spend
 from softdyn.derive.positive import knows_range_in, sides_taken
 from softdyn.derive.regions import combination
+from softdyn.derive.splines import Spline
 
 #: Powers of the ratios: whole ones as int, which is many times faster.
 Order = tuple[int | Fraction, ...]
@@ -83,7 +84,7 @@ Order = tuple[int | Fraction, ...]
 KEPT = 8
 
 #: Analytic functions, expanded about a finite argument.
-ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc, LambertW, Bessel)
+ANALYTIC = (exp, sin, cos, tan, atan, sinh, cosh, tanh, asinh, erf, erfc, LambertW, Bessel, Spline)
 
 #: Functions that are written in these.
 DERIVED = (acosh, acos, asin, atanh, acoth, coth)
@@ -942,6 +943,10 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
     written = at_zero(expr) if centre == 0 else None
     if written is not None:
         return _with_tail(written, expr, scale)
+    small = Series({e: c for e, c in argument.terms.items() if e != unit}, argument.remainder)
+    if isinstance(expr, Spline):
+        side = sign_of(leading(small, expr.args[0])[1], expr.args[0], scale) if small.terms or small.remainder else 1
+        return _compose(small, _of_spline(expr, centre, side), scale)
     x = Symbol("x", positive=True)
 
     def derivatives() -> Iterable[Expr]:
@@ -960,14 +965,32 @@ def _analytic(expr: Expr, argument: Series, scale: Scale) -> Series:
             yield value / factorial(k)
             function = function.diff(x)
 
-    small = Series({e: c for e, c in argument.terms.items() if e != unit}, argument.remainder)
     return _compose(small, derivatives(), scale)
+
+
+def _of_spline(expr: Spline, centre: Expr, side: int) -> list[Expr]:
+    """Coefficients of the piece beside a number; of a table no more is known than at its points."""
+    first, last = expr.points[0], expr.points[-1]
+    if (
+        not centre.is_Rational
+        or not first <= centre <= last
+        or centre == (last if side > 0 else first if side else None)
+    ):
+        raise UndecidedError(
+            f"{expr}, a table from {first} to {last}, has an argument that tends to {centre}: numbers only"
+        )
+    start, coefficients = expr.piece(centre, below=side < 0)
+    x = Symbol("x")
+    powers = Poly(sum((c * (x + centre - start) ** k for k, c in enumerate(coefficients)), start=S.Zero), x)
+    return list(reversed(powers.all_coeffs()))
 
 
 def _saturated(expr: Expr, side: int, scale: Scale) -> Series:
     """Series of a function whose argument grows beyond all bounds, to the side given."""
     if isinstance(expr, exp) and side < 0:
         return Series()  # smaller than any power of the ratios
+    if isinstance(expr, Spline):
+        raise UndecidedError(f"{expr} is a table up to {expr.points[-1]}, and its argument grows: numbers only")
     written = far_out(expr, side) if scale.axes is not None or not isinstance(expr, (sinh, cosh, LambertW)) else None
     if written is None:
         raise UndecidedError(f"{expr} has an argument that is neither small nor of order one")

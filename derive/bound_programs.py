@@ -33,6 +33,7 @@ from sympy import (
     Or,
     Piecewise,
     Pow,
+    S,
     Symbol,
     acos,
     acosh,
@@ -52,6 +53,8 @@ from sympy.codegen.cfunctions import expm1, log1p
 from softdyn.derive.bessel import Bessel
 from softdyn.derive.bounds import INF, ODD, Box, Frame, OutOfReachError, Span, Value, span, wider
 from softdyn.derive.special import LOWEST
+from softdyn.derive.splines import Spline
+from softdyn.derive.splines import bounds as spline_bounds
 
 Step = tuple[str, Any, tuple[int, ...]]
 
@@ -175,6 +178,7 @@ KINDS: tuple[tuple[Any, str], ...] = (
     ((sin, cos, tan), "circular"),
     ((acos, acosh, erfc, LambertW), "monotone"),
     (Bessel, "bessel"),
+    (Spline, "spline"),
     (Abs, "abs"),
     (sign, "sign"),
     ((Max, Min), "extreme"),
@@ -266,6 +270,23 @@ def _bessel(box: Box, kind: Any, values: list[Any]) -> Value:
     )
 
 
+def _spline(box: Box, kind: Any, values: list[Any]) -> Value:
+    """Term by term in a piece that starts at 0, where powers of the argument may be as small as one likes."""
+    (value,) = values
+    low, high = box.bounds(value)
+    if low == -INF:
+        raise OutOfReachError
+    if low >= 0 and kind.points[0] <= 0:
+        start, coefficients = kind.piece(S.Zero)
+        index = kind.points.index(start) if start == 0 else None
+        if index is not None and index + 1 < len(kind.points) and high < float(kind.points[index + 1]):
+            numbers = [Fraction(int(c.p), int(c.q)) for c in coefficients]
+            powers = [(box.constant(c), box.power(value, Fraction(k))) for k, c in enumerate(numbers) if k and c]
+            return box.total([box.constant(numbers[0]), *(box.product(*factors) for factors in powers)])
+    least, most = spline_bounds(kind, low, high)
+    return box.constant((-INF if least is None else span(least)[0], INF if most is None else span(most)[1]))
+
+
 def _less(box: Box, kind: Any, values: list[Any]) -> bool | None:
     (difference,) = values
     if difference is None or (difference.terms and not difference.sign):
@@ -327,6 +348,7 @@ _STEPS: dict[str, Callable[[Box, Any, list[Any]], Any]] = {
     "circular": _on_known(lambda box, function, values: box.circular(function, values[0])),
     "monotone": _on_known(_monotone),
     "bessel": _on_known(_bessel),
+    "spline": _on_known(_spline),
     "abs": _on_known(_absolute),
     "sign": _on_known(_sign),
     "extreme": _on_known(_extreme),

@@ -77,6 +77,7 @@ from softdyn.derive.dimensions import (
 from softdyn.derive.positive import Positivity, positivity, ranges_of_positive, ranges_of_symbol
 from softdyn.derive.soundness import is_side, rewritable, tidy
 from softdyn.derive.special import LambertW
+from softdyn.derive.splines import Spline
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
 if TYPE_CHECKING:
@@ -342,7 +343,7 @@ def _node_faults(name: str, expr: Expr) -> list[str]:
 
 def _unprintable(expr: Expr) -> list[Basic]:
     """Outermost nodes outside the grammar of printable expressions."""
-    if expr.func in PRINTABLE or isinstance(expr, (Add, Mul, Pow, Bessel, Relational, BooleanFunction)):
+    if expr.func in PRINTABLE or isinstance(expr, (Add, Mul, Pow, Bessel, Spline, Relational, BooleanFunction)):
         return [bad for argument in expr.args for bad in _unprintable(argument)]
     if isinstance(expr, (ImaginaryUnit, Infinity, NegativeInfinity, ComplexInfinity, NaN)):
         return [expr]

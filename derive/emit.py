@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import softdyn
 from softdyn import templates
-from softdyn.derive import bessel, special
+from softdyn.derive import bessel, special, splines
 from softdyn.derive.elementary import constants, nested, used_functions
 from softdyn.derive.kernel import KernelIR, Provenance, operations_of, total_operations
 from softdyn.derive.printing import KINDS
@@ -96,6 +96,10 @@ def kernel_body(ir: KernelIR) -> str:
 
 def with_special(body: str) -> str:
     """A body in the subset of Python that all targets share, behind the special functions that it calls."""
+    tables = splines.called_in(body)
+    if tables:
+        numbers = {"called": tables, "leaves": splines.leaves, "nested": nested}
+        body = render_part("common/splines.py.j2", numbers) + "\n\n" + body
     called = bessel.called_in(body)
     if called:
         numbers = {"called": called, "polynomials": bessel.polynomials, "nested": nested, "pi": math.pi}

@@ -32,6 +32,7 @@ from sympy.core.relational import Relational
 from sympy.logic.boolalg import And, Not, Or
 
 from softdyn.derive.special import NAMES as SPECIAL
+from softdyn.derive.splines import Spline, kernel_name
 
 Assignment = tuple[str, str]
 
@@ -191,6 +192,8 @@ def _text(expr: Expr) -> tuple[str, int]:
         return _piecewise(expr), _ATOM
     if isinstance(expr, (Relational, And, Or, Not)):
         return _condition(expr), _ATOM
+    if isinstance(expr, Spline):
+        return f"{kernel_name(expr)}({_text(expr.args[0])[0]})", _ATOM
     name = type(expr).__name__
     name = RENAMED.get(name, name)
     if name not in MATH_FUNCTIONS and name not in SPECIAL.values():

@@ -29,6 +29,7 @@ from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, cut, dot, orthants
 from softdyn.derive.law import ranges_of, sample_values
 from softdyn.derive.scalings import Path
+from softdyn.derive.splines import within_range
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta, h
 
 if TYPE_CHECKING:
@@ -416,6 +417,7 @@ def _bounded(function: Callable[[mpmath.mpf], mpmath.mpf]) -> Callable[[mpmath.m
 #: Functions that never come to an end at huge arguments, and what is asked instead.
 GUARDED = {
     "exp": _exp,
+    "evaluated": within_range,  # what is beyond the points of a spline refutes nothing
     **{name: _bounded(getattr(mpmath, name)) for name in ("sinh", "cosh", "tanh", "coth", "erf", "erfc", "sin", "cos")},
 }
 

@@ -63,6 +63,8 @@ class Kernel:
         Whether the law is that of a dry contact: no gap, no friction.
     pressed_only : bool
         Whether the law says nothing of surfaces that are pulled, delta < 0.
+    tabulated : bool
+        Whether the law has splines through points, which have a range.
     kinked : bool
         Whether the law has kinks or jumps elsewhere than at delta = 0, where steps end anyway.
     ranges : mapping from str to (low, high, whether low is left out, whether high is)
@@ -84,6 +86,7 @@ class Kernel:
     positive: tuple[str, ...]
     dry: bool
     pressed_only: bool
+    tabulated: bool
     kinked: bool
     ranges: Mapping[str, Range]
 
@@ -163,6 +166,7 @@ def get_kernel(
         positive=tuple(manifest["positive"]),
         dry=manifest["dry"],
         pressed_only=manifest["pressed_only"],
+        tabulated=manifest["tabulated"],
         kinked=manifest["kinked"],
         ranges=manifest["ranges"],
     )
@@ -303,6 +307,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
     from softdyn.derive.pair_equations import Needs
     from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.laws import load
+    from softdyn.table_ranges import has_tables
 
     law, depends = load(reference)
     ir = kernel_ir(law, Needs(**needs))
@@ -319,6 +324,7 @@ def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]
         "width": ir.settings["width"],
         "dry": is_dry(law),
         "pressed_only": pressed_only(law),
+        "tabulated": has_tables(law),
         "kinked": has_kinks(*expressions(law).values()),
         "positive": [symbol.name for symbol in parameters_of(law) if symbol.is_positive],
         "ranges": plain_ranges(law),

@@ -249,8 +249,8 @@ def _together(
     if drive.table is None:
         needs["deflection"] = one_sign or "either"
     kernel = kernel_of(scene.law, scene.target, **needs)
-    if kernel.dry or (isinstance(drive.shape, tuple) and has_kinks(drive.shape)):
-        return None  # at kinks steps have to end
+    if kernel.tabulated or kernel.dry or (isinstance(drive.shape, tuple) and has_kinks(drive.shape)):
+        return None  # at kinks steps have to end; whether a table is left is seen from the steps
     parameters, sound = _parameters(first, varied, kernel, drive)
     h = np.broadcast_to(np.asarray(varied.get("h", scene.h), dtype=float), (runs,))
     sound &= np.isfinite(h) & (h >= np.finfo(float).tiny) & np.isfinite(constants).all(axis=1)

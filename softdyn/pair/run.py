@@ -117,6 +117,8 @@ def simulate_pair(
     else:
         delta = states_at(kernel, steps, t)[1]
         delta[t == drive.start] = delta0
+    if kernel.tabulated:
+        _require_in_tables(scene, kernel, drive, p, steps, (float(scene.h), delta0), (t, h, delta))
     values = evaluate(kernel, h, delta, inputs, p)
     if drive.control == "force":
         values |= {"F": given, "dF_dt": given_rate}
@@ -191,6 +193,44 @@ def kernel_needs(scene: Scene, drive: Drive) -> dict[str, Any]:
         "deflection": drive.deflection,
         "outputs": tuple(sorted(wanted)),
     }
+
+
+#: States in each step at which a law with tables is asked whether it is in their range.
+LOOKS = 8
+
+
+def _require_in_tables(
+    scene: Scene,
+    kernel: Kernel,
+    drive: Drive,
+    p: Array,
+    steps: Array,
+    start: tuple[float, float],
+    told: tuple[Array, ...],
+) -> None:
+    """No state, at an output or within a step, is where a table of the law has no value.
+
+    Raises
+    ------
+    IntegrationError
+        Naming the time, the quantity, its value and the range.
+    """
+    from softdyn.table_ranges import law_once, outside
+
+    t, h, delta = (np.append(first, rest) for first, rest in zip((drive.start, *start), told, strict=True))
+    if len(steps):
+        parts = np.arange(1, LOOKS + 1) / LOOKS
+        times = (steps[:, :1] + steps[:, 1:2] * parts).ravel()
+        times = times[times <= told[0][-1]]
+        states = states_at(kernel, steps, times)
+        gaps = np.exp(states[0])
+        deltas = states[1] if len(states) > 1 else deflection(kernel, gaps, drive_at(kernel, drive, times)[0], p)
+        t, h, delta = (np.append(some, more) for some, more in ((t, times), (h, gaps), (delta, deltas)))
+    order = np.argsort(t, kind="stable")
+    values = dict(zip(kernel.parameters, p.tolist(), strict=True))
+    found = outside(law_once(scene.law, kernel.key), values, h[order], delta[order])
+    if found is not None:
+        raise IntegrationError(f"at t={t[order][found.number]:.6g} the law has no value: {found.words}")
 
 
 def _force_residual(F_ela: Array, F: Array, t: Array, h: Array) -> float:

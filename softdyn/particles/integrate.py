@@ -15,6 +15,7 @@ from softdyn.particles import linear
 from softdyn.particles.balance import Newton, StepFailed, pair_named
 from softdyn.particles.faults import require_balanced, why
 from softdyn.particles.geometry import Box, lattice
+from softdyn.particles.in_tables import require_in_tables
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
 from softdyn.particles.pulled import At, look
@@ -121,6 +122,7 @@ def _look_at_start(system: System, state: State) -> None:
     overlap = overlaps(system, state)
     F = contact_state(system, state.contacts, overlap, state.contacts.h)["F"]
     now = At(state.contacts.S - overlap, state.contacts.h, F)
+    require_in_tables(system, state, now.r, now.h, 0.0)
     look(state.pulled, system, state.contacts, 0.0, 0.0, now)
 
 

@@ -46,6 +46,8 @@ class ContactKernel:
         See the template ``contacts``; drag is None in a kernel without.
     bounded : bool
         Whether its friction has a limit far apart; in a kernel without drag it does not matter.
+    tabulated : bool
+        Whether the law has splines through points, which have a range.
     pressed_only : bool
         Whether the law says nothing of surfaces that are pulled, delta < 0.
     positive : tuple of str
@@ -70,6 +72,7 @@ class ContactKernel:
     drag: Callable[..., None] | None
     bounded: bool
     pressed_only: bool
+    tabulated: bool
     positive: tuple[str, ...]
     ranges: Mapping[str, Range]
 
@@ -83,6 +86,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     from softdyn.derive.far_field import is_bounded
     from softdyn.derive.law import parameters_of, plain_ranges
     from softdyn.laws import load
+    from softdyn.table_ranges import has_tables
 
     law, depends = load(reference)
     ir = contact_ir(law, ContactNeeds(**needs))
@@ -97,6 +101,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "drag": ir.functions["drag"].gives,
         "bounded": not needs["drag"] or is_bounded(law),
         "pressed_only": pressed_only(law),
+        "tabulated": has_tables(law),
         "positive": [symbol.name for symbol in parameters_of(law, needs["tangential"], True) if symbol.is_positive],
         "ranges": plain_ranges(law),
         "source": written.text,
@@ -157,6 +162,7 @@ def get_contact_kernel(
         drag=functions.drag if manifest["drag"] else None,
         bounded=bool(manifest["bounded"]),
         pressed_only=bool(manifest["pressed_only"]),
+        tabulated=bool(manifest["tabulated"]),
         positive=tuple(manifest["positive"]),
         ranges=manifest["ranges"],
     )

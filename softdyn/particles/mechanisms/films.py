@@ -12,6 +12,7 @@ from softdyn.errors import IntegrationError
 from softdyn.particles.balance import Balance, pair_named
 from softdyn.particles.energy import ELASTIC
 from softdyn.particles.geometry import Contacts, directions, some_of
+from softdyn.particles.in_tables import require_in_tables
 from softdyn.particles.kernel import energies
 from softdyn.particles.mechanisms import Mechanism
 from softdyn.particles.portions import in_portions, portion
@@ -49,6 +50,7 @@ class Films(Mechanism):
         """See :class:`Mechanism`."""
         require_films(system, state, at.h, when)
         require_shallow(system, state, at, when)
+        require_in_tables(system, state, at.r, at.h, when)
 
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """What is lost in the gaps, what remote forces and the U_h term take, and what is stored."""
