@@ -267,7 +267,7 @@ def test_what_is_not_the_laws_cannot_be_fixed_or_asked_for() -> None:
     )
     with pytest.raises(LawError, match=r"-1 < nu <= 1/2 must hold, and nu is 0\.6"):
         kernel_ir(equal_spheres, Needs(fixed={"nu": "0.6"}))
-    assert "nu" not in kernel_ir(equal_spheres, Needs(fixed={"nu": "0.5"})).parameters
+    assert "nu" not in kernel_ir(equal_spheres, Needs(fixed={"nu": "0.5"})).arrays["p"]
 
 
 # ---------------------------------------------------------------- operations
