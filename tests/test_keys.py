@@ -19,9 +19,10 @@ import softdyn
 from softdyn import particles
 from softdyn.cli import main
 from softdyn.errors import SceneError
+from softdyn.particles.driven import require_used
 from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.scene.key_words import entries, page, schema, told
-from softdyn.scene.keys import Key, all_keys, rows
+from softdyn.scene.keys import Key, all_keys, driven_values, rows
 from softdyn.scene.pair_scene import Scene, scene_from
 
 ROOT = Path(softdyn.__file__).parents[1]
@@ -270,3 +271,17 @@ def test_a_section_that_a_scene_does_not_have_is_not_imported() -> None:
         "Path()); assert 'softdyn.particles.packing' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_whatever_may_change_in_time_is_looked_through_for_constants() -> None:
+    """Of every kind of section; words that are no expressions are none."""
+    physics: dict[str, Any] = {"parameters": {"E": 1.0, "eta": 1.0}, "positions": [[0.0, 0.0]], "radii": 1.0}
+    constants = dict.fromkeys("abcdef", 1.0)
+    scene = particles.ParticleScene(
+        "rognon_gay", **physics, until_t=1.0, constants=constants, shear_rate="a*t", stress={"xy": "b*t"},
+        push=[particles.Push("f", ["c*t", 0.0])], hold=[particles.Hold([0], "x", ["d*t"])],
+        wall=[particles.Wall([0, -2], [0, -1], velocity=[0, "e*t"])],
+    )  # fmt: skip
+    assert [value for value in driven_values(scene) if isinstance(value, str)] == ["e*t", "a*t", "b*t", "c*t", "d*t"]
+    with pytest.raises(SceneError, match="constants: f does not appear in any expression"):
+        require_used(scene)

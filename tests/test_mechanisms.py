@@ -23,7 +23,7 @@ from softdyn.particles.integrate import integrate
 from softdyn.particles.mechanisms import ROOMS, Action, Mechanism
 from softdyn.particles.mechanisms.gravity import Gravity
 from softdyn.particles.observables import wall_forces
-from softdyn.particles.particle_scene import Hold, ParticleScene, Push
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.particles.results import load_particles
 from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start

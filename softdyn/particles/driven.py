@@ -7,8 +7,8 @@ What is wrong with an entry is refused by its name.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from softdyn.expression import FUNCTIONS
 from softdyn.particles.geometry import rotations
 from softdyn.particles.time_functions import TimeFunction, time_function
 from softdyn.particles.words import ALL, AXES, components, is_list, is_number
+from softdyn.scene.keys import driven_values
 
 if TYPE_CHECKING:
     from softdyn.particles.particle_keys import ParticleScene
@@ -140,27 +141,10 @@ def _constants(scene: ParticleScene) -> dict[str, float]:
 
 def require_used(scene: ParticleScene) -> None:
     """Refuse constants that no expression takes."""
-    texts = list(_texts(scene))
+    texts = [value for value in driven_values(scene) if isinstance(value, str)]
     unused = [name for name in scene.constants if not any(re.search(rf"\b{re.escape(name)}\b", text) for text in texts)]
     if unused:
         raise SceneError(f"constants: {', '.join(unused)} does not appear in any expression")
-
-
-#: Fields of a scene, and of its parts, whose words are no expressions.
-_NAMES = ("law", "target", "species", "mixing", "parameters", "constants", "films", "particles", "axes")
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Every word within a value that may be an expression."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, (list, tuple)):
-        for one in value:
-            yield from _texts(one)
-    elif isinstance(value, Mapping):
-        yield from _texts(list(value.values()))
-    elif is_dataclass(value):
-        yield from _texts([getattr(value, field.name) for field in fields(value) if field.name not in _NAMES])
 
 
 def terms_of(

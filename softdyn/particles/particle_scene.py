@@ -15,7 +15,7 @@ from softdyn.particles.driven import require_used
 from softdyn.particles.films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.mechanisms import Mechanism, rooms_of
-from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.system import ValidatedScene
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
@@ -57,12 +57,6 @@ def check(scene: ParticleScene) -> ValidatedScene:
     if radii.shape != (count,):
         raise SceneError(f"[particles] {len(radii)} radii for {count} particles")
     faults = key_faults(scene)
-    for name, kind in (("push", Push), ("hold", Hold), ("wall", Wall)):
-        entries = getattr(scene, name)
-        if not isinstance(entries, (list, tuple)) or not all(isinstance(entry, kind) for entry in entries):
-            faults.append(f"{name} must be a list of {kind.__name__}(...), not {entries!r}")
-    if not isinstance(scene.stress, Mapping):
-        faults.append(f"[stress] must map names to values, not {scene.stress!r}")
     if faults:
         raise SceneError(listed(faults))
     good = np.isfinite(radii) & (radii > 0)

@@ -13,11 +13,11 @@ section of its own, or a list of sections, is a class that declares its keys lik
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, InitVar, dataclass
 from functools import wraps
 from importlib import import_module
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_type_hints, is_typeddict
 
 from softdyn.errors import SceneError
 from softdyn.scene.kinds import Kind
@@ -184,20 +184,53 @@ def all_keys(cls: type) -> list[tuple[Row, type]]:
 
 
 def key_faults(values: Any, where: str = "") -> list[str]:
-    """What is wrong with values, each by itself.
-
-    Parameters
-    ----------
-    values : object of a class that declares keys
-    where : str
-        What stands in the place of the keys' own section, as "[[push]] 3".
-    """
+    """What is wrong with values, each by itself, and with those of sections; ``where`` is the place of an entry."""
     faults = []
     for row in rows(type(values)):
         value = getattr(values, row.field, None)
-        if isinstance(row.what, Key) and not (value is None and row.default is None):
-            faults += value_faults(row.what, value, f"{where} {row.what.name}" if where else row.what.place)
+        if value is None and row.default is None:
+            continue
+        if isinstance(row.what, Key):
+            faults += value_faults(row.what, value, f"{where}: {row.last}" if where else row.what.place)
+        elif not row.what.name and not _is_empty(value):
+            faults += _section_faults(row.what, row.field, value)
     return faults
+
+
+def _is_empty(value: Any) -> bool:
+    return isinstance(value, (tuple, list, dict)) and not value
+
+
+def _section_faults(section: Section, field: str, value: Any) -> list[str]:
+    cls = section.cls
+    if section.many:
+        if not isinstance(value, (list, tuple)) or not all(isinstance(entry, cls) for entry in value):
+            return [f"{field} must be a list of {cls.__name__}(...), not {value!r}"]
+        return [fault for k, entry in enumerate(value) for fault in key_faults(entry, f"{section.place} {k}")]
+    if is_typeddict(cls):
+        return [] if isinstance(value, Mapping) else [f"{section.place} must map names to values, not {value!r}"]
+    return key_faults(value) if isinstance(value, cls) else [f"{field} must be a {cls.__name__}(...), not {value!r}"]
+
+
+def driven_values(values: Any, cls: type | None = None) -> Iterator[Any]:
+    """All that may change in time: what a scene gives for keys that take an expression or a table.
+
+    Parameters
+    ----------
+    values : object of a class that declares keys, or a mapping
+    cls : type, optional
+        The class that declares the keys of a mapping.
+    """
+    for row in rows(cls or type(values)):
+        value = values.get(row.field) if isinstance(values, Mapping) else getattr(values, row.field, None)
+        what = row.what
+        if value is None or (isinstance(what, Key) and not what.kind.tabled):
+            continue
+        if isinstance(what, Key):
+            yield from value if what.kind.tabled == "list" and isinstance(value, (list, tuple)) else (value,)
+        elif not _is_empty(value):
+            for entry in value if what.many else (value,):
+                yield from driven_values(entry, what.cls)
 
 
 def value_faults(key: Key, value: Any, where: str) -> list[str]:
