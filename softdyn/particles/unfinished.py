@@ -6,7 +6,7 @@ from pathlib import Path
 
 from softdyn.errors import SceneError
 from softdyn.particles.frame_file import read_frames
-from softdyn.particles.particle_scene import ParticleScene
+from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.run import prepare
 from softdyn.particles.system import works

@@ -16,7 +16,7 @@ from softdyn.errors import SceneError
 from softdyn.results.origin import scene_from
 
 if TYPE_CHECKING:
-    from softdyn.particles.particle_scene import ParticleScene
+    from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.results import ParticleResult
     from softdyn.results.pair_result import PairResult
     from softdyn.scene.pair_scene import Scene
