@@ -81,6 +81,7 @@ from softdyn.derive.splines import Spline
 from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
 
 if TYPE_CHECKING:
+    from softdyn.derive.closure import Closure
     from softdyn.derive.law import ContactLaw, Limit
 
 #: The arguments and the dimension of each declared expression.
@@ -114,7 +115,7 @@ PRINTABLE = (
 
 def faults_of(law: ContactLaw) -> list[str]:
     """Every fault of a law, as messages for its author; an empty list if there are none."""
-    faults = _name_faults(law.name) + _parameter_faults(law)
+    faults = name_faults(law.name) + parameter_faults(law)
     if not isinstance(law.general, bool):
         faults.append(f"general = {law.general!r} must be True or False")
     if not all(isinstance(symbol, Symbol) and isinstance(d, Dimension) for symbol, d in law.parameters.items()):
@@ -130,9 +131,9 @@ def faults_of(law: ContactLaw) -> list[str]:
         if name == "F_ela" and expr == oo:
             continue  # rigid
         allowed = (*arguments, *(GENERAL.get(name, ()) if law.general else ()))
-        found = _symbol_faults(name, expr, allowed, law, known) + _node_faults(name, expr)
+        found = _symbol_faults(name, expr, allowed, law, known) + node_faults(name, expr)
         if not found:
-            found = _dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
+            found = dimension_faults(name, expr, dimension, {**DIMENSIONS, **law.parameters})
         if not found:
             found = _gap_faults(name, expr, law)
         faults += found
@@ -171,10 +172,10 @@ def _unequal_faults(law: ContactLaw) -> list[str]:
         return [f"unequal = {expr!r} is a {type(expr).__name__}, not a sympy expression"]
     others = sorted(expr.free_symbols - {h, R, size_ratio}, key=str)
     found = [f"unequal: symbol {symbol.name!r} is not allowed here; allowed: h, R, size_ratio" for symbol in others]
-    found += _node_faults("unequal", expr)
+    found += node_faults("unequal", expr)
     if found:
         return found
-    found = _dimension_faults("unequal", expr, DIMENSIONLESS, {**DIMENSIONS, size_ratio: DIMENSIONLESS})
+    found = dimension_faults("unequal", expr, DIMENSIONLESS, {**DIMENSIONS, size_ratio: DIMENSIONLESS})
     if found:
         return found
     of_equal = expr.subs(size_ratio, Rational(1, 4))
@@ -204,9 +205,9 @@ def _part_faults(
         if not isinstance(expr, Expr):
             faults.append(f"{where} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
             continue
-        found = _symbol_faults(where, expr, arguments, law, known) + _node_faults(where, expr)
+        found = _symbol_faults(where, expr, arguments, law, known) + node_faults(where, expr)
         known_dimensions = {**DIMENSIONS, **law.parameters, size_ratio: DIMENSIONLESS}
-        faults += found or _dimension_faults(where, expr, dimension, known_dimensions) or _gap_faults(where, expr, law)
+        faults += found or dimension_faults(where, expr, dimension, known_dimensions) or _gap_faults(where, expr, law)
     return faults
 
 
@@ -231,13 +232,13 @@ def _tangential_positivity_faults(law: ContactLaw) -> list[str]:
     return faults
 
 
-def _name_faults(name: object) -> list[str]:
+def name_faults(name: object) -> list[str]:
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]{0,60}", name):
         return [f"name {name!r} must be a lower-case identifier: it names the generated files and functions"]
     return []
 
 
-def _parameter_faults(law: ContactLaw) -> list[str]:
+def parameter_faults(law: ContactLaw | Closure) -> list[str]:
     faults = []
     counts = Counter(str(getattr(symbol, "name", symbol)) for symbol in law.parameters)
     faults += [
@@ -267,7 +268,7 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
     for symbol, bounds in law.ranges.items():
         if symbol not in law.parameters:
             faults.append(f"ranges: {symbol} is not among the law's own parameters")
-        elif not _is_range(bounds):
+        elif not is_range(bounds):
             faults.append(
                 f"ranges: {symbol} needs (low, high), finite numbers with low < high, or an Interval of such, "
                 f"not {bounds}"
@@ -275,7 +276,7 @@ def _parameter_faults(law: ContactLaw) -> list[str]:
     return faults
 
 
-def _is_range(bounds: object) -> bool:
+def is_range(bounds: object) -> bool:
     """Whether these are two finite numbers, low and high, or an interval between such."""
     ends = (bounds.start, bounds.end) if isinstance(bounds, Interval) else bounds
     if not isinstance(ends, (tuple, list)) or len(ends) != 2:
@@ -323,7 +324,7 @@ def _is_side(node: Basic) -> bool:
     return isinstance(node, Relational) and is_side(node)
 
 
-def _node_faults(name: str, expr: Expr) -> list[str]:
+def node_faults(name: str, expr: Expr) -> list[str]:
     faults = []
     for node in sorted(expr.atoms(AppliedUndef), key=str):
         faults.append(f"{name}: {node} is an undefined function; write it out, or declare a parameter")
@@ -354,7 +355,7 @@ def _unprintable(expr: Expr) -> list[Basic]:
     return [expr]
 
 
-def _dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Symbol, object]) -> list[str]:
+def dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Symbol, object]) -> list[str]:
     euler = "; its E is Euler's number: import E from softdyn.derive" if expr.has(EulerNumber) else ""
     try:
         found = dimension_of(expr, known)  # type: ignore[arg-type]
@@ -368,7 +369,7 @@ def _dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Sy
 def _gap_faults(name: str, expr: Expr, law: ContactLaw) -> list[str]:
     """A Piecewise without a default branch may have no value somewhere."""
     own = [symbol for symbol in law.parameters if symbol in expr.free_symbols]
-    if not expr.has(Piecewise) or not all(map(_is_range, law.ranges.values())):
+    if not expr.has(Piecewise) or not all(map(is_range, law.ranges.values())):
         return []
     exact = {symbol: [nsimplify(sample, rational=True) for sample in _samples(symbol, law)] for symbol in own}
     found = gap_of(expr, exact)
@@ -404,7 +405,7 @@ def _limit_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
             if not isinstance(form, Expr):
                 faults.append(f"{where}, {quantity}: {form!r} is not a sympy expression")
                 continue
-            faults += _node_faults(f"{where}, {quantity}", form)
+            faults += node_faults(f"{where}, {quantity}", form)
             strange = sorted(str(symbol) for symbol in form.free_symbols - allowed)
             if strange:
                 faults.append(f"{where}, {quantity}: unknown symbol {', '.join(strange)}")
@@ -419,7 +420,7 @@ def _within_faults(limit: Limit, allowed: set[Symbol]) -> list[str]:
     faults += [
         f"where: {ratio!r} must be a ratio, such as h/R, and below a positive number"
         for ratio, bound in limit.where.items()
-        if not (isinstance(ratio, Expr) and _is_monomial(ratio) and ratio.free_symbols <= allowed - {F} and bound > 0)
+        if not (isinstance(ratio, Expr) and is_monomial(ratio) and ratio.free_symbols <= allowed - {F} and bound > 0)
     ]
     return faults
 
@@ -465,10 +466,10 @@ def _is_size(expr: Expr) -> bool:
     rates = [term for factor in expr.atoms(exp) for term in Add.make_args(factor.args[0])]
     inner = [function.args[0] for function in expr.atoms(log)]
     plain = Mul(*factors).xreplace({function: Dummy("log", positive=True) for function in expr.atoms(log)})
-    return all(map(_is_monomial, (plain, *rates, *inner)))
+    return all(map(is_monomial, (plain, *rates, *inner)))
 
 
-def _is_monomial(expr: Expr) -> bool:
+def is_monomial(expr: Expr) -> bool:
     """Whether an expression is a number times rational powers of symbols."""
     powers = expr.as_powers_dict()
     return all(base.is_Symbol or base.is_number for base in powers) and all(p.is_Rational for p in powers.values())
@@ -478,7 +479,7 @@ def _typical_faults(law: ContactLaw) -> list[str]:
     from softdyn.derive.law import ranges_of
 
     faults = []
-    sound = ranges_of(law) if all(map(_is_range, law.ranges.values())) else {}
+    sound = ranges_of(law) if all(map(is_range, law.ranges.values())) else {}
     for symbol, value in law.typical.items():
         if symbol not in law.parameters:
             faults.append(f"typical: {symbol} is not among the law's own parameters")
@@ -504,7 +505,7 @@ def sympify_number(value: object) -> Rational | None:
     """Return an exact number times powers of R, E and eta, in units of these; None if it is nothing of the kind."""
     if isinstance(value, int):
         return Rational(value)
-    if not isinstance(value, Expr) or not _is_monomial(value) or value.free_symbols - set(COMMON_PARAMETERS):
+    if not isinstance(value, Expr) or not is_monomial(value) or value.free_symbols - set(COMMON_PARAMETERS):
         return None
     number = value.subs(dict.fromkeys(COMMON_PARAMETERS, 1))
     return number if isinstance(number, Rational) else None

@@ -1,0 +1,147 @@
+"""Closures: what the stock ones give, and what a declaration is told that is wrong."""
+
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from sympy import Float, Rational, Symbol, pi, sqrt
+
+from softdyn.derive.closure import ARGUMENTS, Closure, Re, c, eta, phi, r, rho, slip, viscosity
+from softdyn.derive.dimensions import DIMENSIONLESS
+from softdyn.derive.law import Limit
+from softdyn.errors import LawError
+
+FOLDER = Path(import_module("softdyn.derive.closures").__path__[0])
+STOCK = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "__init__")
+
+
+def stock(name: str) -> Closure:
+    """A stock closure."""
+    return import_module(f"softdyn.derive.closures.{name}").closure
+
+
+def value(name: str, **at: float) -> float:
+    """A stock closure at eta = r = 1 and typical values, but for what is given."""
+    closure = stock(name)
+    known = {symbol.name: symbol for symbol in (*ARGUMENTS, *closure.parameters)}
+    given = {"eta": 1, "r": 1, **at}
+    if "c" in given:
+        given["phi"] = 1 - given["c"]
+    elif "phi" in given:
+        given["c"] = 1 - given["phi"]
+    values = {**closure.typical, **{known[name]: number for name, number in given.items() if name in known}}
+    return float(closure.expression.subs(values))
+
+
+# a drag over 6 pi, as a multiple of Stokes'; each by hand
+@pytest.mark.parametrize(
+    ("name", "at", "expected"),
+    [
+        ("stokes", {}, 1),
+        # C_d = 24/Re (1 + 0.15 Re^0.687): 10^0.687 = 4.86407, C_d = 4.15107 at Re = 10
+        ("schiller_naumann", {"Re": 10}, 4.15107 * 10 / 24),
+        ("schiller_naumann", {"Re": 1e4}, 0.44 * 1e4 / 24),
+        # at c = 1: C_d(100) = (0.63 + 0.48)^2 = 1.2321
+        ("dallavalle_di_felice", {"Re": 100, "c": 1}, 1.2321 * 100 / 24),
+        ("migflow_drag", {"Re": 100, "c": 1}, 1.2321 * 100 / 24),
+        # c Re = 10^1.5, where beta is 3.05: (0.63 10^0.75 + 4.8)^2 = 69.6015, over 24, times 2^2.05
+        ("dallavalle_di_felice", {"Re": 2 * 10**1.5, "c": 0.5}, 69.6015 / 24 * 2**2.05),
+        # c Re = e^1.5: (0.63 e^0.75 + 4.8)^2 = 37.623, over 24, times 2^2.15
+        ("migflow_drag", {"Re": 2 * 2.718281828459045**1.5, "c": 0.5}, 37.623 / 24 * 2**2.15),
+        # 150 phi/(18 c) + 1.75 Re/18
+        ("ergun", {"Re": 18, "c": 0.6}, 150 * 0.4 / (18 * 0.6) + 1.75),
+        ("gidaspow", {"Re": 18, "c": 0.6}, 150 * 0.4 / (18 * 0.6) + 1.75),
+        # c Re = 10 at c = 0.9: (1 + 0.15 * 4.86407) 0.9^-2.65
+        ("gidaspow", {"Re": 10 / 0.9, "c": 0.9}, 1.729611 * 0.9**-2.65),
+        # c (10 phi/c^2 + c^2 (1 + 1.5 sqrt(phi))), phi = 0.36: 5.625 + 0.64^3 1.9
+        ("beetstra", {"Re": 1e-14, "c": 0.64}, 5.625 + 0.64**3 * 1.9),
+        # phi = 0.25, c Re = 1: 0.413/(24 c) (1/c + 3 c phi + 8.4)/(1 + 10^0.75), besides 3.33333 + 0.738281
+        ("beetstra", {"Re": 4 / 3, "c": 0.75}, 3.333333 + 0.738281 + 0.413 / 18 * 10.295833 / 6.623413),
+    ],
+)
+def test_the_drag_is_what_its_authors_have(name, at, expected):
+    assert value(name, **at) == pytest.approx(6 * 3.14159265358979 * expected, rel=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "expected"),
+    [
+        ("einstein", {"phi": 0.02}, 1.05),
+        ("batchelor", {"phi": 0.1}, 1.312),
+        ("batchelor", {"phi": 0.1, "B": 7.6}, 1.326),
+        ("slides_viscosity", {"phi": 0.1}, 1.3),
+        ("krieger_dougherty", {"phi": 0.32}, 2**1.6),
+        ("maron_pierce", {"phi": 0.32}, 4),
+        ("richardson_zaki", {"Re": 0.1, "c": 0.5}, 2**-4.65),
+        ("richardson_zaki", {"Re": 1, "c": 0.5}, 2**-4.45),
+        ("richardson_zaki", {"Re": 1e3, "c": 0.5}, 2**-2.39),
+        ("carman_kozeny", {"c": 0.5}, 2 / 180),
+    ],
+)
+def test_other_closures_are_what_their_authors_have(name, at, expected):
+    assert value(name, **at) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_disc_has_the_drag_of_migflow_in_the_plane():
+    # A = d in place of pi r^2: the ratio is 2/(pi r)
+    closure = stock("migflow_drag")
+    assert (closure.in_plane / closure.expression).simplify() == 2 / (pi * r)
+
+
+@pytest.mark.parametrize("name", STOCK)
+def test_every_stock_closure_says_what_it_is(name):
+    closure = stock(name)
+    assert closure.name == name
+    assert closure.description
+    assert closure.source
+    assert closure.limits
+
+
+phi_max = Symbol("phi_max", positive=True)
+WRONG = {
+    "dimension": ({"expression": pi * eta * r**2}, "friction (force/velocity) is expected"),
+    "sum": ({"expression": pi * eta * r + rho * slip}, "combines"),
+    "misspelt": ({"expression": pi * eta * r * Symbol("Rey", positive=True)}, "did you mean 'Re'?"),
+    "assumptions": ({"expression": pi * eta * r * Symbol("Re")}, "another symbol than softdyn's"),
+    "inexact": ({"expression": Float("0.15") * eta * r}, "is inexact"),
+    "gives": ({"gives": "lift", "expression": eta * r}, "one of drag, viscosity, permeability, settling"),
+    "undeclared": ({"expression": eta * r * phi_max}, "'phi_max' is not allowed here"),
+    "taken": ({"expression": eta * r, "parameters": {Symbol("slip", positive=True): DIMENSIONLESS}}, "already"),
+    "negative": ({"expression": eta * r * (1 - 2 * phi)}, "must be positive, but at Re="),
+    "plane": ({"gives": "viscosity", "expression": eta, "in_plane": eta}, "in_plane is of a drag"),
+    "order": ({"expression": eta * r, "limits": (Limit("x", (Re,), {}),)}, "order must hold sizes"),
+    "both": ({"expression": eta * r, "limits": (Limit("x", ((c, 1), (phi, 1)), {}),)}, "both c and phi"),
+    "compared": (
+        {"expression": eta * r, "limits": (Limit("x", (r, 1), {}),)},
+        "order compares dimensionless with length",
+    ),
+    "claim": ({"expression": eta * r, "limits": (Limit("x", (Re, 1), {"Cd": Re}),)}, "cannot claim 'Cd'"),
+    "claimed": (
+        {"expression": eta * r, "limits": (Limit("x", (Re, 1), {"drag": eta}),)},
+        "friction (force/velocity) is expected",
+    ),
+    "other": (
+        {"expression": eta * r, "limits": (Limit("x", (Re, 1), {viscosity: eta}),)},
+        "one can claim 'drag', 'C_d'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_declaration_is_told_what_is_wrong(name):
+    declared, words = WRONG[name]
+    with pytest.raises(LawError) as told:
+        Closure(**{"name": "wrong", "gives": "drag", **declared})
+    assert words in str(told.value)
+
+
+def test_all_faults_are_told_at_once():
+    with pytest.raises(LawError) as told:
+        Closure(
+            name="Wrong",
+            gives="drag",
+            expression=eta * r * sqrt(r),
+            typical={phi: Rational(1, 2)},
+            limits=(Limit("x", (Re, 1), {"Cd": Re}),),
+        )
+    assert len(told.value.faults) == 4
