@@ -159,6 +159,9 @@ def _drag_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
     faults = _part_faults("drag", "Drag(translation=..., rotation=...)", DRAG, law, known)
     for name in () if faults else DRAG:
         expr = tidy(getattr(law.drag, name))
+        if expr.has(Spline):
+            faults.append(f"drag {name} does not vary in a run: it takes no spline, but a number or a formula")
+            continue
         found = _witness_of_part(expr, law)
         if found is not None:
             faults.append(f"drag {name} must be positive, but at {_point(found)} it is {mpmath.nstr(found.value, 6)}")

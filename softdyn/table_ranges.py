@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from sympy import And, Expr, Piecewise, Symbol, lambdify, nan
 
-from softdyn.derive.law import ContactLaw, drag_expressions, expressions, parameters_of, tangential_expressions
+from softdyn.derive.law import ContactLaw, expressions, parameters_of, tangential_expressions
 from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.splines import Spline
 from softdyn.derive.symbols import a, delta, h, size_ratio
 from softdyn.laws import law_of
 
 Array = NDArray[np.float64]
+#: Before the names of what tangential motion meets.
+TANGENTIAL = "tangential "
 #: Of the width of a range: how far beyond it a rounded value may be.
 ROUNDING = 1e-9
 
@@ -52,12 +54,12 @@ def has_tables(law: ContactLaw) -> bool:
 def _all_expressions(law: ContactLaw) -> dict[str, Expr]:
     found = {**expressions(law), "unequal": law.unequal}
     if law.tangential is not None:
-        found |= {f"tangential {name}": expr for name, expr in tangential_expressions(law.tangential).items()}
-    return found | {f"drag {name}": expr for name, expr in drag_expressions(law.drag).items()}
+        found |= {f"{TANGENTIAL}{name}": expr for name, expr in tangential_expressions(law.tangential).items()}
+    return found
 
 
 def _symbols(law: ContactLaw) -> tuple[Symbol, ...]:
-    return (h, delta, size_ratio, *parameters_of(law, tangential=True, drag=True))
+    return (h, delta, size_ratio, *parameters_of(law, tangential=True))
 
 
 @lru_cache(maxsize=32)
@@ -81,7 +83,9 @@ def law_once(law: ContactLaw | str | Path, kernel: str) -> ContactLaw:
     return law_of(law)
 
 
-def outside(law: ContactLaw, parameters: Mapping[str, Any], at: Array, deflection: Array) -> Outside | None:
+def outside(
+    law: ContactLaw, parameters: Mapping[str, Any], at: Array, deflection: Array, left_out: tuple[str, ...] = ()
+) -> Outside | None:
     """Return the first state in which a law asks a table for what it has no value of.
 
     Parameters
@@ -91,12 +95,16 @@ def outside(law: ContactLaw, parameters: Mapping[str, Any], at: Array, deflectio
         Those of the law, R among them.
     at, deflection : array, shape (states,)
         h and delta.
+    left_out : tuple of str
+        Beginnings of the names of expressions that the run has no use for.
     """
     values = {**parameters, "h": at, "delta": deflection}
     values.setdefault("size_ratio", 0.25)
     known = [np.broadcast_to(np.asarray(values.get(s.name, np.nan), dtype=float), at.shape) for s in _symbols(law)]
     first: Outside | None = None
     for table in _tables(law):
+        if table.name.startswith(left_out):
+            continue
         with np.errstate(all="ignore"):
             x, whole = (np.broadcast_to(function(*known), at.shape) for function in (table.value, table.masked))
         slack = ROUNDING * (table.high - table.low)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import mpmath
@@ -15,7 +16,7 @@ from scipy.optimize import brentq
 from sympy import Abs, Expr, Piecewise, Rational, Symbol, oo, pi, sign, sqrt
 
 import softdyn
-from softdyn.derive import ContactLaw, E, Limit, R, a, delta, eta, h, read_points, spline
+from softdyn.derive import ContactLaw, Drag, E, Limit, R, Tangential, a, delta, eta, h, read_points, spline
 from softdyn.derive.limits import check_limits
 from softdyn.derive.positive import positivity, ranges_of_positive
 from softdyn.derive.splines import bounds, evaluated
@@ -49,7 +50,7 @@ def class_of(expr: Expr) -> type:
 def tables(draw: st.DrawFn) -> tuple[list[float], list[float]]:
     count = draw(st.integers(3, 12))
     steps = draw(st.lists(st.floats(0.01, 3), min_size=count, max_size=count))
-    values = draw(st.lists(st.floats(-5, 5), min_size=count, max_size=count))
+    values = draw(st.lists(st.integers(-500, 500).map(lambda k: k / 100), min_size=count, max_size=count))
     return np.cumsum(steps).tolist(), values
 
 
@@ -232,3 +233,18 @@ def test_a_table_in_a_branch_that_does_not_hold_is_not_asked() -> None:
         law=law, parameters=SIZES, h=0.5, force=2e-5, until_h=None, until_t=1e10, target="c"
     )  # fmt: skip
     assert result.h[-1] == pytest.approx(0.05, rel=1e-4)
+
+
+def test_a_table_is_asked_where_the_scene_has_a_use_for_it() -> None:
+    """Sliding that is known up to a gap of R/100: a scene without tangential motion may go beyond, one with it not."""
+    sliding = Tangential(sliding=eta * R * spline(h / R, [0, Rational(1, 100)], [1, 2]), k_t=E * R)
+    law = ContactLaw(name="sliding", F_ela=HERTZ, tangential=sliding, **WIDE)
+    scene = ParticleScene(
+        law=law, parameters={"E": 1.0, "eta": 1.0}, positions=[[0.0, 0.0], [2.1, 0.0]], radii=1.0, range=0.5,
+        drag=1.0, until_t=1.0, target="c",
+    )  # fmt: skip
+    assert simulate(scene).t[-1] == 1.0
+    with pytest.raises(IntegrationError, match=r"no value: tangential sliding is asked for at h/R = 0\.1"):
+        simulate(replace(scene, tangential=True))
+    with pytest.raises(LawError, match="drag translation does not vary in a run"):
+        replace(law, drag=Drag(translation=eta * R * spline(pi, [0, 4], [1, 2])))

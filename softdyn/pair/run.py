@@ -215,7 +215,7 @@ def _require_in_tables(
     IntegrationError
         Naming the time, the quantity, its value and the range.
     """
-    from softdyn.table_ranges import law_once, outside
+    from softdyn.table_ranges import TANGENTIAL, law_once, outside
 
     t, h, delta = (np.append(first, rest) for first, rest in zip((drive.start, *start), told, strict=True))
     if len(steps):
@@ -228,7 +228,7 @@ def _require_in_tables(
         t, h, delta = (np.append(some, more) for some, more in ((t, times), (h, gaps), (delta, deltas)))
     order = np.argsort(t, kind="stable")
     values = dict(zip(kernel.parameters, p.tolist(), strict=True))
-    found = outside(law_once(scene.law, kernel.key), values, h[order], delta[order])
+    found = outside(law_once(scene.law, kernel.key), values, h[order], delta[order], ("unequal", TANGENTIAL))
     if found is not None:
         raise IntegrationError(f"at t={t[order][found.number]:.6g} the law has no value: {found.words}")
 

@@ -37,13 +37,16 @@ def require_in_tables(system: System, state: State, r: Array, h: Array, when: fl
     """
     if not system.kernel.tabulated:
         return
-    from softdyn.table_ranges import law_once, outside
+    from softdyn.table_ranges import TANGENTIAL, law_once, outside
 
     contacts = state.contacts
     close = np.flatnonzero(h < system.reach)
     values: dict[str, Array | float] = dict(zip(system.kernel.uniform, system.p.tolist(), strict=True))
     values |= dict(zip(system.kernel.varying, contacts.q[:, close], strict=True))
-    found = outside(law_once(system.scene.law, system.kernel.key), values, h[close], (contacts.S - r + h)[close] / 2)
+    law, delta = law_once(system.scene.law, system.kernel.key), (contacts.S - r + h) / 2
+    used = {"unequal": "size_ratio" in values, TANGENTIAL: system.scene.tangential}
+    unused = tuple(name for name, is_used in used.items() if not is_used)
+    found = outside(law, values, h[close], delta[close], unused)
     if found is not None:
         who = pair_named(contacts, int(close[found.number]), len(state.x))
         raise IntegrationError(f"at t={when:.6g} {who} is where the law has no value: {found.words}")
