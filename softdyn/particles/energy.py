@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from softdyn.particles.balance import Balance, held_torque
 from softdyn.particles.driven import Driven
 from softdyn.particles.geometry import Contacts, crossing
-from softdyn.particles.system import System, given_works, moving_images, turns_freely, works
+from softdyn.particles.system import System, moving_images, turns_freely
 
 Array = NDArray[np.float64]
 
 
-#: The rate of the stored energy, beside :func:`softdyn.particles.system.works`.
+#: The rate of the stored energy, beside ``system.works``.
 ELASTIC = "elastic"
 #: What resistance would take in a fluid at rest: of particles that go with the flow, the others are rounding of this.
 CARRIED = "carried"
@@ -55,13 +55,13 @@ class Rates:
 
 
 def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Mapping[str, Array]) -> dict[str, float]:
-    """Power of each kind of :func:`softdyn.particles.system.works`, and of elastic energy, at one stage."""
+    """Power of each kind of ``system.works``, and of elastic energy, at one stage."""
     v = rates["x"]
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * rates["y"] / np.sqrt(1 + at.y**2)
     r_rate = np.einsum("ca,ca->c", _apart(system, contacts, t, v), at.n)
     moving = Rates(t, v, h_rate, r_rate, rates)
-    found = dict.fromkeys((*works(system), ELASTIC), 0.0)
+    found = dict.fromkeys((*system.works, ELASTIC), 0.0)
     for mechanism in system.having["powers"]:
         for name, power in mechanism.powers(system, contacts, at, moving).items():
             found[name] += power
@@ -102,7 +102,7 @@ def _apart(system: System, contacts: Contacts, t: float, v: Array) -> Array:
 
 def net_power(system: System, powers: Mapping[str, float]) -> float:
     """What of the power is left for elastic energy: what is given less what is taken."""
-    given = given_works(system)
+    given = system.given
     return sum(powers[name] for name in given) - sum(
         power for name, power in powers.items() if name not in (*given, ELASTIC, CARRIED)
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import GIVEN, TAKEN, System, contact_state, works
+from softdyn.particles.system import GIVEN, TAKEN, System, contact_state
 from softdyn.results.origin import Origin, about, origin_in, origin_now
 from softdyn.results.registry import load_result
 from softdyn.results.result import Result, dataset, table
@@ -53,7 +53,7 @@ class Frame:
     gradient : array, shape (d, d)
         Velocity gradient of the background flow.
     energy : array
-        Exchanged since the start: see :func:`softdyn.particles.system.works`; and what is stored elastically.
+        Exchanged since the start: kinds as ``System.works``; and what is stored elastically.
     T : array, shape (contacts, d)
         Tangential forces, from i to j; of no columns without tangential motion.
     spin : array, shape (N, rotations)
@@ -320,7 +320,7 @@ def gather(
     arrays["contact_n"], arrays["contact_delta"] = np.empty((start[-1], d)), np.empty(start[-1])
     for frame, *ends in zip(frames, start[:-1], start[1:], strict=True):
         arrays["contact_n"][slice(*ends)], arrays["contact_delta"][slice(*ends)] = _geometry(frame, system)
-    energies = (*works(system), "stored")
+    energies = (*system.works, "stored")
     arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(energies)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
     arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}

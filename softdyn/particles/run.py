@@ -25,7 +25,7 @@ from softdyn.particles.resolve import time_functions
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
-from softdyn.particles.system import System, ValidatedScene, given_works, turns_freely, with_mechanisms, works
+from softdyn.particles.system import System, ValidatedScene, turns_freely, with_mechanisms
 from softdyn.results.origin import about, origin_now
 from softdyn.signals import held_back, terminable
 
@@ -150,8 +150,8 @@ def prepare(scene: ParticleScene) -> System:
 
 def _result(system: System, newton: Newton, state: State, began: float) -> ParticleResult:
     stored = stored_energy(present(system, state), state) - state.stored0
-    work = {name: state.work[name] for name in works(system)}
-    put_in = given_works(system)
+    work = {name: state.work[name] for name in system.works}
+    put_in = system.given
     given = sum(work[name] for name in put_in)
     taken = stored + sum(amount for name, amount in work.items() if name not in put_in)
     size = sum(abs(value) for value in work.values()) + abs(stored)

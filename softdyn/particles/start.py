@@ -21,7 +21,7 @@ from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over
 from softdyn.particles.parameters import mixed_parameters
 from softdyn.particles.state import State, overlaps, stored_energy
-from softdyn.particles.system import System, contact_state, works
+from softdyn.particles.system import System, contact_state
 from softdyn.particles.until import run_end
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def start(system: System, newton: Newton) -> State:
         listed=listed,
         box=system.box,
         walls=system.walls,
-        work=dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0),
+        work=dict.fromkeys((*system.works, ELASTIC, CARRIED), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
         kept={name: values for one in system.having["kept"] for name, values in one.kept(system).items()},
     )

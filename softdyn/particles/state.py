@@ -18,7 +18,7 @@ from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.pulled import Pulled
 from softdyn.particles.results import Frame, frame_of
 from softdyn.particles.step import Output
-from softdyn.particles.system import System, works
+from softdyn.particles.system import System
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ def present(system: System, state: State) -> System:
 
 def exchanged(system: System, state: State) -> Array:
     """Energies exchanged since the start."""
-    return np.array([*(state.work[name] for name in works(system)), stored_energy(system, state) - state.stored0])
+    return np.array([*(state.work[name] for name in system.works), stored_energy(system, state) - state.stored0])
 
 
 def frame_now(system: System, state: State) -> Frame:

@@ -18,7 +18,7 @@ from softdyn.particles.energy import CARRIED, ELASTIC, net_power, powers
 from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
 from softdyn.particles.surroundings import coordinates, placed
-from softdyn.particles.system import System, turns_freely, works
+from softdyn.particles.system import System, turns_freely
 
 Array = NDArray[np.float64]
 Rates = Mapping[str, Array]
@@ -52,7 +52,7 @@ class Step:
     y_rate : array, shape (contacts,)
         Rates at the end.
     work : dict
-        Energy of each kind, exchanged over the step; see :func:`softdyn.particles.system.works`.
+        Energy of each kind, exchanged over the step; kinds as ``System.works``.
     system : System
         With the box and the walls as they are at the end.
     first_v : array, shape (N, d + rotations)
@@ -164,7 +164,7 @@ def take_step(
     unknown = {name: np.zeros_like(values) for name, values in begun.own.items()}
     rates: list[Rates] = [{"x": v, "y": y_rate, "z": z_rate, **unknown}]
     guess_x, guess_y, box_rates = v, y_rate, system.box_rates
-    spent = [power or dict.fromkeys((*works(system), ELASTIC, CARRIED), 0.0)]
+    spent = [power or dict.fromkeys((*system.works, ELASTIC, CARRIED), 0.0)]
     at: _Stage | None = None
     end = t + dt if end is None else end
     for row, when in zip(ROWS, (*(t + NODES[:-1] * dt), end), strict=True):

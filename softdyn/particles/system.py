@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,6 +93,12 @@ class System(ValidatedScene):
         Velocities of the walls, shape (walls, d).
     resistance : array, shape (N, d + rotations)
         What resists the motion of each coordinate by itself, where nothing moves yet: force/velocity.
+    integrated : array of bool, shape (N,)
+        Particles whose positions follow from rates, since something resists them by itself.
+    dragged : bool
+        Whether there are any; if not, positions are in elastic equilibrium.
+    given, works : tuple of str
+        Kinds of energy that are put in, and of all that is exchanged.
     having : mapping from str to tuple of Mechanism
         By the name of each function of a mechanism, those that define it.
     leader : Mechanism, optional
@@ -113,6 +118,10 @@ class System(ValidatedScene):
     walls0: Array
     wall_velocity: Driven | None
     resistance: Array
+    integrated: Flags
+    dragged: bool
+    given: tuple[str, ...]
+    works: tuple[str, ...]
     having: Mapping[str, tuple[Mechanism, ...]]
     leader: Mechanism | None
     box_moves: bool
@@ -145,18 +154,6 @@ class System(ValidatedScene):
         """Of space."""
         return len(self.box.lengths)
 
-    @cached_property
-    def dragged(self) -> bool:
-        """Whether anything resists the motion of a particle by itself; if not, positions are in elastic equilibrium."""
-        return bool(self.integrated.any())
-
-    @cached_property
-    def integrated(self) -> Flags:
-        """Particles whose positions follow from rates, since something resists them by itself, shape (N,)."""
-        if any(mechanism.moves_freely for mechanism in self.mechanisms):
-            return np.ones(len(self.radii), dtype=bool)
-        return np.asarray(self.resistance[:, 0] > 0)
-
     @property
     def force_tolerance(self) -> float:
         """Residual of the force balance, relative to the largest force, at which Newton's iteration ends."""
@@ -178,6 +175,10 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
         lean0 = np.array([box.tilt, box.lengths[1]]) / box.lengths[0]
     known = {field.name: getattr(facts, field.name) for field in fields(ValidatedScene)}
     box_moves = any(mechanism.moves_box for mechanism in ready)
+    resistance = sum((each for each in resisting if each is not None), np.zeros(shape))
+    integrated = (resistance[:, 0] > 0) | any(mechanism.moves_freely for mechanism in ready)
+    given = dict.fromkeys([*GIVEN, *(kind for mechanism in ready for kind in mechanism.gives)])
+    taken = [*TAKEN, *(kind for mechanism in ready for kind in mechanism.takes)]
     return System(
         **{**known, "box": box, "mechanisms": ready},
         kernel=kernel,
@@ -187,7 +188,11 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
         velocity=sum_of([velocity for _, velocity in held], shape),
         walls0=np.array([wall.point for wall in facts.walls]).reshape(len(facts.walls), d),
         wall_velocity=driven_walls[0] if driven_walls else None,
-        resistance=sum((each for each in resisting if each is not None), np.zeros(shape)),
+        resistance=resistance,
+        integrated=integrated,
+        dragged=bool(integrated.any()),
+        given=tuple(given),
+        works=tuple(dict.fromkeys([*given, *taken])),
         having={name: having(ready, name) for name in ASKED},
         leader=leaders[0] if leaders else None,
         box_moves=box_moves,
@@ -200,17 +205,6 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
 #: external forces and what holds fixed coordinates, by the flow, and by the moving box; in the gaps, by drag, by remote
 #: forces, and by the dependence of F_ela on h (the U_h term).
 GIVEN, TAKEN = ("external", "flow", "box"), ("gaps", "drag", "remote", "U_h")
-
-
-def given_works(system: System) -> tuple[str, ...]:
-    """Kinds of energy that are put in."""
-    return tuple(dict.fromkeys([*GIVEN, *(kind for mechanism in system.mechanisms for kind in mechanism.gives)]))
-
-
-def works(system: System) -> tuple[str, ...]:
-    """Kinds of energy that are exchanged: those that are put in, and those that are taken."""
-    taken = (kind for mechanism in system.mechanisms for kind in mechanism.takes)
-    return tuple(dict.fromkeys([*given_works(system), *TAKEN, *taken]))
 
 
 def gauge_axes(system: System) -> list[int]:

@@ -9,7 +9,6 @@ from softdyn.particles.frame_file import read_frames
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.run import prepare
-from softdyn.particles.system import works
 from softdyn.results.origin import origin_in, scene_from
 
 
@@ -33,6 +32,6 @@ def load_frames(path: Path) -> ParticleResult:
     except (KeyError, ValueError) as error:
         raise SceneError(f"{path} is no file of frames: {error}") from None
     found = list(frames)
-    energy = dict(zip((*works(system), "stored"), found[-1].energy.tolist(), strict=True))
+    energy = dict(zip((*system.works, "stored"), found[-1].energy.tolist(), strict=True))
     stats = {"warnings": [f"the run that wrote {path} has not ended: these are its frames up to t={found[-1].t:.6g}"]}
     return gather(system, found, [], energy, stats)

@@ -259,6 +259,10 @@ ASKED = (
 )  # fmt: skip
 
 
+#: Values of a scene that ask for nothing where they are 0 or empty.
+PLAIN = (bool, int, float, np.number, np.bool_, tuple, list, dict)
+
+
 def rooms_of(scene: ParticleScene) -> Iterator[Any]:
     """Modules of the mechanisms that a scene asks for, in order."""
     for name, wanted in ROOMS.items():
@@ -268,4 +272,4 @@ def rooms_of(scene: ParticleScene) -> Iterator[Any]:
 
 def _asks(value: Any) -> bool:
     """Whether a field is given, and neither 0 nor empty."""
-    return value is not None and not (isinstance(value, (bool, int, float, tuple, list, dict)) and not value)
+    return value is not None and not (isinstance(value, PLAIN) and not value)

@@ -43,8 +43,24 @@ class Films(Mechanism):
     def solve(
         self, system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
     ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
-        """See :func:`solve_at`."""
-        return solve_at(system, contacts, x, cell, s, target, y)
+        """See :class:`Mechanism`."""
+        count, d = len(contacts), x.shape[1]
+        n = np.empty((count, d))
+        r, h, F, F_r = (np.empty(count) for _ in range(4))  # each by itself: h outlives the others
+        values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
+
+        def solve(part: slice) -> None:
+            some = portion(contacts, part)
+            n[part], r[part] = directions(some, x, cell, system.walls)
+            overlap = some.S - r[part]
+            h[part], F[part], F_r[part], more = solve_contacts(
+                system, overlap, s or INSTANT, some.h, target[part], y[part], some.q
+            )
+            for name, value in more.items():
+                values[name][part] = value
+
+        in_portions(solve, count)
+        return n, r, h, F, F_r, values
 
     def require(self, system: System, state: State, at: Balance, when: float) -> None:
         """See :class:`Mechanism`."""
@@ -85,29 +101,6 @@ def solve_contacts(
         len(overlap), float(s), *reach, overlap, start, target, system.p, q.reshape(-1), y, h, F, F_r, *more
     )
     return h, F, F_r, dict(zip(kernel.tangential, out, strict=True))
-
-
-def solve_at(
-    system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
-) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
-    """Directions n and distances r of the contacts at the positions x, and what :func:`solve_contacts` gives."""
-    count, d = len(contacts), x.shape[1]
-    n = np.empty((count, d))
-    r, h, F, F_r = (np.empty(count) for _ in range(4))  # each by itself: h outlives the others
-    values = dict(zip(system.kernel.tangential, np.empty((len(system.kernel.tangential), count)), strict=True))
-
-    def solve(part: slice) -> None:
-        some = portion(contacts, part)
-        n[part], r[part] = directions(some, x, cell, system.walls)
-        overlap = some.S - r[part]
-        h[part], F[part], F_r[part], more = solve_contacts(
-            system, overlap, s or INSTANT, some.h, target[part], y[part], some.q
-        )
-        for name, value in more.items():
-            values[name][part] = value
-
-    in_portions(solve, count)
-    return n, r, h, F, F_r, values
 
 
 def require_films(system: System, state: State, h: Array, when: float) -> None:

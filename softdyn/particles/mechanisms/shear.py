@@ -51,7 +51,7 @@ class Shear(Mechanism):
 
     def gradient(self, t: float, rates: Array) -> Array:
         """See :class:`Mechanism`."""
-        return self._gradient(self.rate(t))
+        return shearing(self.rate(t), self.d)
 
     def strain(self, t: float) -> float:
         """The integral of the shear rate from 0 to a time."""
@@ -59,12 +59,14 @@ class Shear(Mechanism):
 
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """What shears the box exerts the forces of the contacts through its faces."""
-        return {"box": power_of_box(system, contacts, at, self._gradient(system.box.shear_rate))}
+        return {"box": power_of_box(system, contacts, at, shearing(system.box.shear_rate, self.d))}
 
-    def _gradient(self, rate: float) -> Array:
-        gradient = np.zeros((self.d, self.d))
-        gradient[0, 1] = rate
-        return gradient
+
+def shearing(rate: float, d: int) -> Array:
+    """Velocity gradient of a shear rate."""
+    gradient = np.zeros((d, d))
+    gradient[0, 1] = rate
+    return gradient
 
 
 def check(facts: ValidatedScene, faults: list[str]) -> Shear | None:
