@@ -323,6 +323,8 @@ def _expanded(expr: Expr, scale: Scale) -> Series:
         return Series()  # smaller than any power of the ratios
     if isinstance(expr, Pow) and symbols_in(expr.exp).isdisjoint(scale.known) and expr.exp.is_real:
         return raised(expand(expr.base, scale), expr.exp, expr.base, scale)
+    if isinstance(expr, Pow):
+        return expand(exp(expr.exp * log(expr.base), evaluate=False), scale)
     if isinstance(expr, (Abs, sign)):
         argument = expand(expr.args[0], scale)
         side = sign_of(leading(argument, expr.args[0])[1], expr.args[0], scale)

@@ -182,7 +182,7 @@ def _check_claim(
             pieces = _judged(law, limit, quantity, claimed)
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
-    piece = _together(pieces)
+    piece = together(pieces)
     if piece.verdict != "disproved" and samples and claimed != 0:
         witness = contradiction(law, limit, samples, NAMES.get(quantity, quantity), claimed)
         if witness is not None:
@@ -219,7 +219,7 @@ def _units(law: ContactLaw) -> dict[Symbol, Dimension]:
     return {**dimensions_for(law), size: LENGTH}
 
 
-def _together(pieces: Sequence[Piece]) -> Piece:
+def together(pieces: Sequence[Piece]) -> Piece:
     """One verdict on all parts of an ordering: a claim that is wrong in one of them is wrong."""
     worst = min(pieces, key=lambda piece: ("disproved", "undecided", "proved").index(piece.verdict))
     measured = [piece.certificate for piece in pieces if piece.certificate]
@@ -314,19 +314,14 @@ def _judge(law: ContactLaw, limit: Limit, part: Part, quantity: str, claimed: Ex
     scale = part.scale(KEPT)
     try:
         found, claim, series = _compared(law, part, side, name, claimed)
-        (order, numerator), (other, denominator) = leading(found, quantity), leading(claim, f"the claim for {quantity}")
-        require_definite(numerator / denominator, quantity, scale)
-        require_definite(denominator, f"the claim for {quantity}", scale)
+        ratio, powers = ratio_of(found, claim, quantity, scale)
     except (SplitError, AxisError):
         raise
     except UndecidedError as reason:
         return Piece("undecided", None, str(reason))
-    powers = minus(order, other)
-    if any(x > 0 for x in powers) and any(x < 0 for x in powers):
-        raise SplitError(powers, quantity)
-    tends = part.axes.written(_simplified(numerator / denominator))
+    tends = part.axes.written(simplified(ratio))
     chain = tuple((whole, part.axes.written(term)) for whole, term in _chain(law, series, part, side))
-    rate, corrections = _rate(found, claim, quantity)
+    rate, corrections = rate_of(found, claim, quantity)
     rate = tuple(joined_logarithms(part.axes.written(term)) for term in rate)
     certificate, converges, witness = _certify(law, limit, part, name, claimed, tends, corrections)
     evidence = (chain, rate, tuple(certificate))
@@ -336,10 +331,7 @@ def _judge(law: ContactLaw, limit: Limit, part: Part, quantity: str, claimed: Ex
         )
     if tends == 1 and not any(powers):
         return Piece("proved", S.One, "the leading terms are equal", *evidence)
-    fails = f"found/claimed tends to {tends}, not to 1"
-    if any(powers):
-        end = "infinity" if all(x <= 0 for x in powers) else "0"
-        fails = f"found/claimed = {tends}, which tends to {end}"
+    fails = how_it_fails(tends, powers)
     if part.of_axes and witness is None:
         return Piece("undecided", tends, f"{fails}, if it is reached: no path into this part was found", *evidence)
     if witness is not None:
@@ -389,11 +381,36 @@ def with_more_terms(find: Callable[[int], Found], kept: Sequence[int] = (1, KEPT
     return find(kept[-1])
 
 
-def _simplified(ratio: Expr) -> Expr:
+def simplified(ratio: Expr) -> Expr:
     return simplify(ratio) if is_small(ratio) else ratio
 
 
-def _rate(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ...], list[Order]]:
+def ratio_of(found: Series, claim: Series, quantity: str, scale: Scale) -> tuple[Expr, Order]:
+    """Leading term of found/claimed, and its order.
+
+    Raises
+    ------
+    SplitError
+        If it vanishes in some of the part, and grows in the rest.
+    UndecidedError
+    """
+    (order, numerator), (other, denominator) = leading(found, quantity), leading(claim, f"the claim for {quantity}")
+    require_definite(numerator / denominator, quantity, scale)
+    require_definite(denominator, f"the claim for {quantity}", scale)
+    powers = minus(order, other)
+    if any(x > 0 for x in powers) and any(x < 0 for x in powers):
+        raise SplitError(powers, quantity)
+    return numerator / denominator, powers
+
+
+def how_it_fails(tends: Expr, powers: Order) -> str:
+    """Words for the leading term of found/claimed, which is not 1."""
+    if not any(powers):
+        return f"found/claimed tends to {tends}, not to 1"
+    return f"found/claimed = {tends}, which tends to {'infinity' if all(x <= 0 for x in powers) else '0'}"
+
+
+def rate_of(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ...], list[Order]]:
     """Largest corrections to found/claimed, as terms in h and delta, and their orders."""
     top, bottom = relative(found, quantity), relative(claim, quantity)
     terms = dict(top.terms)

@@ -201,7 +201,7 @@ def _enclosed(power: Expr) -> tuple[Fraction | None, Fraction | None]:
     Raises
     ------
     UndecidedError
-        If it is neither a number nor a parameter of which something is known.
+        If it is neither a number, nor positive, nor a parameter of which something is known.
     """
     if power.is_number and power.is_real:
         below = int(floor(power * FINE))
@@ -211,7 +211,7 @@ def _enclosed(power: Expr) -> tuple[Fraction | None, Fraction | None]:
         low, high = (Fraction(int(end.p), int(end.q)) for end in map(Rational, (allowed.start, allowed.end)))
         low, high = (low - (not allowed.left_open) * little, high + (not allowed.right_open) * little)
         return max(low, Fraction(0)) if power.is_positive else low, high
-    if power.is_Symbol and power.is_positive:
+    if power.is_positive:
         return Fraction(0), None
     raise UndecidedError(f"nothing is known of the power {power}")
 

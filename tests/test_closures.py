@@ -1,12 +1,14 @@
 """Closures: what the stock ones give, and what a declaration is told that is wrong."""
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import pytest
-from sympy import Float, Rational, Symbol, pi, sqrt
+from sympy import Float, Piecewise, Rational, Symbol, pi, sqrt
 
-from softdyn.derive.closure import ARGUMENTS, Closure, Re, c, eta, phi, r, rho, slip, viscosity
+from softdyn.derive.closure import ARGUMENTS, Closure, Re, c, eta, phi, r, rho, settling, slip, viscosity
+from softdyn.derive.closure_limits import check_closure_limits, jumps_of
 from softdyn.derive.dimensions import DIMENSIONLESS
 from softdyn.derive.law import Limit
 from softdyn.errors import LawError
@@ -145,3 +147,86 @@ def test_all_faults_are_told_at_once():
             limits=(Limit("x", (Re, 1), {"Cd": Re}),),
         )
     assert len(told.value.faults) == 4
+
+
+# ---------------------------------------------------------------------------------------------------------- limits
+
+
+@pytest.mark.parametrize("name", STOCK)
+def test_every_limit_of_a_stock_closure_is_proved(name):
+    for finding in check_closure_limits(stock(name)):
+        assert finding.verdict == "proved", f"{finding.limit}, {finding.quantity}: {finding.reason}"
+        assert finding.samples > 0
+
+
+def claiming(name: str, order, claims) -> Closure:
+    """A stock closure that claims something else."""
+    return replace(stock(name), limits=(Limit("other", order=order, claims=claims),))
+
+
+STOKES = 6 * pi * eta * r
+ERGUN = 50 * pi * eta * r * phi / c
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "claims", "ratio"),
+    [
+        # 4.8^2/24: Dallavalle does not tend to Stokes
+        ("dallavalle_di_felice", ((Re, 1), (phi, 1)), {"drag": STOKES}, Rational(24, 25)),
+        ("migflow_drag", ((Re, 1), (phi, 1)), {"drag": STOKES}, Rational(24, 25)),
+        # Di Felice, and MigFlow, over Ergun
+        ("dallavalle_di_felice", (Re, 1), {"drag": ERGUN}, Rational(72, 625) * c ** -Rational(17, 10) / (1 - c)),
+        ("migflow_drag", (Re, 1), {"drag": ERGUN}, Rational(72, 625) * c ** -Rational(18, 10) / (1 - c)),
+        # 0.63^2 = 0.3969 against Newton's 0.44
+        ("dallavalle_di_felice", ((1, Re), (phi, 1)), {"C_d": Rational(44, 100)}, Rational(3969, 4400)),
+        # Ergun's viscous drag against that of Carman and Kozeny
+        ("ergun", (Re, 1), {"drag": 60 * pi * eta * r * phi / c}, Rational(5, 6)),
+        ("slides_viscosity", (phi, 1), {viscosity / eta - 1 - 5 * phi / 2: 31 * phi**2 / 5}, Rational(25, 31)),
+        ("einstein", (phi, 1), {viscosity / eta - 1: 2 * phi}, Rational(5, 4)),
+        ("richardson_zaki", ((phi, 1), (1, Re)), {1 - settling: 5 * phi}, Rational(239, 500)),
+    ],
+)
+def test_a_wrong_claim_is_disproved_with_its_ratio(name, order, claims, ratio):
+    (finding,) = check_closure_limits(claiming(name, order, claims))
+    assert finding.verdict == "disproved"
+    assert (finding.ratio - ratio).simplify() == 0
+
+
+def test_what_vanishes_against_its_claim_is_told():
+    # dilute, Ergun's drag vanishes
+    (finding,) = check_closure_limits(claiming("ergun", ((Re, 1), (phi, 1), (Re, phi)), {"drag": STOKES}))
+    assert finding.verdict == "disproved"
+    assert finding.reason.endswith("which tends to 0")
+
+
+def test_a_dense_limit_is_in_what_is_left_to_the_densest_packing():
+    law = stock("maron_pierce")
+    (packing,) = law.parameters
+    (finding,) = check_closure_limits(
+        claiming("maron_pierce", (packing - phi, 1), {"viscosity": eta / (packing - phi)})
+    )
+    assert finding.verdict == "disproved"
+    assert (finding.ratio - packing**2 / (packing - phi)).simplify() == 0
+    assert finding.reason.endswith("which tends to infinity")
+
+
+def test_gidaspows_switch_jumps():
+    jumps = {(jump.symbol, jump.at): jump for jump in jumps_of(stock("gidaspow"))}
+    jump = jumps[c, Rational(4, 5)]
+    # at Re = 0: Ergun's 150 0.2/(18 0.8) over Wen & Yu's 0.8^-2.65
+    assert float(jump.ratio.subs(Re, Rational(1, 10**20))) == pytest.approx(
+        150 * 0.2 / (18 * 0.8) * 0.8**2.65, rel=1e-9
+    )
+    assert (jump.left / jump.right / jump.ratio).subs(Re, 10).evalf() == pytest.approx(1)
+
+
+def test_schiller_naumann_and_newton_do_not_quite_meet():
+    (jump,) = jumps_of(stock("schiller_naumann"))
+    # C_d = 0.024 (1 + 0.15 1000^0.687) against 0.44
+    assert float(jump.ratio) == pytest.approx(0.024 * (1 + 0.15 * 1000**0.687) / 0.44, rel=1e-12)
+
+
+def test_cases_that_meet_do_not_jump():
+    drag = eta * r * Piecewise((1 + Re, Re < 1), (2 * Re, True))
+    assert jumps_of(Closure(name="met", gives="drag", expression=drag)) == []
+    assert jumps_of(stock("stokes")) == []

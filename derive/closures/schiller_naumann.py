@@ -1,7 +1,7 @@
 """A sphere alone, with inertia: C_d = 24/Re (1 + 0.15 Re^0.687) up to Re = 1000, then 0.44.
 
 Schiller & Naumann, Z. Ver. Dtsch. Ing. 77 (1933) 318; the constant is Newton's, as it is commonly joined to it. The two
-differ by 0.5 % where they meet.
+differ by 0.4 % where they meet.
 """
 
 from sympy import Piecewise, Rational, pi
