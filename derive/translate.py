@@ -190,7 +190,11 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
     arguments, arrays, types = [], set(), {}
     for argument, is_written in zip(node.args.args, written[node.name], strict=True):
         kind = ast.unparse(argument.annotation) if argument.annotation else ""
-        if kind == "indices" and not is_written:
+        if kind == "indices":
+            if is_written:
+                raise TranslationError(
+                    f"line {node.lineno}: {argument.arg} of {node.name} is written, and is to be read"
+                )
             arrays.add(argument.arg)
             arguments.append(f"const int64_t *restrict {argument.arg}")
         elif kind == "array":

@@ -13,6 +13,8 @@ from softdyn import kernels, targets, templates
 from softdyn.derive import emit
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
+from softdyn.derive.stokes import averaged_stokes
+from softdyn.elements import element_matrices, get_element_kernel
 from softdyn.kernels import get_kernel
 from softdyn.laws import law_of
 
@@ -69,7 +71,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (tmp_path / "modules" / "plain.py").write_text(MODULE, encoding="utf-8")
     folder = tmp_path / "templates" / "plain"
     folder.mkdir(parents=True)
-    for name in ("pair", "contacts"):
+    for name in ("pair", "contacts", "elements"):
         (folder / f"{name}.txt.j2").write_text(TEMPLATE, encoding="utf-8")
     monkeypatch.setenv("SOFTDYN_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(targets, "__path__", [*targets.__path__, str(tmp_path / "modules")])
@@ -98,6 +100,12 @@ def test_a_module_and_a_folder_of_templates_make_a_target(toy: str) -> None:
         kernel.functions.evaluate(9, h, delta, p, out)
         found.append(np.append(delta, out))
     assert np.array_equal(*found)
+    form, found = averaged_stokes(2), []
+    at, draw = np.array([[0.0, 0.0], [1.0, 0.2], [0.1, 0.9], [1.1, 1.2]]), np.random.default_rng(1).uniform
+    corners, fields, q = np.array([[0, 1, 2], [1, 3, 2]]), draw(0.5, 1.0, (4, 3)), draw(0.5, 1.0, (4, 5))
+    for target in (toy, "c"):
+        found.append(element_matrices(get_element_kernel(form, target), corners, at, fields, q, np.empty(0)))
+    assert all(np.array_equal(*pair) for pair in zip(*found, strict=True))
     written = emit.write(contact_ir(law, ContactNeeds()), toy)
     assert written.suffix == ".txt"
     assert list(written.functions) == ["contacts", "state", "energy"]

@@ -233,6 +233,15 @@ def test_an_array_is_const_unless_it_is_written_to() -> None:
     assert "void g(double *restrict v, const double *restrict u)" in through
 
 
+def test_integers_are_read_from_indices_and_not_written() -> None:
+    text = "def f(n: int, of: indices, x: array) -> float:\n    i: int = of[n]\n    return x[of[i] + 1]\n"
+    translated = to_c(text)
+    assert "double f(int64_t n, const int64_t *restrict of, const double *restrict x)" in translated
+    assert "const int64_t i = of[n];" in translated
+    with pytest.raises(TranslationError, match="line 1: of of f is written, and is to be read"):
+        to_c("def f(of: indices) -> None:\n    of[0] = 1\n")
+
+
 def test_what_is_assigned_once_is_const() -> None:
     text = to_c("def f(x: float) -> float:\n    y = 2.0 * x\n    z = y\n    z += 1.0\n    return z\n")
     assert "const double y = 2.0 * x;" in text
