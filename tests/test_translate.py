@@ -238,7 +238,7 @@ def test_integers_are_read_from_indices_and_not_written() -> None:
     translated = to_c(text)
     assert "double f(int64_t n, const int64_t *restrict of, const double *restrict x)" in translated
     assert "const int64_t i = of[n];" in translated
-    with pytest.raises(TranslationError, match="line 1: of of f is written, and is to be read"):
+    with pytest.raises(TranslationError, match="line 1: of of f is to be read, not written"):
         to_c("def f(of: indices) -> None:\n    of[0] = 1\n")
 
 
