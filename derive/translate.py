@@ -192,9 +192,7 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
         kind = ast.unparse(argument.annotation) if argument.annotation else ""
         if kind == "indices":
             if is_written:
-                raise TranslationError(
-                    f"line {node.lineno}: {argument.arg} of {node.name} is written, and is to be read"
-                )
+                raise TranslationError(f"line {node.lineno}: {argument.arg} of {node.name} is to be read, not written")
             arrays.add(argument.arg)
             arguments.append(f"const int64_t *restrict {argument.arg}")
         elif kind == "array":
