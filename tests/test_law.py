@@ -230,7 +230,7 @@ def test_the_rational_proposed_is_the_number_meant(number: float) -> None:
 @pytest.mark.parametrize(
     ("wrong", "shown"),
     [
-        (besselj(1, delta / R), "besselj(1, delta/R)"),
+        (besselj(3, delta / R), "besselj(3, delta/R)"),
         (sympy.DiracDelta(delta), "DiracDelta(delta)"),
         (sympy.floor(delta / R), "floor(delta/R)"),
         (sympy.Integral(q**2, (q, 0, delta / R)), "Integral(q**2, (q, 0, delta/R))"),
@@ -560,7 +560,7 @@ def test_all_faults_are_reported_at_once() -> None:
         a=R * h * a,
         F_ela=Rational(1, 2) * 0.5 * E * a * delta,
         zeta=eta * delta,
-        F_adh=besselj(0, h / R),
+        F_adh=besselj(3, h / R),
         parameters={Symbol("f o r", positive=True): LENGTH},
         ranges={q: (0, 1)},
         limits=limited(zetta=R),
