@@ -72,7 +72,8 @@ def integrate(
         state.frames.append(frame_now(system, state))
         _look_at_start(system, state)
     step: Step | None = None
-    while state.t < until and not _has_strained(system, state):
+    strained = ends_at_strain(system.scene)
+    while state.t < until and not (strained and _has_strained(system, state)):
         step = None  # many numbers that the next one has no use for
         newton.whole = False
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
@@ -96,7 +97,7 @@ def integrate(
                 newton.forget()
                 state.dt = 0.5 * dt
             continue
-        over = _beyond(system, state, step, when)
+        over = _beyond(system, state, step, when) if strained else None
         if over is not None:
             state.dt = over
             continue
@@ -108,7 +109,7 @@ def integrate(
                 pass_break(system, newton, state)
             if _drift(system, state) > 0.5:
                 _list_again(system, newton, state)
-            if state.t in system.times or _has_strained(system, state):
+            if state.t in system.times or (strained and _has_strained(system, state)):
                 state.frames.append(frame_now(system, state))
             state.grow = min(LARGEST_GROWTH, state.recovery * state.grow)
             newton.whole = True
@@ -249,15 +250,11 @@ def _strain(system: System, box: Box, t: float) -> float:
 
 def _has_strained(system: System, state: State) -> bool:
     """Whether the strain is reached at which the run ends."""
-    if not ends_at_strain(system.scene):
-        return False
     return _strain(system, state.box, state.t) >= abs(system.scene.until_strain) * (1 - STRAINED)  # type: ignore[arg-type]
 
 
 def _beyond(system: System, state: State, step: Step, when: float) -> float | None:
     """A shorter step, if this one goes beyond the strain at which the run ends; None if not."""
-    if not ends_at_strain(system.scene):
-        return None
     goal = abs(system.scene.until_strain)  # type: ignore[arg-type]
     start, end = _strain(system, state.box, state.t), _strain(system, step.system.box, when)
     if end <= goal * (1 + STRAINED):

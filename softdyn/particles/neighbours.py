@@ -66,7 +66,7 @@ def travelled(listed: Listed, x: Array, box: Box, t: float, farthest: float, wal
     if not walls:
         moved = moved - moved.mean(axis=0)
     own = float(np.linalg.norm(moved, axis=1).max())
-    closer = own + max(own, _moved(walls, listed.walls))
+    closer = own + max(own, _moved(walls, listed.walls) if walls else 0.0)
     return (closer + float(np.linalg.norm(affine)) * farthest) / listed.skin
 
 

@@ -21,7 +21,6 @@ from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.state import State
 from softdyn.particles.step import weight
 from softdyn.particles.system import System, contact_state
-from softdyn.particles.time_functions import TimeFunction
 
 Array = NDArray[np.float64]
 
@@ -96,14 +95,9 @@ def sensitivity(system: System, state: State) -> Sensitivity:
     )
 
 
-def time_functions(system: System) -> list[TimeFunction]:
-    """All that is given as a function of time."""
-    return [function for mechanism in system.having["driven"] for function, _ in mechanism.driven()]
-
-
 def breaks(system: System) -> Array:
     """Times at which any of it has a kink or a jump, in order."""
-    return np.unique(np.concatenate([np.empty(0), *(function.breaks for function in time_functions(system))]))
+    return np.unique(np.concatenate([np.empty(0), *(function.breaks for function in system.functions)]))
 
 
 def missed(system: System, to: Sensitivity, t: float, dt: float) -> tuple[float, str]:
@@ -118,7 +112,7 @@ def missed(system: System, to: Sensitivity, t: float, dt: float) -> tuple[float,
 
 def resolved(system: System, state: State, dt: float, shortest: float) -> tuple[float, str]:
     """Length of a step, at most dt, whose stages see all that is given; and what they may miss in the shortest."""
-    if all(function.expression is None for function in time_functions(system)):
+    if all(function.expression is None for function in system.functions):
         return dt, ""
     to = sensitivity(system, state)
     while True:

@@ -21,7 +21,6 @@ from softdyn.particles.parameters import require_rest, uniform_values, varying_p
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_scene import check
 from softdyn.particles.pulled import pulled_films
-from softdyn.particles.resolve import time_functions
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
@@ -203,7 +202,7 @@ def _result(system: System, newton: Newton, state: State, began: float) -> Parti
     ]
     stats["warnings"] += [
         f"{name} {DOUBTFUL} from one another: what it does there may be missed"
-        for name in dict.fromkeys(function.name for function in time_functions(system) if function.doubtful)
+        for name in dict.fromkeys(function.name for function in system.functions if function.doubtful)
     ]
     stats["pulled"] = list(pulled_films(state.pulled))
     stats["warnings"] += stats["pulled"]

@@ -13,6 +13,7 @@ from softdyn.particles.driven import Driven, sum_of
 from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, rotations
 from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.mechanisms import ASKED, Mechanism, having
+from softdyn.particles.time_functions import TimeFunction
 
 if TYPE_CHECKING:
     from softdyn.particles.particle_keys import ParticleScene
@@ -93,6 +94,8 @@ class System(ValidatedScene):
         Velocities of the walls, shape (walls, d).
     resistance : array, shape (N, d + rotations)
         What resists the motion of each coordinate by itself, where nothing moves yet: force/velocity.
+    functions : tuple of TimeFunction
+        All that is given as a function of time.
     integrated : array of bool, shape (N,)
         Particles whose positions follow from rates, since something resists them by itself.
     dragged : bool
@@ -118,6 +121,7 @@ class System(ValidatedScene):
     walls0: Array
     wall_velocity: Driven | None
     resistance: Array
+    functions: tuple[TimeFunction, ...]
     integrated: Flags
     dragged: bool
     given: tuple[str, ...]
@@ -189,6 +193,7 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
         walls0=np.array([wall.point for wall in facts.walls]).reshape(len(facts.walls), d),
         wall_velocity=driven_walls[0] if driven_walls else None,
         resistance=resistance,
+        functions=tuple(function for each in having(ready, "driven") for function, _ in each.driven()),
         integrated=integrated,
         dragged=bool(integrated.any()),
         given=tuple(given),
