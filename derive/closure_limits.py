@@ -279,6 +279,10 @@ def _lasts(off: Sequence[mpmath.mpf]) -> bool:
 # ----------------------------------------------------------------------------------------------------------- jumps
 
 
+#: Characters beyond which a ratio is told as a number only.
+MOST_SHOWN = 60
+
+
 @dataclass(frozen=True)
 class Jump:
     """Where the cases of a closure do not meet.
@@ -288,6 +292,8 @@ class Jump:
     symbol : Symbol
     at, left, right, ratio : Expr
         The value where it jumps; what the closure gives below and above it; left over right.
+    example : mapping from Symbol to Rational
+        Values of what the ratio depends on.
     """
 
     symbol: Symbol
@@ -295,9 +301,13 @@ class Jump:
     left: Expr
     right: Expr
     ratio: Expr
+    example: Mapping[Symbol, Rational]
 
     def __str__(self) -> str:
-        return f"jumps at {self.symbol} = {self.at}: below/above = {self.ratio}, from {self.left} to {self.right}"
+        number = mpmath.nstr(mpmath.mpf(str(self.ratio.subs(self.example).evalf(20))), 5)
+        given = ", ".join(f"{symbol} = {value}" for symbol, value in self.example.items())
+        exact = f"{self.ratio}, " if len(str(self.ratio)) < MOST_SHOWN else ""
+        return f"jumps at {self.symbol} = {self.at}: below/above = {exact}{number}{given and f' at {given}'}"
 
 
 def jumps_of(closure: Closure) -> list[Jump]:
@@ -309,7 +319,9 @@ def jumps_of(closure: Closure) -> list[Jump]:
         left, right = (_beside(expr, symbol, at, side).subs(symbol, at) for side in (-1, 1))
         ratio = simplify(left / right)
         if ratio != 1:
-            jumps.append(Jump(symbol, at, left, right, ratio))
+            values = sample_values(closure)
+            example = {x: values[x] for x in sorted((ratio.free_symbols | at.free_symbols), key=str)}
+            jumps.append(Jump(symbol, at, left, right, ratio, example))
     return jumps
 
 

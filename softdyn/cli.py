@@ -18,7 +18,7 @@ import softdyn
 from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
-from softdyn.laws import law_of
+from softdyn.laws import law_of, law_or_closure_of
 from softdyn.targets import CHOICES, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
 
@@ -28,6 +28,7 @@ LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Pytho
 examples:
   softdyn reproduce                          the paper's figures 3 and 4, into softdyn-results/
   softdyn laws                               the stock laws
+  softdyn closures                           the stock closures: drag, viscosity, permeability, settling
   softdyn derive rognon_gay                  C, D, dh/dt, dX/dt and the Jacobians, for any law and for this one
   softdyn check my_law.py                    prove or disprove the limits that a law claims
   softdyn regimes my_law.py --plot map.png   its asymptotic regimes, found from the four expressions, and their map
@@ -133,13 +134,14 @@ def _parser() -> argparse.ArgumentParser:
         return added
 
     add("laws", _laws, "list the stock laws")
+    add("closures", _closures, "list the stock closures: drag, viscosity, permeability, settling")
 
     derive = add("derive", _derive, "derive a law's dynamics")
     derive.add_argument("law", metavar="LAW", help=A_LAW)
     derive.add_argument("--format", choices=("text", "latex", "json"), default="text", help="default: %(default)s")
 
-    check = add("check", _check, "prove or disprove the limits that a law claims")
-    check.add_argument("law", metavar="LAW", help=A_LAW)
+    check = add("check", _check, "prove or disprove the limits that a law, or a closure, claims")
+    check.add_argument("law", metavar="LAW", help=f"{A_LAW}; or a closure, likewise (see softdyn closures)")
     check.add_argument("--json", action="store_true", help="one JSON object instead of text")
     check.add_argument(
         "--certificates", metavar="FILE", type=Path, help="write certificates of what is proved too, for softdyn verify"
@@ -337,11 +339,21 @@ def _parser() -> argparse.ArgumentParser:
 def _laws(options: argparse.Namespace) -> int:
     from softdyn.laws import stock_laws
 
-    laws = stock_laws()
-    width = max(len(name) for name in laws)
-    for name, description in laws.items():
-        print(f"{name:{width}}  {description}")
+    _print_names(stock_laws())
     return 0
+
+
+def _closures(options: argparse.Namespace) -> int:
+    from softdyn.laws import stock_closures
+
+    _print_names(stock_closures())
+    return 0
+
+
+def _print_names(described: dict[str, str]) -> None:
+    width = max(len(name) for name in described)
+    for name, description in described.items():
+        print(f"{name:{width}}  {description}")
 
 
 def _derive(options: argparse.Namespace) -> int:
@@ -354,7 +366,11 @@ def _derive(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
-        law = law_of(options.law)
+        law = law_or_closure_of(options.law)
+        from softdyn.derive.closure import Closure
+
+        if isinstance(law, Closure):
+            return _check_closure(law, options)
         from softdyn.derive.error_bounds import check_errors
         from softdyn.findings import limits_of
         from softdyn.study.tables import errors_data, errors_text, limits_data, limits_text, signs_text
@@ -376,6 +392,27 @@ def _check(options: argparse.Namespace) -> int:
     if not options.json:
         print(signs_text(law), end="")
     return 0 if proved == len(findings) + len(errors) else 1
+
+
+def _check_closure(closure: Any, options: argparse.Namespace) -> int:
+    from softdyn.derive.closure_limits import check_closure_limits, jumps_of
+    from softdyn.study.tables import limits_data, limits_text
+
+    if options.certificates is not None or options.lemmas is not None:
+        raise SceneError("there are no certificates of what closures claim yet: leave out --certificates and --lemmas")
+    findings, jumps = check_closure_limits(closure), jumps_of(closure)
+    data = limits_data(closure.name, findings)
+    if options.json:
+        data["closure"] = data.pop("law")
+        print(json.dumps({**data, "jumps": [str(jump) for jump in jumps]}, indent=2))
+    elif not findings:
+        print(f"{closure.name} claims no limits")
+    else:
+        print(limits_text(closure.name, findings), end="")
+        print(", ".join(f"{data[v]} {v}" for v in ("proved", "disproved", "undecided") if data[v]))
+    if not options.json:
+        print("".join(f"{closure.name} {jump}\n" for jump in jumps), end="")
+    return 0 if data["proved"] == len(findings) else 1
 
 
 def _write_certificates(law: Any, path: Path | None, lemmas: Path | None, findings: Any) -> None:

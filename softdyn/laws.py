@@ -1,4 +1,4 @@
-"""Finding a law: a stock law's name, ``path/law.py``, or ``path/law.py:name``.
+"""Finding a law, or a closure: a stock one's name, ``path/law.py``, or ``path/law.py:name``.
 
 Finding one imports neither the law nor sympy; :func:`load` does.
 """
@@ -22,6 +22,7 @@ from softdyn.errors import LawError, SceneError
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
+    from softdyn.derive.closure import Closure
 
 
 def package_folder(name: str) -> Path:
@@ -33,6 +34,7 @@ def package_folder(name: str) -> Path:
 
 
 STOCK_FOLDER = package_folder("derive") / "laws"
+CLOSURES_FOLDER = package_folder("derive") / "closures"
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,17 @@ class LawReference:
 
 def stock_laws() -> dict[str, str]:
     """Return names and descriptions of the stock laws, read from their files without importing them."""
+    return _descriptions(STOCK_FOLDER)
+
+
+def stock_closures() -> dict[str, str]:
+    """Return names and descriptions of the stock closures, likewise."""
+    return _descriptions(CLOSURES_FOLDER)
+
+
+def _descriptions(folder: Path) -> dict[str, str]:
     found = {}
-    for path in sorted(STOCK_FOLDER.glob("*.py")):
+    for path in sorted(folder.glob("*.py")):
         if path.stem != "__init__":
             found[path.stem] = next(
                 ast.literal_eval(node.value)
@@ -71,8 +82,8 @@ def stock_laws() -> dict[str, str]:
 
 
 @cache
-def _stock_names() -> tuple[str, ...]:
-    return tuple(path.stem for path in STOCK_FOLDER.glob("*.py") if path.stem != "__init__")
+def _stock_names(folder: Path) -> tuple[str, ...]:
+    return tuple(path.stem for path in folder.glob("*.py") if path.stem != "__init__")
 
 
 def find(law: Any) -> LawReference:
@@ -100,9 +111,11 @@ def find(law: Any) -> LawReference:
         if not found:
             raise SceneError(f"law {text!r}: there is no file {path}")
         return LawReference(text, path, name)
-    known = _stock_names()
+    known = _stock_names(STOCK_FOLDER)
+    if text in _stock_names(CLOSURES_FOLDER):
+        raise SceneError(f"{text!r} is a closure, and a law is asked for; of closures there is: softdyn check {text}")
     if text not in known:
-        near = get_close_matches(text, known, n=1)
+        near = get_close_matches(text, (*known, *_stock_names(CLOSURES_FOLDER)), n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
         raise SceneError(f"unknown law {text!r}; {hint} (a law of your own is path/law.py or path/law.py:name)")
     return LawReference(text, None, text)
@@ -126,7 +139,12 @@ def load(reference: LawReference) -> tuple[ContactLaw, dict[str, str]]:
         return importlib.import_module(f"softdyn.derive.laws.{reference.name}").law, {}
     from softdyn.derive import ContactLaw
 
-    path = reference.path
+    declared, depends = _declared_in(reference.path)
+    return _chosen(reference, declared, ContactLaw, "law"), depends
+
+
+def _declared_in(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """What a file defines, by name, and the files that it depends on, with their digests."""
     with _folder_on_path(path.parent) as imported:
         spec = importlib.util.spec_from_file_location(f"softdyn_law_{path.stem}", path)
         assert spec is not None
@@ -142,20 +160,55 @@ def load(reference: LawReference) -> tuple[ContactLaw, dict[str, str]]:
             where = _line_in(path, error)
             raise SceneError(f"law file {path}{where}: {type(error).__name__}: {error}") from error
         depends = {str(file): digest(file) for file in {path, *imported()}}
-    laws = {name: value for name, value in vars(module).items() if isinstance(value, ContactLaw)}
+    return vars(module), depends
+
+
+def _chosen(reference: LawReference, declared: dict[str, Any], kind: type, word: str) -> Any:
+    """The law, or the closure, of a file: the one that is named, else that called "law", else the only one."""
+    path = reference.path
+    assert path is not None
+    found = {name: value for name, value in declared.items() if isinstance(value, kind)}
     if reference.name:
-        if reference.name not in laws:
-            near = get_close_matches(reference.name, laws, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"its laws are {', '.join(laws) or 'none'}"
-            raise SceneError(f"{path} defines no law {reference.name!r}; {hint}")
-        return laws[reference.name], depends
-    distinct = {id(value): name for name, value in laws.items()}
-    if "law" in laws:
-        return laws["law"], depends
-    if len(distinct) != 1:
-        said = f"several laws, {', '.join(laws)}: name one" if laws else "no ContactLaw"
-        raise SceneError(f"{path} defines {said}, as in {path.name}:{next(iter(laws), 'name')}")
-    return next(iter(laws.values())), depends
+        if reference.name not in found:
+            near = get_close_matches(reference.name, found, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"its {word}s are {', '.join(found) or 'none'}"
+            raise SceneError(f"{path} defines no {word} {reference.name!r}; {hint}")
+        return found[reference.name]
+    if word in found:
+        return found[word]
+    if len({id(value) for value in found.values()}) != 1:
+        said = f"several {word}s, {', '.join(found)}: name one" if found else f"no {kind.__name__}"
+        raise SceneError(f"{path} defines {said}, as in {path.name}:{next(iter(found), 'name')}")
+    return next(iter(found.values()))
+
+
+def law_or_closure_of(name: str) -> ContactLaw | Closure:
+    """Law, or closure, that the user wrote the name of.
+
+    A file that defines both is asked for the one that is named, or else for its law.
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is neither, or if it is faulty.
+    """
+    if name in _stock_names(CLOSURES_FOLDER):
+        closure: Closure = importlib.import_module(f"softdyn.derive.closures.{name}").closure
+        return closure
+    reference = find(name)
+    if reference.path is None:
+        return load(reference)[0]
+    from softdyn.derive import ContactLaw
+    from softdyn.derive.closure import Closure
+
+    declared, _ = _declared_in(reference.path)
+    closures = [key for key, value in declared.items() if isinstance(value, Closure)]
+    laws = [key for key, value in declared.items() if isinstance(value, ContactLaw)]
+    if reference.name in closures or (closures and not laws and not reference.name):
+        closure = _chosen(reference, declared, Closure, "closure")
+        return closure
+    law: ContactLaw = _chosen(reference, declared, ContactLaw, "law")
+    return law
 
 
 def law_of(law: ContactLaw | str | Path) -> ContactLaw:

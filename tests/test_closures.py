@@ -1,5 +1,6 @@
 """Closures: what the stock ones give, and what a declaration is told that is wrong."""
 
+import json
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 from sympy import Float, Piecewise, Rational, Symbol, pi, sqrt
 
+from softdyn.cli import main
 from softdyn.derive.closure import ARGUMENTS, Closure, Re, c, eta, phi, r, rho, settling, slip, viscosity
 from softdyn.derive.closure_limits import check_closure_limits, jumps_of
 from softdyn.derive.dimensions import DIMENSIONLESS
@@ -230,3 +232,63 @@ def test_cases_that_meet_do_not_jump():
     drag = eta * r * Piecewise((1 + Re, Re < 1), (2 * Re, True))
     assert jumps_of(Closure(name="met", gives="drag", expression=drag)) == []
     assert jumps_of(stock("stokes")) == []
+
+
+# ------------------------------------------------------------------------------------------------ the command line
+
+OSEEN = """
+from sympy import Rational, pi
+from softdyn.derive.closure import Closure, Re, eta, r
+from softdyn.derive.law import Limit
+
+oseen = Closure(
+    name="oseen", gives="drag",
+    expression=6*pi*eta*r*(1 + Rational(3, 16)*Re),
+    limits=[Limit("Stokes", order=(Re, 1), claims={{"C_d": {claim}/Re}})],
+)
+"""
+
+
+@pytest.mark.parametrize(("claim", "verdict", "status"), [(24, "proved", 0), (25, "disproved", 1)])
+def test_a_closure_of_a_user_is_checked(claim, verdict, status, tmp_path, capsys):
+    file = tmp_path / "oseen.py"
+    file.write_text(OSEEN.format(claim=claim))
+    assert main(["check", str(file)]) == status
+    told = capsys.readouterr().out
+    assert f"  {verdict:10}C_d ~ {claim}/Re" in told
+    assert f"found/claimed -> {'1' if claim == 24 else '24/25'} as 1 + (3*Re/16)" in told
+    assert main(["check", f"{file}:oseen", "--json"]) == status
+    assert json.loads(capsys.readouterr().out)[verdict] == 1
+
+
+def test_a_stock_closure_is_checked_with_its_jumps(capsys):
+    assert main(["check", "richardson_zaki"]) == 0
+    told = capsys.readouterr().out
+    assert "3 proved" in told
+    # 0.6^-0.1 at c = 3/5
+    assert "richardson_zaki jumps at Re = 1: below/above = c**(-1/10), 1.0524 at c = 3/5" in told
+
+
+def test_stock_closures_are_listed(capsys):
+    assert main(["closures"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == STOCK
+
+
+def test_where_a_law_is_asked_for_a_closure_is_refused(capsys):
+    assert main(["derive", "stokes"]) == 2
+    assert "'stokes' is a closure, and a law is asked for" in capsys.readouterr().err
+    assert main(["check", "ergum"]) == 2
+    assert "did you mean 'ergun'?" in capsys.readouterr().err
+
+
+def test_what_cannot_be_had_of_a_closure_is_refused(tmp_path, capsys):
+    assert main(["check", "stokes", "--certificates", str(tmp_path / "x.json")]) == 2
+    assert "no certificates of what closures claim" in capsys.readouterr().err
+
+
+def test_a_faulty_closure_of_a_user_is_told_its_faults(tmp_path, capsys):
+    file = tmp_path / "wrong.py"
+    file.write_text(OSEEN.format(claim=24).replace("eta*r*", "eta*r**2*"))
+    assert main(["check", str(file)]) == 2
+    assert "closure 'oseen' has 1 fault" in capsys.readouterr().err
