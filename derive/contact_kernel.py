@@ -137,7 +137,8 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         provenance=Provenance(
             title=f"Contact law {law.name}:",
             source=law.source or "no source given",
-            fingerprint=f"Law {law_hash(law)}{beside}",
+            declared="law",
+            fingerprint=f"{law_hash(law)}{beside}",
             declaration=tuple((name, str(expr)) for name, expr in by_name.items()),
             sympy_version=sympy.__version__,
         ),

@@ -63,7 +63,8 @@ def element_ir(form: WeakForm, needs: ElementNeeds, rules: tuple[Rule, ...] = RU
         provenance=Provenance(
             title=f"Weak form {form.name}:",
             source=form.source or "no source given",
-            fingerprint=f"Form {form_hash(form)}",
+            declared="form",
+            fingerprint=form_hash(form),
             declaration=tuple((name, str(expr)) for name, expr in shown.items()),
             sympy_version=sympy.__version__,
         ),

@@ -134,7 +134,10 @@ def header(ir: KernelIR) -> str:
     if made.source:
         lines += ["", f"Source: {made.source}"]
     if made.declaration:
-        lines += [f"{made.fingerprint}:", *(f"    {name} = {expr}" for name, expr in made.declaration)]
+        lines += [
+            f"{made.declared.capitalize()} {made.fingerprint}:",
+            *(f"    {name} = {expr}" for name, expr in made.declaration),
+        ]
     if made.fixed:
         lines.append("With " + ", ".join(f"{name} = {value}" for name, value in made.fixed) + ".")
     if ir.savings:

@@ -53,8 +53,10 @@ class Provenance:
         What it is a kernel of.
     source : str
         Where that is published.
+    declared : str
+        What kind of thing was declared: "law", "form".
     fingerprint : str
-        What it is told by, such as "Law 0123abcd".
+        Its digest.
     declaration : tuple of (str, str)
         What was declared: names and expressions.
     fixed : tuple of (str, str)
@@ -65,6 +67,7 @@ class Provenance:
 
     title: str
     source: str = ""
+    declared: str = ""
     fingerprint: str = ""
     declaration: tuple[tuple[str, str], ...] = ()
     fixed: tuple[tuple[str, str], ...] = ()

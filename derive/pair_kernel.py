@@ -169,7 +169,8 @@ def provenance_of(law: ContactLaw, fixed: tuple[tuple[str, str], ...] = ()) -> P
     return Provenance(
         title=f"Contact law {law.name}:",
         source=law.source or "no source given",
-        fingerprint=f"Law {law_hash(law)}",
+        declared="law",
+        fingerprint=law_hash(law),
         declaration=tuple((name, str(getattr(law, name))) for name in ("a", "F_ela", "zeta", "F_adh")),
         fixed=fixed,
         sympy_version=sympy.__version__,

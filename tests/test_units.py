@@ -320,7 +320,7 @@ def test_files_and_checkpoints_carry_the_depth(tmp_path: Path) -> None:
     from softdyn.particles.checkpoint import fingerprint
 
     system = prepare(scene)
-    assert load_checkpoint(path, fingerprint(system), system).box.depth == 3.0
+    assert load_checkpoint(path, fingerprint(system), system)[0].box.depth == 3.0
     resumed = simulate_particles(scene, checkpoint=path, resume=True)
     np.testing.assert_allclose(resumed.stress, result.stress, rtol=1e-6)
 

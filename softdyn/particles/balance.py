@@ -61,6 +61,8 @@ class Newton:
         Of the present list of contacts.
     gauge_pairs : list of pair of int
     counts : dict
+    recalls : bool
+        Whether all is kept that a run which goes on from a file needs.
     whole : bool
         Whether no step is on its way: then another run can go on from here.
     """
@@ -70,6 +72,7 @@ class Newton:
     pattern: linear.Pattern | None = None
     gauge_pairs: list[tuple[int, int]] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("iterations", "matrices", "contacts"), 0))
+    recalls: bool = False
     whole: bool = True
 
     def forget(self) -> None:

@@ -166,7 +166,7 @@ def _newton_arrays(newton: Newton) -> dict[str, NDArray[Any]]:
 def _newton_from(told: Any, arrays: Mapping[str, NDArray[Any]], contacts: Contacts, system: System) -> Newton:
     """What Newton's iteration has left; patterns and factors are made again, as they were."""
     if told is None:
-        return Newton()
+        return Newton(recalls=True)
     count, width = system.fixed.shape
     pairs = [(int(one), int(other)) for one, other in told["pairs"]]
     solver = None
@@ -185,6 +185,7 @@ def _newton_from(told: Any, arrays: Mapping[str, NDArray[Any]], contacts: Contac
         pattern=pattern_of(contacts, pairs, count) if told["listed"] else None,
         gauge_pairs=pairs,
         counts={name: int(number) for name, number in told["counts"].items()},
+        recalls=True,
     )
 
 

@@ -207,8 +207,10 @@ class Solver:
     matrix : bsr_array or None
         The present one.
     factor : Factor or None
+    recalls : bool
+        Whether the matrix that the factor is of is kept: a run that goes on from a file makes the factor again.
     factored : bsr_array or None
-        The matrix that the factor is of.
+        That matrix.
     exact : bool
         Whether that is the present one, not an earlier one.
     by_blocks : float
@@ -225,6 +227,7 @@ class Solver:
     certain: bool = False
     matrix: bsr_array | None = None
     factor: Factor | None = None
+    recalls: bool = False
     factored: bsr_array | None = None
     exact: bool = False
     by_blocks: float = 0.0
@@ -333,7 +336,7 @@ def _factorise(solver: Solver) -> None:
     assert solver.matrix is not None
     solver.factor = solver.factored = None  # not two at a time
     solver.factor = direct(solver.matrix, solver.width)
-    solver.factored, solver.exact = solver.matrix, True
+    solver.factored, solver.exact = solver.matrix if solver.recalls else None, True
     solver.counts["factorisations"] += 1
     solver.spent, solver.solutions, solver.last = solver.factor.cost, 0, 0.0
 

@@ -75,7 +75,7 @@ def simulate_particles(
     began = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
     system = prepare(scene)
-    newton = Newton()
+    newton = Newton(recalls=checkpoint is not None)
     key = "" if checkpoint is None else checkpoints.fingerprint(system)
     if resume and checkpoint is not None and checkpoint.exists():
         state, newton = checkpoints.load(checkpoint, key, system)

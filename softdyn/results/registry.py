@@ -43,8 +43,8 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
         return load_frames(path)
     if path.suffix not in (".json", ".npz"):
         raise SceneError(
-            f"cannot read {path}: results are read back from .json and .npz, which hold all of a run, and from "
-            ".frames, which holds what there is of one; a .csv holds the arrays alone, .gsd and .pvd what others show"
+            f"cannot read {path}: results are read back from .json and .npz, which hold all of a run (.frames: what "
+            "there is of one); a .csv holds the arrays alone, .gsd and .pvd what other programs show"
         )
     try:
         about, arrays = _npz(path) if path.suffix == ".npz" else _json(path)
