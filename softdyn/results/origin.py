@@ -44,9 +44,9 @@ class Origin:
     scene: Any
 
 
-def origin_now(scene: Any, fingerprint: str) -> Origin:
-    """Origin of a run of this tool; ``fingerprint``, of its kernel, starts with the digest of the law's equations."""
-    return Origin(softdyn.__version__, fingerprint.removeprefix("Law "), scene)
+def origin_now(scene: Any, law: str) -> Origin:
+    """Origin of a run of this tool; ``law`` is the digest of its equations."""
+    return Origin(softdyn.__version__, law, scene)
 
 
 def about(origin: Origin | None, beside: dict[str, NDArray[Any]] | None = None) -> dict[str, Any]:
