@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from sympy import Add, Expr, Mul, Pow, Rational, S, Symbol, exp, log, pi
 
 from softdyn.certificate_checker import FORMAT, Missing, Refused, Vector, names_in, plus, shown, visit
-from softdyn.derive.balance import definitions, size
+from softdyn.derive.dominant_balance import definitions, size
 from softdyn.derive.law import parameters_of
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta
 from softdyn.derive.witness import inequalities, side_of

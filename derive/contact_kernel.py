@@ -45,7 +45,7 @@ from softdyn.derive.contact_equations import (
 )
 from softdyn.derive.dynamics import C, F_ela, dF_dh
 from softdyn.derive.elementary import for_lanes
-from softdyn.derive.kernel import Function, KernelIR, Provenance, function
+from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function
 from softdyn.derive.law import (
     code_names,
     drag_expressions,

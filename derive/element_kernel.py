@@ -18,7 +18,7 @@ from softdyn.derive.element_equations import (
     residual_of,
     unknowns,
 )
-from softdyn.derive.kernel import KernelIR, Provenance, function
+from softdyn.derive.kernel_form import KernelIR, Provenance, function
 from softdyn.derive.printing import straight_line
 from softdyn.derive.rules import RULES, Rule, specialised
 from softdyn.derive.weak_form import WeakForm, form_hash, own_symbol

@@ -19,7 +19,7 @@ import softdyn
 from softdyn import templates
 from softdyn.derive import bessel, special, splines
 from softdyn.derive.elementary import constants, nested, used_functions
-from softdyn.derive.kernel import KernelIR, Provenance, operations_of, total_operations
+from softdyn.derive.kernel_form import KernelIR, Provenance, operations_of, total_operations
 from softdyn.derive.printing import KINDS
 from softdyn.derive.radau import PANEL_NODES, blindness, radau_iia
 from softdyn.targets import Signature, target_module

@@ -43,8 +43,8 @@ from sympy.codegen.cfunctions import expm1, log1p
 
 from softdyn.derive import dynamics as d
 from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
-from softdyn.derive.balance import definitions
 from softdyn.derive.cones import Cone, Normal, dot
+from softdyn.derive.dominant_balance import definitions
 from softdyn.derive.forms import force
 from softdyn.derive.law import is_rigid, ranges_of, typical_values, without_typical
 from softdyn.derive.patience import nodes

@@ -5,8 +5,8 @@ evidence for it.
 
 A limit is an ordering of lengths, such as h << delta << R; it holds in a region of scalings, in which each exponential
 and each logarithm that varies has an axis of its own (:mod:`softdyn.derive.scalings`). Each quantity Q(h, delta) and
-its claimed form are expanded there (:mod:`softdyn.derive.balance`), the force through F = F_ela(a(h, delta), delta), so
-nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the region, which is cut where terms
+its claimed form are expanded there (:mod:`softdyn.derive.dominant_balance`), the force through F = F_ela(a(h, delta),
+delta), so nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the region, which is cut where terms
 compete; otherwise that term is the ratio found, and where an axis is in play a path is given on which it shows. A
 verdict is also certified in numbers: along several scalings of powers, down to eps = 1e-30, where no axis is in play;
 else along paths into the part, where one is found. Besides, each claim is looked at on random paths into the whole of
@@ -42,9 +42,9 @@ from softdyn.derive.asymptotics import (
     relative,
     require_definite,
 )
-from softdyn.derive.balance import definitions, definitions_at, series_of, size
 from softdyn.derive.checks import chains
 from softdyn.derive.dimensions import LENGTH, Dimension
+from softdyn.derive.dominant_balance import definitions, definitions_at, series_of, size
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.law import dimensions_for, is_rigid, parameters_of, ranges_of, sample_values
 from softdyn.derive.patience import within

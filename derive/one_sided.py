@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from sympy import Dummy, Expr, oo, powsimp, simplify
 
 from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
-from softdyn.derive.balance import size
+from softdyn.derive.dominant_balance import size
 from softdyn.derive.law import ContactLaw
 from softdyn.derive.soundness import of_pressed, sides_of
 from softdyn.derive.symbols import E, delta, eta, h

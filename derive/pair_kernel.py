@@ -47,7 +47,7 @@ from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
 from softdyn.derive.controls import BY_FORCE, SLOPES, compliance
 from softdyn.derive.drive import DriveCode, drive_code
 from softdyn.derive.dynamics import F_ela, ddelta_dt, dF_ddelta, dF_dt, dh_dt, dX_dt
-from softdyn.derive.kernel import Function, KernelIR, Provenance, function
+from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function
 from softdyn.derive.law import (
     code_names,
     in_code,

@@ -4,8 +4,8 @@ Input: a law. Output: its regimes, each with the leading forms of every quantity
 exponents; the crossovers, on which two regimes' leading forms are equal; the points where several meet.
 
 The plane of scalings h = R eps^p, |delta| = R eps^s is cut into cones until one term dominates each sum in each of them
-(:mod:`softdyn.derive.balance`); cones with the same leading forms are one regime. In each the force balance is a
-monomial equation, solved exactly for delta(h, F). Parameters of the law's own that are not of order one, in units of R,
+(:mod:`softdyn.derive.dominant_balance`); cones with the same leading forms are one regime. In each the force balance is
+a monomial equation, solved exactly for delta(h, F). Parameters of the law's own that are not of order one, in units of R,
 E and eta, scale too, each with the power of eps that its typical value has: a third axis for all of them together.
 """
 
@@ -40,7 +40,6 @@ from softdyn.derive.asymptotics import (
     scale_of,
     zero,
 )
-from softdyn.derive.balance import QUANTITIES, contact_series, definitions, settle, size
 from softdyn.derive.cones import (
     Cone,
     Normal,
@@ -55,6 +54,7 @@ from softdyn.derive.cones import (
     simpler,
 )
 from softdyn.derive.dimensions import DIMENSIONLESS, powers_of_units
+from softdyn.derive.dominant_balance import QUANTITIES, contact_series, definitions, settle, size
 from softdyn.derive.forms import force, force_unit, joined_logarithms
 from softdyn.derive.law import (
     is_anchored,

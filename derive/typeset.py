@@ -36,7 +36,7 @@ from sympy import (
 from sympy.printing.conventions import split_super_sub
 from sympy.printing.latex import LatexPrinter, greek_letters_set
 
-from softdyn.derive.balance import size
+from softdyn.derive.dominant_balance import size
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, partials
 from softdyn.derive.forms import V, as_product, force, force_unit, kappa
 from softdyn.derive.forms import x as gap_ratio

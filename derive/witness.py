@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 from sympy import Add, Expr, Rational, Symbol, cosh, coth, count_ops, erf, erfc, exp, lambdify, sinh, tanh
 
-from softdyn.derive.balance import definitions, size
 from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, cut, dot, orthants
+from softdyn.derive.dominant_balance import definitions, size
 from softdyn.derive.law import ranges_of, sample_values
 from softdyn.derive.scalings import Path
 from softdyn.derive.splines import within_range

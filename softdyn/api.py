@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, simulate_batch
-from softdyn.pair.run import simulate_pair
+from softdyn.pair.pair_run import simulate_pair
 from softdyn.results.pair_result import PairResult
 from softdyn.results.registry import load_result, scene_of
 from softdyn.scene.pair_drive import DRIVES
@@ -279,6 +279,6 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     LawError, SceneError
         If there is no such law, if it is faulty, or if the page cannot be written.
     """
-    from softdyn.study.report import write_report as write
+    from softdyn.study.law_page import write_report as write
 
     write(law_of(law), Path(path))

@@ -373,7 +373,7 @@ def _check(options: argparse.Namespace) -> int:
             return _check_closure(law, options)
         from softdyn.derive.error_bounds import check_errors
         from softdyn.findings import limits_of
-        from softdyn.study.tables import errors_data, errors_text, limits_data, limits_text, signs_text
+        from softdyn.study.findings_text import errors_data, errors_text, limits_data, limits_text, signs_text
 
         findings = limits_of(law)
         errors = check_errors(law)
@@ -396,7 +396,7 @@ def _check(options: argparse.Namespace) -> int:
 
 def _check_closure(closure: Any, options: argparse.Namespace) -> int:
     from softdyn.derive.closure_limits import check_closure_limits, jumps_of
-    from softdyn.study.tables import limits_data, limits_text
+    from softdyn.study.findings_text import limits_data, limits_text
 
     if options.certificates is not None or options.lemmas is not None:
         raise SceneError("there are no certificates of what closures claim yet: leave out --certificates and --lemmas")
@@ -467,8 +467,8 @@ def _regimes(options: argparse.Namespace) -> int:
     with _patience(f"the regimes of {options.law}"):
         law = law_of(options.law)
         from softdyn.findings import films_of, regimes_of
+        from softdyn.study.findings_text import regimes_data, regimes_text
         from softdyn.study.presence import presence_of
-        from softdyn.study.tables import regimes_data, regimes_text
         from softdyn.study.values import RealValues, at_values, read_values, require_sizes
 
         at = at_values(law, read_values(options.at)) if options.at else law
@@ -502,7 +502,7 @@ def _regimes(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     with _patience(f"the report on {options.law}"):
         law = law_of(options.law)
-        from softdyn.study.report import write_report
+        from softdyn.study.law_page import write_report
 
         path: Path = options.output or Path(f"{law.name}.html")
         write_report(law, path)
@@ -512,7 +512,7 @@ def _report(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     laws = [law_of(text) for text in (options.law, options.other)]
-    from softdyn.study.compare import comparison_text
+    from softdyn.study.two_laws import comparison_text
 
     print(comparison_text(*laws), end="")
     return 0
@@ -590,16 +590,16 @@ def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     scene = None if options.scene is None else read_scene(options.scene)
     needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
     if isinstance(scene, Scene):
-        from softdyn.pair.run import kernel_needs as pair_needs
+        from softdyn.pair.pair_run import kernel_needs as pair_needs
         from softdyn.scene.pair_drive import drive_of
         from softdyn.scene.pair_scene import check_scene
 
         check_scene(scene)
         needs = pair_needs(scene, drive_of(scene))
     elif scene is not None:
-        from softdyn.particles.kernel import contact_manifest
+        from softdyn.particles.contact_kernels import contact_manifest
+        from softdyn.particles.particle_run import kernel_needs
         from softdyn.particles.particle_scene import check
-        from softdyn.particles.run import kernel_needs
 
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
@@ -644,7 +644,7 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from softdyn.pair.run import simulate_pair
+    from softdyn.pair.pair_run import simulate_pair
     from softdyn.particles.export import WRITERS
     from softdyn.results.pair_result import ENDINGS, SUFFIXES
     from softdyn.scene.pair_scene import read_scene
@@ -837,20 +837,20 @@ def _convert(options: argparse.Namespace) -> int:
 
 def _bench(options: argparse.Namespace) -> int:
     if options.what == "particles":
-        from softdyn.particles.bench import bench_particles
+        from softdyn.particles.step_times import bench_particles
 
         return bench_particles(options.folder)
-    from softdyn.bench.run import main
+    from softdyn.bench.pair_bench import main
 
     return main(options.folder)
 
 
 def _stress(options: argparse.Namespace) -> int:
     if options.what == "particles":
-        from softdyn.stress.particles import report
+        from softdyn.stress.particles import scene_report as report
 
         return report.main(options.folder, options.scenes)
-    from softdyn.stress.run import main
+    from softdyn.stress.pair_stress import main
 
     return main(options.folder)
 

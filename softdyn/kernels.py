@@ -242,7 +242,14 @@ def tool_digest() -> str:
     here = Path(__file__).parent
     files = {
         f"softdyn/{name}": here / name
-        for name in ("kernels.py", "elements.py", "particles/kernel.py", "laws.py", "expression.py", "enclosure.py")
+        for name in (
+            "kernels.py",
+            "elements.py",
+            "particles/contact_kernels.py",
+            "laws.py",
+            "expression.py",
+            "enclosure.py",
+        )
     }
     files |= {f"softdyn/targets/{path.name}": path for path in (here / "targets").glob("*.py")}
     for package, ending in (("derive", "*.py"), ("templates", "*.j2")):

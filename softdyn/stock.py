@@ -14,7 +14,7 @@ from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_equations import ContactNeeds
-    from softdyn.derive.kernel import KernelIR
+    from softdyn.derive.kernel_form import KernelIR
     from softdyn.derive.law import ContactLaw
     from softdyn.derive.pair_equations import Needs
 
@@ -58,8 +58,8 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.derive.regimes import discover
     from softdyn.derive.typeset import as_text
+    from softdyn.study.findings_text import limits_text, regimes_text
     from softdyn.study.presence import presence_of
-    from softdyn.study.tables import limits_text, regimes_text
     from softdyn.targets import TARGETS
 
     files = {}

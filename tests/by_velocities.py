@@ -20,10 +20,10 @@ from scipy.integrate import solve_ivp
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import get_kernel
-from softdyn.particles.balance import Newton, contact_forces
+from softdyn.particles.force_balance import Newton, contact_forces
 from softdyn.particles.geometry import directions, flow, lattice
 from softdyn.particles.particle_keys import ParticleScene
-from softdyn.particles.run import prepare
+from softdyn.particles.particle_run import prepare
 from softdyn.particles.start import start
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from softdyn.derive import ContactLaw
 from softdyn.derive.emit import emit
-from softdyn.derive.kernel import KernelIR
+from softdyn.derive.kernel_form import KernelIR
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.targets import c as c_target

@@ -29,11 +29,11 @@ from softdyn.derive.regimes import Diagram, discover
 from softdyn.errors import SceneError
 from softdyn.findings import films_of, regimes_of
 from softdyn.study import phases, presence
+from softdyn.study.findings_text import regimes_data, regimes_text
+from softdyn.study.law_page import page
 from softdyn.study.notation import Numbers
 from softdyn.study.plane import margins, plane_of, states
 from softdyn.study.presence import presence_of
-from softdyn.study.report import page
-from softdyn.study.tables import regimes_data, regimes_text
 from softdyn.study.values import RealValues, at_values, read_values, require_sizes, si_unit
 
 Pi0, kD, s0 = (Symbol(name, positive=True) for name in ("Pi0", "kD", "s0"))

@@ -12,7 +12,7 @@ import pytest
 import softdyn
 from softdyn.errors import SceneError
 from softdyn.pair.batch import Batch, simulate_batch
-from softdyn.pair.run import simulate_pair
+from softdyn.pair.pair_run import simulate_pair
 from softdyn.scene.pair_quantities import QUANTITIES
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.time_tables import Table

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 import softdyn
-from softdyn.bench import batch as bench_batch
-from softdyn.bench import reference
-from softdyn.bench import run as bench
+from softdyn.bench import batch_times as bench_batch
+from softdyn.bench import pair_bench as bench
+from softdyn.bench import precise_cases as reference
 from softdyn.bench.precise import how_made
-from softdyn.bench.reference import Case, cases
-from softdyn.bench.rules import kernels_by_rule
+from softdyn.bench.precise_cases import Case, cases
+from softdyn.bench.rule_times import kernels_by_rule
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.kernels import get_kernel
-from softdyn.pair.run import kernel_needs
+from softdyn.pair.pair_run import kernel_needs
 from softdyn.scene.pair_drive import drive_of
 from softdyn.stock import GENERATED
 
@@ -206,7 +206,7 @@ def test_a_report_that_is_whole_leaves_no_partial_one(few_cases: list[int], tmp_
 def test_a_bench_of_particles_keeps_what_it_has_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from softdyn.particles import bench as of_particles
+    from softdyn.particles import step_times as of_particles
 
     row = {"particles": 1.0, "contacts": 2.0, "seconds": 3.0, "wall": 4.0, "iterations": 5.0, "peak": 6e6}
     rows = iter([row, {**row, "particles": 7.0}])

@@ -19,8 +19,8 @@ from softdyn.particles import portions
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
 from softdyn.particles.particle_keys import ParticleScene, Push
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 
 Array = NDArray[np.float64]
 

@@ -25,8 +25,8 @@ from softdyn.derive.one_sided import rigid
 from softdyn.derive.soundness import relative_slope
 from softdyn.errors import LawError
 from softdyn.laws import find, load, stock_laws
+from softdyn.particles.contact_kernels import ContactKernel, get_contact_kernel
 from softdyn.particles.geometry import Box, bare_contacts, directions, find_pairs, lattice
-from softdyn.particles.kernel import ContactKernel, get_contact_kernel
 from softdyn.particles.method import ERROR, NODES, STAGES, WEIGHTS
 from softdyn.targets import TARGETS
 

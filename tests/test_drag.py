@@ -14,8 +14,8 @@ from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import LawError
 from softdyn.particles.particle_keys import ParticleScene, Push
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 
 lam = Symbol("lam", nonnegative=True)
 #: A droplet with a mobile surface, its viscosity lam times that of the fluid around it (Hadamard and Rybczynski).

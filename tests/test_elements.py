@@ -20,8 +20,8 @@ from sympy import Integer, Symbol, cos, lambdify, pi, sin, sqrt
 from softdyn.derive.element_equations import ElementNeeds, weight
 from softdyn.derive.element_kernel import element_ir
 from softdyn.derive.emit import emit
-from softdyn.derive.kernel import KernelIR, total_operations
-from softdyn.derive.stokes import averaged_stokes
+from softdyn.derive.kernel_form import KernelIR, total_operations
+from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.derive.weak_form import FINENESS, Field, WeakForm
 from softdyn.derive.weak_form import dot as product_of
 from softdyn.elements import ElementKernel, element_matrices, get_element_kernel

@@ -25,7 +25,7 @@ from softdyn.errors import LawError, SceneError
 from softdyn.laws import stock_laws
 from softdyn.particles.geometry import Wall
 from softdyn.particles.particle_keys import ParticleScene, Push
-from softdyn.particles.run import simulate_particles
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.stress import two_spheres
 
 STOKES = 6 * np.pi

@@ -17,8 +17,8 @@ from softdyn.derive.films import GAPS, Film, Films, branches, find_films, invert
 from softdyn.derive.forms import force
 from softdyn.derive.law import typical_values
 from softdyn.derive.regimes import discover
-from softdyn.study.report import summary
-from softdyn.study.tables import regimes_text
+from softdyn.study.findings_text import regimes_text
+from softdyn.study.law_page import summary
 
 A, B, ell, far = (Symbol(name, positive=True) for name in ("strength", "pull", "ell", "far"))
 

@@ -17,7 +17,7 @@ from softdyn import findings
 from softdyn.derive import E, R
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.symbols import eta
-from softdyn.study.tables import limits_text, regimes_text
+from softdyn.study.findings_text import limits_text, regimes_text
 
 
 @pytest.fixture(autouse=True)
@@ -94,7 +94,7 @@ def test_the_same_law_gets_the_same_bytes_in_any_process() -> None:
     """However sets and dictionaries are ordered there."""
     code = (
         "from softdyn.derive.films import find_films; from softdyn.derive.regimes import discover;"
-        "from softdyn.laws import law_of; from softdyn.study.tables import regimes_text;"
+        "from softdyn.laws import law_of; from softdyn.study.findings_text import regimes_text;"
         "found = discover(law_of('soap_film')); print(regimes_text(found, find_films(found)))"
     )
     texts = {

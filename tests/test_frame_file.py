@@ -12,7 +12,7 @@ import softdyn
 from softdyn.errors import SceneError
 from softdyn.particles import ParticleScene
 from softdyn.particles import frame_file as files
-from softdyn.particles.run import simulate_particles
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.results.rerun import differences
 
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from fuzzing import Enough, mutated_toml, survives
 
-from softdyn.pair.run import simulate_pair
+from softdyn.pair.pair_run import simulate_pair
 from softdyn.particles.files import read_particle_scene
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 from softdyn.scene.pair_scene import read_scene
 from softdyn.scene.reading import is_particle_scene, read_toml
 from softdyn.targets import c

@@ -24,7 +24,7 @@ from softdyn.derive.films import relaxation_rate
 from softdyn.derive.regimes import discover
 from softdyn.errors import LawError, SceneError
 from softdyn.particles.particle_keys import ParticleScene, Push
-from softdyn.particles.run import simulate_particles
+from softdyn.particles.particle_run import simulate_particles
 
 Array = NDArray[np.float64]
 Forces = Callable[[Any, Any], tuple[Any, Any, Any]]

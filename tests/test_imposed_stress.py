@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import evaluate, parse
-from softdyn.particles.balance import Balance, Newton, StageInput, balance
 from softdyn.particles.files import read_particle_scene
+from softdyn.particles.force_balance import Balance, Newton, StageInput, balance
 from softdyn.particles.geometry import Wall
 from softdyn.particles.mechanisms.stress import condensed, excess
 from softdyn.particles.observables import strain
 from softdyn.particles.particle_keys import Hold, ParticleScene
+from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
 from softdyn.particles.surroundings import coordinates, placed
 from softdyn.particles.system import System

@@ -16,10 +16,10 @@ from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.element_equations import ElementNeeds
 from softdyn.derive.element_kernel import element_ir
 from softdyn.derive.emit import emit, header, kernel_body, write, write_enclosures
-from softdyn.derive.kernel import KernelIR, function, names_in
+from softdyn.derive.kernel_form import KernelIR, function, names_in
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
-from softdyn.derive.stokes import averaged_stokes
+from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.expression import parse
 from softdyn.laws import law_of
 from softdyn.targets import TARGETS

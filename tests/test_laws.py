@@ -30,7 +30,7 @@ from softdyn.derive.pair_equations import Needs
 from softdyn.derive.regimes import discover
 from softdyn.errors import SceneError
 from softdyn.laws import stock_laws
-from softdyn.study.compare import compare, comparison_text
+from softdyn.study.two_laws import compare, comparison_text
 
 LAWS: dict[str, ContactLaw] = {
     module.law.name: module.law for module in (equal_spheres, droplet, cone, dlvo, steric, soap_film)

@@ -15,17 +15,17 @@ import pytest
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.particles.balance import Balance, Newton, StageInput
 from softdyn.particles.energy import Rates
 from softdyn.particles.files import particle_scene_from
+from softdyn.particles.force_balance import Balance, Newton, StageInput
 from softdyn.particles.geometry import Contacts, Wall
 from softdyn.particles.integrate import integrate
 from softdyn.particles.mechanisms import ROOMS, Action, Mechanism
 from softdyn.particles.mechanisms.gravity import Gravity
 from softdyn.particles.observables import wall_forces
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.results import load_particles
-from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
 from softdyn.particles.state import State
 from softdyn.particles.system import System, background, with_mechanisms
@@ -287,7 +287,7 @@ def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
             "import sys\n"
             "from softdyn import particles\n"
             "from softdyn.particles import Hold, ParticleScene, Push, Wall\n"
-            "from softdyn.particles.run import check\n"
+            "from softdyn.particles.particle_run import check\n"
             "check(ParticleScene('equal_spheres', {'E': 1.0, 'eta': 1.0, 'nu': 0.5}, positions=[[0, 0]], radii=1.0, "
             f"until_t=1.0, range=1.0, {given}))\n"
             f"print(*(room for room in {tuple(ROOMS)} if 'softdyn.particles.mechanisms.' + room in sys.modules))"

@@ -23,8 +23,8 @@ from softdyn.particles.observables import (
     wall_forces,
 )
 from softdyn.particles.particle_keys import ParticleScene, Push
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 
 Array = NDArray[np.float64]
 

@@ -109,10 +109,10 @@ def test_a_checkout_without_symbolic_links_works(tmp_path: Path) -> None:
     (site / "dependencies.pth").write_text("\n".join(path for path in sys.path if "site-packages" in path))
     subprocess.run([python, "-m", "pip", "install", "--no-deps", "-e", str(checkout)], capture_output=True, check=True)
     code = (
-        "import softdyn, softdyn.laws, softdyn.stock, softdyn.stress.reference, softdyn.kernels;"
+        "import softdyn, softdyn.laws, softdyn.stock, softdyn.stress.precise_pairs, softdyn.kernels;"
         "print(softdyn.__file__);"
         "print(len(softdyn.laws.stock_laws()), softdyn.stock.GENERATED.is_dir(),"
-        " softdyn.stress.reference.FILE.is_file());"
+        " softdyn.stress.precise_pairs.FILE.is_file());"
         "parameters = dict(R=1, E=1, eta=1);"
         "r = softdyn.simulate(law='rognon_gay', parameters=parameters, h=100, force=1e-2, until_h=1e-3);"
         "print(r.t[-1])"

@@ -21,7 +21,7 @@ import softdyn
 from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, R, a, delta, eta, h
 from softdyn.derive.laws.rognon_gay import hbar, law
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.pair import run as pair
+from softdyn.pair import pair_run as pair
 
 UNIT = {"R": 1.0, "E": 1.0, "eta": 1.0}
 REFERENCE = json.loads((Path(__file__).parent / "data" / "pair_constant_force.json").read_text())["rows"]

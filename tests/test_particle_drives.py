@@ -26,8 +26,8 @@ from softdyn.particles import energy as energies
 from softdyn.particles import step as steps
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.observables import strain
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 from softdyn.particles.time_functions import time_function
 
 Array = NDArray[np.float64]

@@ -16,8 +16,8 @@ from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
 from softdyn.particles.particle_keys import ParticleScene, Push
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.run import simulate_particles
 
 UNIT = {"E": 1.0, "eta": 1.0}
 

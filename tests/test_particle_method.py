@@ -21,7 +21,7 @@ from softdyn.particles.method import (
     rate_weights,
 )
 from softdyn.particles.particle_keys import ParticleScene, Push
-from softdyn.particles.run import simulate_particles
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.step import power_error
 
 Array = NDArray[np.float64]

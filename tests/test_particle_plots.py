@@ -18,12 +18,12 @@ from PIL import Image
 
 from softdyn.cli import main
 from softdyn.errors import SceneError
-from softdyn.particles import plots
+from softdyn.particles import particle_plots as plots
 from softdyn.particles.geometry import Wall
 from softdyn.particles.particle_keys import ParticleScene, Push
-from softdyn.particles.plots import draw_network
+from softdyn.particles.particle_plots import draw_network
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 
 Array = NDArray[np.float64]
 

@@ -18,15 +18,16 @@ from scipy.sparse import bsr_array, diags_array
 import softdyn
 from softdyn.derive.laws.dlvo import law as dlvo
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.particles import bench, linear
-from softdyn.particles.balance import Newton, StageInput, balance, contact_forces
+from softdyn.particles import linear
+from softdyn.particles import step_times as bench
+from softdyn.particles.contact_kernels import energies
+from softdyn.particles.force_balance import Newton, StageInput, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
-from softdyn.particles.kernel import energies
 from softdyn.particles.observables import swap_time
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.particle_scene import check
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import softdyn
-from softdyn.pair.plots import plot_pair, scale_for
+from softdyn.pair.pair_plots import plot_pair, scale_for
 from softdyn.results.pair_result import PairResult
 
 ALL = ("X", "F", "lambda1", "lambda2")

@@ -14,8 +14,8 @@ import softdyn
 from softdyn.errors import IntegrationError
 from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, integrate, pressure, simulate
 from softdyn.particles.files import particle_scene_from, stock_scenes
-from softdyn.particles.pulled import Pulled, look, pulled_films
-from softdyn.stress.particles import compare
+from softdyn.particles.pulled_films import Pulled, look, pulled_films
+from softdyn.stress.particles import verdicts as compare
 from softdyn.stress.particles.sampling import random_case
 
 SOFT: dict[str, Any] = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}

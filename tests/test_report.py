@@ -13,7 +13,7 @@ import pytest
 from sympy import pi, sin, sqrt, sstr
 
 from softdyn.derive import ContactLaw, Limit, R, delta, eta, h
-from softdyn.derive.kernel import total_operations
+from softdyn.derive.kernel_form import total_operations
 from softdyn.derive.law import expressions, law_hash
 from softdyn.derive.limits import check_limits
 from softdyn.derive.pair_kernel import kernel_ir
@@ -21,9 +21,9 @@ from softdyn.derive.regimes import discover
 from softdyn.derive.typeset import findings_html
 from softdyn.errors import SceneError
 from softdyn.laws import find, load
+from softdyn.study.findings_text import limits_text
 from softdyn.study.formulas import cut, displayed, formula, pieces, widest
-from softdyn.study.report import SCENES, decimal, film, page, write_report
-from softdyn.study.tables import limits_text
+from softdyn.study.law_page import SCENES, decimal, film, page, write_report
 
 VOID = {"meta", "br", "img", "wbr", "link", "input", "hr"}
 HOSTILE = "<script>alert('x')</script> & \"quoted\" </style> {{ 7*7 }}"
@@ -254,10 +254,8 @@ def test_every_kind_of_stock_law_has_a_page(name: str) -> None:
 
 @pytest.mark.slow
 def test_another_process_writes_the_same_bytes(tmp_path: Path) -> None:
-    code = (
-        "import sys; from pathlib import Path; import softdyn.study.report as r; from softdyn.laws import find, load; "
-    )
-    code += "r.write_report(load(find('rognon_gay'))[0], Path(sys.argv[1]))"
+    code = "import sys; from pathlib import Path; import softdyn.study.law_page as r; "
+    code += "from softdyn.laws import find, load; r.write_report(load(find('rognon_gay'))[0], Path(sys.argv[1]))"
     for seed in ("1", "2"):
         path = tmp_path / f"{seed}.html"
         subprocess.run([sys.executable, "-c", code, str(path)], check=True, env={"PYTHONHASHSEED": seed})

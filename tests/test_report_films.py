@@ -18,7 +18,7 @@ from softdyn.derive import LENGTH, ContactLaw, R, delta, eta, h
 from softdyn.derive.laws import hertz_dry, lubrication_rigid
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.study import elastohydrodynamics as study
-from softdyn.study.report import film
+from softdyn.study.law_page import film
 
 KEPT = json.loads(ehd.TABLE.read_text(encoding="utf-8"))
 ROWS = np.array(KEPT["rows"])

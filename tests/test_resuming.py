@@ -10,8 +10,8 @@ import pytest
 from softdyn.errors import IntegrationError
 from softdyn.particles.files import read_particle_scene, stock_scenes
 from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 from softdyn.particles.until import run_end
 from softdyn.results.rerun import differences
 from softdyn.stress.particles.sampling import random_case

@@ -17,7 +17,7 @@ from softdyn.derive.equations import Equations
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.rules import RULES, Rule, specialised
-from softdyn.derive.stokes import averaged_stokes
+from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.laws import law_of
 
 

@@ -15,8 +15,8 @@ from softdyn.particles.files import particle_scene_from
 from softdyn.particles.geometry import Wall, close_pairs
 from softdyn.particles.packing import drawn_radii, random_packing
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 
 
 def run(**changes: Any) -> ParticleResult:

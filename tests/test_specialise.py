@@ -31,7 +31,7 @@ from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.element_equations import ElementNeeds
 from softdyn.derive.element_kernel import element_ir
 from softdyn.derive.emit import emit, header
-from softdyn.derive.kernel import KernelIR, operations_of, total_operations
+from softdyn.derive.kernel_form import KernelIR, operations_of, total_operations
 from softdyn.derive.law import law_hash
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
@@ -39,7 +39,7 @@ from softdyn.derive.pair_equations import OUTPUTS, Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.printing import KINDS, operations, straight_line
 from softdyn.derive.rules import RULES
-from softdyn.derive.stokes import averaged_stokes
+from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.errors import LawError
 from softdyn.expression import parse
 from softdyn.targets import TARGETS

@@ -14,12 +14,12 @@ import softdyn
 from softdyn.bench.precise import how_made
 from softdyn.errors import IntegrationError
 from softdyn.stock import GENERATED
-from softdyn.stress import reference
-from softdyn.stress import run as stress
-from softdyn.stress.far_field import far_field_cells
+from softdyn.stress import pair_stress as stress
+from softdyn.stress import precise_pairs as reference
+from softdyn.stress.far_apart import far_field_cells
 from softdyn.stress.judge import judge_number
-from softdyn.stress.pulled import functions_of, pulled_cells, table_cells
-from softdyn.stress.reference import cases, references
+from softdyn.stress.precise_pairs import cases, references
+from softdyn.stress.pulled_pairs import functions_of, pulled_cells, table_cells
 from softdyn.stress.scenes import random_scenes
 from softdyn.stress.units import random_unit_cells
 from softdyn.stress.varying import varying_cells

@@ -16,16 +16,16 @@ from sympy import Symbol, lambdify
 from softdyn.cli import main
 from softdyn.expression import evaluate, parse
 from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.particle_run import UNBALANCED, UNSEEN
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import UNBALANCED, UNSEEN
 from softdyn.stress.judge import RIGHT, TOLD, WRONG
-from softdyn.stress.particles import compare
+from softdyn.stress.particles import verdicts as compare
 from softdyn.stress.particles.cases import first_surroundings, set_up
-from softdyn.stress.particles.compare import judge_case
-from softdyn.stress.particles.equations import geometry, jacobian, pack, tell
-from softdyn.stress.particles.reference import near, settled
-from softdyn.stress.particles.report import stress_particles
+from softdyn.stress.particles.integration import near, settled
+from softdyn.stress.particles.own_equations import geometry, jacobian, pack, tell
 from softdyn.stress.particles.sampling import random_case
+from softdyn.stress.particles.scene_report import stress_particles
+from softdyn.stress.particles.verdicts import judge_case
 
 
 # 9: surfaces stick without drag, and forces jump

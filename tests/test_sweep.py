@@ -18,7 +18,7 @@ import softdyn
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.pair import sweep as module
-from softdyn.pair.run import simulate_pair
+from softdyn.pair.pair_run import simulate_pair
 from softdyn.pair.sweep import read_values, read_varied, sweep
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.time_tables import Table

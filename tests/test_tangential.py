@@ -26,16 +26,16 @@ from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import IntegrationError, LawError, SceneError
 from softdyn.particles import linear
-from softdyn.particles.balance import Newton
 from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from, stock_scenes
+from softdyn.particles.force_balance import Newton
 from softdyn.particles.geometry import Wall, curvatures, directions, lattice, rotations
 from softdyn.particles.mechanisms import sliding
-from softdyn.particles.mechanisms.films import solve_contacts
+from softdyn.particles.mechanisms.soft_films import solve_contacts
 from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import System, image_velocities

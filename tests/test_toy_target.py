@@ -13,7 +13,7 @@ from softdyn import kernels, targets, templates
 from softdyn.derive import emit
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
-from softdyn.derive.stokes import averaged_stokes
+from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.elements import element_matrices, get_element_kernel
 from softdyn.kernels import get_kernel
 from softdyn.laws import law_of

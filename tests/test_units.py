@@ -28,9 +28,9 @@ from softdyn.particles.files import particle_scene_from, stock_scenes
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.placing import read_particles
 from softdyn.particles.results import ParticleResult, load_particles
-from softdyn.particles.run import prepare, simulate_particles
 from softdyn.particles.until import run_end
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.expression import has_kinks
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair.run import (
+from softdyn.pair.pair_run import (
     ALLOWED_ERROR,
     LARGEST_RESIDUAL,
     MOST_STEPS,

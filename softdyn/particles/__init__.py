@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     )
     from softdyn.particles.packing import Packing, lattice_packing, random_packing
     from softdyn.particles.particle_keys import Hold, ParticleScene, Push, Stress
+    from softdyn.particles.particle_run import simulate_particles as simulate
     from softdyn.particles.placing import from_result, read_particles
     from softdyn.particles.results import ParticleResult
     from softdyn.particles.results import load_particles as load
-    from softdyn.particles.run import simulate_particles as simulate
 
 __all__ = [
     "Gravity",
@@ -97,7 +97,7 @@ _HOME = {
     "read_particles": ("placing", "read_particles"),
     "read_scene": ("files", "read_particle_scene"),
     "relative_viscosity": ("observables", "relative_viscosity"),
-    "simulate": ("run", "simulate_particles"),
+    "simulate": ("particle_run", "simulate_particles"),
     "strain": ("observables", "strain"),
     "swap_time": ("observables", "swap_time"),
     "wall_forces": ("observables", "wall_forces"),

@@ -16,12 +16,12 @@ from scipy.sparse import bsr_array
 import softdyn
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
-from softdyn.particles.balance import Newton, pattern_of, solver_of
+from softdyn.particles.force_balance import Newton, pattern_of, solver_of
 from softdyn.particles.frame_file import ENDING, go_on
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.linear import direct
 from softdyn.particles.neighbours import Listed
-from softdyn.particles.pulled import Pulled
+from softdyn.particles.pulled_films import Pulled
 from softdyn.particles.results import HISTORY
 from softdyn.particles.state import State
 from softdyn.particles.system import System

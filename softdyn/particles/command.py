@@ -14,8 +14,8 @@ from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
 from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import simulate_particles
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
 from softdyn.terminal import as_it_is

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.expression import FUNCTIONS
 from softdyn.particles.geometry import rotations
+from softdyn.particles.names import ALL, AXES, components, is_list, is_number
 from softdyn.particles.time_functions import TimeFunction, time_function
-from softdyn.particles.words import ALL, AXES, components, is_list, is_number
 from softdyn.scene.keys import driven_values
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.balance import Balance, held_torque
 from softdyn.particles.driven import Driven
+from softdyn.particles.force_balance import Balance, held_torque
 from softdyn.particles.geometry import Contacts, crossing
 from softdyn.particles.system import System, moving_images, turns_freely
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, StageInput, contact_forces, held_torque, linearise
+from softdyn.particles.force_balance import Balance, Newton, StageInput, contact_forces, held_torque, linearise
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
 from softdyn.particles.system import System, contact_state, gauge_axes, image_velocities, turns_freely
 

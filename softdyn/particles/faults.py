@@ -9,11 +9,11 @@ from scipy.sparse.csgraph import connected_components
 
 from softdyn.errors import IntegrationError, pressed_only_words
 from softdyn.particles import linear
-from softdyn.particles.balance import pair_named, unresisted
+from softdyn.particles.force_balance import pair_named, unresisted
 from softdyn.particles.geometry import directions, lattice, torque
+from softdyn.particles.names import AXES, particles_named
 from softdyn.particles.state import State, free_positions, overlaps
 from softdyn.particles.system import System, contact_state, gauge_axes, turns_freely
-from softdyn.particles.words import AXES, particles_named
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def require_balanced(system: System, state: State) -> None:
 
     Torques balance at the given positions. Where the particles are now, elastic relaxation and the motion since the
     start leave some: this rotates all particles together, which nothing resists and nothing feels, and is taken away
-    (:func:`softdyn.particles.balance.held_torque`), as long as it is small. The state keeps the largest part.
+    (:func:`softdyn.particles.force_balance.held_torque`), as long as it is small. The state keeps the largest part.
     """
     t, x = state.t, state.x
     external, d = system.force(t), system.dimension

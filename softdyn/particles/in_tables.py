@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
-from softdyn.particles.balance import pair_named
+from softdyn.particles.force_balance import pair_named
 
 if TYPE_CHECKING:
     from softdyn.particles.state import State

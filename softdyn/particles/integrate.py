@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear
-from softdyn.particles.balance import Newton, StepFailed, pair_named
 from softdyn.particles.faults import require_balanced, why
+from softdyn.particles.force_balance import Newton, StepFailed, pair_named
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.in_tables import require_in_tables
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import common, find_contacts, travelled
-from softdyn.particles.pulled import At, look
+from softdyn.particles.pulled_films import At, look
 from softdyn.particles.resolve import SHORTEST, breaks, resolved
 from softdyn.particles.results import Frame
 from softdyn.particles.start import pass_break

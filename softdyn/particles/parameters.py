@@ -19,9 +19,9 @@ from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import R, a, delta, h
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
+from softdyn.particles.contact_kernels import ContactKernel
 from softdyn.particles.geometry import Integers
-from softdyn.particles.kernel import ContactKernel
-from softdyn.particles.words import is_number, listed
+from softdyn.particles.names import is_number, listed
 from softdyn.scene.numbers import range_fault
 from softdyn.words import suggestion
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
-from softdyn.particles.words import ALL
+from softdyn.particles.names import ALL
 from softdyn.scene.keys import Key, Section, with_keys
 from softdyn.scene.kinds import (
     COORDINATES,

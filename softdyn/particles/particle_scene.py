@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles.driven import require_used
-from softdyn.particles.films import film_faults
+from softdyn.particles.earlier_films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.mechanisms import Mechanism, rooms_of
+from softdyn.particles.names import ALL, AXES, is_number, listed, which
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.system import ValidatedScene
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
-from softdyn.particles.words import ALL, AXES, is_number, listed, which
 from softdyn.scene.keys import key_faults
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.particles.names import AXES, is_number
 from softdyn.particles.particle_keys import PLACES
-from softdyn.particles.words import AXES, is_number
 from softdyn.scene.keys import key_faults, rows
 from softdyn.scene.kinds import PATH
 from softdyn.tables import Column, read_columns

@@ -204,7 +204,7 @@ class ParticleResult(Result):
         """
         if not len(self):
             raise SceneError("the result holds no frame to draw")
-        from softdyn.particles.plots import plot_particles
+        from softdyn.particles.particle_plots import plot_particles
 
         return plot_particles(self)
 
@@ -216,7 +216,7 @@ class ParticleResult(Result):
         SceneError
             If it cannot be drawn.
         """
-        from softdyn.particles.plots import animate
+        from softdyn.particles.particle_plots import animate
 
         return animate(self, Path(path))
 

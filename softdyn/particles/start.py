@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, pair_named
 from softdyn.particles.driven import constant
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.faults import require_balanced, require_held, why
+from softdyn.particles.force_balance import Balance, Newton, StageInput, StepFailed, balance, pair_named
 from softdyn.particles.geometry import Contacts, bare_contacts
 from softdyn.particles.method import ORDER
 from softdyn.particles.neighbours import find_contacts, taken_over

@@ -15,7 +15,7 @@ from softdyn.particles.frame_file import FrameFile
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.pulled import Pulled
+from softdyn.particles.pulled_films import Pulled
 from softdyn.particles.results import Frame, frame_of
 from softdyn.particles.step import Output
 from softdyn.particles.system import System

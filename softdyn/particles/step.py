@@ -1,6 +1,7 @@
 """One step of many particles: implicit stages, an estimate of the error, and outputs within the step.
 
-See :mod:`softdyn.particles.balance` for what is solved at a stage, and :mod:`softdyn.particles.method` for the stages.
+See :mod:`softdyn.particles.force_balance` for what is solved at a stage, and :mod:`softdyn.particles.method` for the
+stages.
 """
 
 from __future__ import annotations
@@ -13,8 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.balance import Balance, Newton, StageInput, balance, largest, unresisted, unturned, with_torques
 from softdyn.particles.energy import CARRIED, ELASTIC, net_power, powers
+from softdyn.particles.force_balance import (
+    Balance,
+    Newton,
+    StageInput,
+    balance,
+    largest,
+    unresisted,
+    unturned,
+    with_torques,
+)
 from softdyn.particles.geometry import Box, Contacts
 from softdyn.particles.method import ERROR, GAMMA, NODES, ROWS, dense_row, rate_weights
 from softdyn.particles.surroundings import coordinates, placed

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.particles.contact_kernels import ContactKernel
 from softdyn.particles.driven import Driven, sum_of
 from softdyn.particles.geometry import Box, Contacts, Wall, crossing, flow, rotations
-from softdyn.particles.kernel import ContactKernel
 from softdyn.particles.mechanisms import ASKED, Mechanism, having
 from softdyn.particles.time_functions import TimeFunction
 

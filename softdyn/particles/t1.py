@@ -27,7 +27,7 @@ from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
 from softdyn.particles.particle_keys import ParticleScene, Push
-from softdyn.particles.run import simulate_particles
+from softdyn.particles.particle_run import simulate_particles
 from softdyn.results.whole_files import require_folder, written_whole
 from softdyn.terminal import as_it_is
 
@@ -192,7 +192,7 @@ def draw(swaps: Swaps) -> Figure:
     """Draw the durations, and three states of one of the runs: at the start, in the middle, and at the end."""
     from matplotlib.figure import Figure
 
-    from softdyn.particles.plots import draw_network, largest_force
+    from softdyn.particles.particle_plots import draw_network, largest_force
 
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=[3.2, 1])

@@ -21,7 +21,7 @@ from softdyn.enclosure import RADII, intervals, models, unseen
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import Expression, derivative, evaluate, parse, pieces, values
 from softdyn.particles.method import NODES
-from softdyn.particles.words import is_number
+from softdyn.particles.names import is_number
 from softdyn.scene.time_tables import Table, table_of
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from pathlib import Path
 from softdyn.errors import SceneError
 from softdyn.particles.frame_file import read_frames
 from softdyn.particles.particle_keys import ParticleScene
+from softdyn.particles.particle_run import prepare
 from softdyn.particles.results import ParticleResult, gather
-from softdyn.particles.run import prepare
 from softdyn.results.origin import origin_in, scene_from
 
 

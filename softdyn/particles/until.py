@@ -10,9 +10,9 @@ import numpy as np
 from softdyn.enclosure import enclose
 from softdyn.errors import SceneError
 from softdyn.particles.driven import given_function
+from softdyn.particles.names import is_number
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.time_functions import TimeFunction
-from softdyn.particles.words import is_number
 from softdyn.scene.time_tables import Table
 
 #: The end of a run is looked for up to so many doublings of the time that the first shear rate would take.

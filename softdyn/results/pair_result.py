@@ -125,7 +125,7 @@ class PairResult(Result):
 
     def plot(self) -> Figure:
         """Draw the gap and the deflection against time, and the local exponents against the gap."""
-        from softdyn.pair.plots import plot_pair
+        from softdyn.pair.pair_plots import plot_pair
 
         return plot_pair(self)
 

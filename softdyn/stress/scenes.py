@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.api import simulate
-from softdyn.pair.run import ALLOWED_ERROR
+from softdyn.pair.pair_run import ALLOWED_ERROR
 from softdyn.results.pair_result import PairResult
 from softdyn.scene.pair_scene import Scene
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, WRONG, judge
-from softdyn.stress.reference import Case, make_reference
+from softdyn.stress.precise_pairs import Case, make_reference
 
 Array = NDArray[np.float64]
 SEED = 20261123

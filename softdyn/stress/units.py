@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from softdyn.api import simulate
 from softdyn.bench.precise import UNIT
 from softdyn.derive.dimensions import Dimension
-from softdyn.pair.run import ALLOWED_ERROR
+from softdyn.pair.pair_run import ALLOWED_ERROR
 from softdyn.results.pair_result import PairResult
 from softdyn.stress.judge import Cell, judge, judge_number, worst
 
@@ -177,7 +177,7 @@ MANY: dict[str, tuple[dict[str, float], bool]] = {
 def _told(units: Units, loads: dict[str, float], tangential: bool) -> Array:
     """What the result tells without a unit: positions, gaps, stress, viscosity, strain."""
     from softdyn.particles.observables import pressure, relative_viscosity, strain
-    from softdyn.particles.run import simulate_particles
+    from softdyn.particles.particle_run import simulate_particles
 
     result = simulate_particles(_layer(units, loads, tangential))
     scale = units.length**2 / units.force

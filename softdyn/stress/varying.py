@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from softdyn.api import simulate
-from softdyn.pair.run import ALLOWED_ERROR
+from softdyn.pair.pair_run import ALLOWED_ERROR
 from softdyn.results.pair_result import PairResult
 from softdyn.stress.judge import Cell, judge
 

@@ -25,7 +25,7 @@ from softdyn.derive.law import is_dry, is_rigid, parameters_of
 from softdyn.derive.regimes import SIGN, Diagram, Regime, Side
 from softdyn.derive.symbols import h
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.pair.run import simulate_pair
+from softdyn.pair.pair_run import simulate_pair
 from softdyn.scene.pair_scene import Scene
 from softdyn.study.plane import Plane, evaluate, holds, parameter_values, plane_of, shown_forces, sides_of, states
 from softdyn.study.values import RealValues

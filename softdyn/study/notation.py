@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from sympy import Expr, Float, Mul, Rational, Symbol, sstr
 
-from softdyn.derive.balance import size
 from softdyn.derive.dimensions import DIMENSIONLESS, FORCE, FRICTION, LENGTH, TIME, Dimension
+from softdyn.derive.dominant_balance import size
 from softdyn.derive.forms import force, force_unit, kappa, plain
 from softdyn.derive.law import parameters_of
 from softdyn.derive.symbols import E, R, eta, h

@@ -27,7 +27,7 @@ from softdyn.derive.laws.rognon_gay import law as LAW
 from softdyn.derive.limits import Finding, check_limits
 from softdyn.derive.regimes import Diagram, Regime, discover
 from softdyn.derive.symbols import E, R, eta, h
-from softdyn.pair.run import simulate_pair
+from softdyn.pair.pair_run import simulate_pair
 from softdyn.results.pair_result import PairResult
 from softdyn.results.whole_files import require_folder, written_whole
 from softdyn.scene.pair_scene import Scene

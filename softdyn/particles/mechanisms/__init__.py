@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance, Newton, StageInput
+    from softdyn.particles.contact_kernels import ContactKernel
     from softdyn.particles.driven import Driven
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance, Newton, StageInput
     from softdyn.particles.geometry import Box, Contacts, Integers, Wall
-    from softdyn.particles.kernel import ContactKernel
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.resolve import Sensitivity
     from softdyn.particles.state import State
@@ -34,7 +34,7 @@ Flags = NDArray[np.bool_]
 
 #: Modules here, and the fields of a scene that ask for it: each that is given, and neither 0 nor empty.
 ROOMS: dict[str, tuple[str, ...]] = {
-    "films": ("law",),
+    "soft_films": ("law",),
     "drag": ("drag",),
     "pushes": ("push",),
     "gravity": ("gravity",),

@@ -13,10 +13,10 @@ from softdyn.particles.parameters import mixed_parameters
 from softdyn.particles.system import System, background
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance, StageInput
+    from softdyn.particles.contact_kernels import ContactKernel
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance, StageInput
     from softdyn.particles.geometry import Contacts
-    from softdyn.particles.kernel import ContactKernel
     from softdyn.particles.system import ValidatedScene
 
 Array = NDArray[np.float64]

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from softdyn.particles.driven import Driven
 from softdyn.particles.energy import power_of
 from softdyn.particles.mechanisms import Mechanism
-from softdyn.particles.words import components, is_list, is_number, which
+from softdyn.particles.names import components, is_list, is_number, which
 from softdyn.scene.keys import Key, with_keys
 from softdyn.scene.kinds import COORDINATES, NOT_NEGATIVE, Kind
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance
     from softdyn.particles.geometry import Contacts
     from softdyn.particles.system import System, ValidatedScene
 

@@ -12,11 +12,11 @@ import numpy as np
 from softdyn.errors import SceneError
 from softdyn.particles.driven import Driven, Term, numbers_of, terms_of, turn_labels
 from softdyn.particles.mechanisms import Flags, Mechanism
-from softdyn.particles.words import AXES, is_list, particles_named
+from softdyn.particles.names import AXES, is_list, particles_named
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance
     from softdyn.particles.geometry import Contacts
     from softdyn.particles.particle_keys import Hold
     from softdyn.particles.resolve import Sensitivity

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from softdyn.particles.driven import given_function
 from softdyn.particles.energy import power_of_box
 from softdyn.particles.mechanisms import Mechanism
-from softdyn.particles.words import is_number
+from softdyn.particles.names import is_number
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance
     from softdyn.particles.geometry import Contacts
     from softdyn.particles.resolve import Sensitivity
     from softdyn.particles.system import System, ValidatedScene

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.particles.balance import Balance, Newton, StageInput, largest
 from softdyn.particles.energy import ELASTIC
+from softdyn.particles.force_balance import Balance, Newton, StageInput, largest
 from softdyn.particles.geometry import (
     Contacts,
     Integers,

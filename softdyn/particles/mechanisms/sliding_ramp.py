@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, StageInput, StepFailed, balance, largest, with_torques
-from softdyn.particles.balance import contact_forces as sum_of
 from softdyn.particles.driven import constant
+from softdyn.particles.force_balance import Balance, Newton, StageInput, StepFailed, balance, largest, with_torques
+from softdyn.particles.force_balance import contact_forces as sum_of
 from softdyn.particles.geometry import Contacts, curvatures, directions, lattice
 from softdyn.particles.mechanisms import sliding
 from softdyn.particles.method import ERROR, GAMMA, NODES, ORDER, STAGES

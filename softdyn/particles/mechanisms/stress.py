@@ -42,15 +42,15 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.particles import linear
-from softdyn.particles.balance import Balance, Newton, StepFailed
 from softdyn.particles.driven import Driven, given_function
 from softdyn.particles.energy import power_of_box
+from softdyn.particles.force_balance import Balance, Newton, StepFailed
 from softdyn.particles.geometry import Box, Contacts, lattice
 from softdyn.particles.mechanisms import Mechanism
+from softdyn.particles.names import AXES, is_number, listed
 from softdyn.particles.surroundings import placed
 from softdyn.particles.system import System
 from softdyn.particles.time_functions import is_driven
-from softdyn.particles.words import AXES, is_number, listed
 from softdyn.words import suggestion
 
 if TYPE_CHECKING:

@@ -14,11 +14,11 @@ from softdyn.particles.driven import Driven, terms_of
 from softdyn.particles.energy import forces_at
 from softdyn.particles.geometry import Wall
 from softdyn.particles.mechanisms import Mechanism
-from softdyn.particles.words import AXES, components, is_list
+from softdyn.particles.names import AXES, components, is_list
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance
     from softdyn.particles.geometry import Contacts
     from softdyn.particles.resolve import Sensitivity
     from softdyn.particles.system import System, ValidatedScene

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from softdyn.particles.balance import Balance
+    from softdyn.particles.force_balance import Balance
     from softdyn.particles.geometry import Contacts
     from softdyn.particles.system import System
 

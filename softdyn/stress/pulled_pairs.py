@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from softdyn.api import simulate
 from softdyn.laws import find, load
-from softdyn.pair.run import ALLOWED_ERROR
+from softdyn.pair.pair_run import ALLOWED_ERROR
 from softdyn.results.pair_result import PairResult
 from softdyn.stress.judge import Cell, judge, worst
 from softdyn.study.elastohydrodynamics import BAND, INSIDE, is_half_space, reference

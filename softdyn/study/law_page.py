@@ -27,7 +27,7 @@ from softdyn.derive.dynamics import generic_dynamics, partials
 from softdyn.derive.emit import emit
 from softdyn.derive.films import Film, Films
 from softdyn.derive.forms import force, force_unit
-from softdyn.derive.kernel import operations_of, total_operations
+from softdyn.derive.kernel_form import operations_of, total_operations
 from softdyn.derive.law import (
     dimensions_for,
     expressions,
@@ -59,9 +59,9 @@ from softdyn.errors import SoftdynError
 from softdyn.findings import films_of, limits_of, regimes_of
 from softdyn.results.whole_files import written_whole
 from softdyn.stock import kinds
+from softdyn.study.findings_text import holds_text, presence_text, same_size, twin
 from softdyn.study.formulas import definitions, formula, widest
 from softdyn.study.presence import ANYWHERE, Presences, presence_of
-from softdyn.study.tables import holds_text, presence_text, same_size, twin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,13 +20,13 @@ from scipy.sparse import bsr_array
 
 from softdyn.bench.record import heading
 from softdyn.particles import linear
-from softdyn.particles.balance import Newton, contact_forces
+from softdyn.particles.contact_kernels import get_contact_kernel
+from softdyn.particles.force_balance import Newton, contact_forces
 from softdyn.particles.geometry import directions, flow, lattice
 from softdyn.particles.integrate import integrate
-from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.packing import lattice_packing, random_packing
 from softdyn.particles.particle_keys import ParticleScene
-from softdyn.particles.run import prepare
+from softdyn.particles.particle_run import prepare
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import contact_state

@@ -4,7 +4,7 @@ Under a constant force times at gaps are an integral over ln h, by Gauss's rule 
 the equations, with the law as the paper prints it, are integrated in mpmath by collocation on 16 stages at 34 digits,
 as those of the benchmark are, on the steps of an engine run at 1e-10 (1e-12 where the centres are moved): on these an
 error of order 9 is 1e-10, and one of order 17 about 1e-18. R = E = eta = 1.
-``python -m softdyn.stress.reference`` makes ``reference.json`` beside this module anew; it takes some minutes.
+``python -m softdyn.stress.precise_pairs`` makes ``reference.json`` beside this module anew; it takes some minutes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """``softdyn stress particles``: random small scenes of all mechanisms against their equations, written down once more.
 
-What a scene came to is said by :mod:`softdyn.stress.particles.compare`; the scenes are those of the seeds 0, 1, 2, ...
+What a scene came to is said by :mod:`softdyn.stress.particles.verdicts`; the scenes are those of the seeds 0, 1, 2, ...
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import scipy
 from softdyn.bench.record import heading, write_record
 from softdyn.results.whole_files import require_folder
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG
-from softdyn.stress.particles.compare import TIGHT, UNKNOWN, Verdict, judge_case
 from softdyn.stress.particles.sampling import random_case
+from softdyn.stress.particles.verdicts import TIGHT, UNKNOWN, Verdict, judge_case
 
 SCENES = 300
 #: Outcomes; a scene without a reference is not judged.

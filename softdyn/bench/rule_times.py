@@ -22,7 +22,7 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
     As it is, without each of the rules that apply, without all of them, and with the parameters, all 1, as numbers.
     """
     from softdyn.derive.emit import write
-    from softdyn.derive.kernel import total_operations
+    from softdyn.derive.kernel_form import total_operations
     from softdyn.derive.pair_equations import Needs
     from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.derive.rules import RULES, Rule

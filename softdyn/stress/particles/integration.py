@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.until import run_end
 from softdyn.stress.particles.cases import ACROSS, FREE, Case, Equations, Pair, first_surroundings, part_of, set_up
-from softdyn.stress.particles.equations import (
+from softdyn.stress.particles.own_equations import (
     PRESSED,
     PULLED,
     RIDES,

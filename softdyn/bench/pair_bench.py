@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.bench import batch
+from softdyn.bench import batch_times as batch
+from softdyn.bench.precise_cases import Case, cases
 from softdyn.bench.record import forget, heading, keep, write_record
-from softdyn.bench.reference import Case, cases
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.batch import STATES
-from softdyn.pair.run import MOST_STEPS, kernel_needs, kernel_parameters
+from softdyn.pair.pair_run import MOST_STEPS, kernel_needs, kernel_parameters
 from softdyn.pair.states import initial_deflection
 from softdyn.results.whole_files import require_folder
 from softdyn.scene.pair_drive import Drive, drive_of
@@ -150,7 +150,7 @@ def _batch(missing: dict[str, str], repeats: int, measured: Callable[[Run], None
 
 def worth_of_specialisation(repeats: int, seconds: float) -> list[dict[str, Any]]:
     """Operations of the law and CPU time per run at rtol = 1e-8, in seconds, for kernels with fewer rules, in C."""
-    from softdyn.bench.rules import kernels_by_rule
+    from softdyn.bench.rule_times import kernels_by_rule
 
     rows: dict[str, dict[str, Any]] = {}
     for column, name in (("constant", "constant, kappa = 0.01"), ("sine", "sine")):

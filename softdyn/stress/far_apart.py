@@ -43,7 +43,7 @@ def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
     """The same in a scene of many, of spheres of the radii 1 and ``ratio``; ``inf``: of a sphere and a wall."""
     from softdyn.particles.geometry import Wall
     from softdyn.particles.particle_keys import ParticleScene, Push
-    from softdyn.particles.run import simulate_particles
+    from softdyn.particles.particle_run import simulate_particles
 
     wall = math.isinf(ratio)
     R = 2.0 if wall else 2 * ratio / (1 + ratio)
@@ -66,7 +66,7 @@ def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
 def distant_friction(law: str, count: int) -> float:
     """Friction of one of many spheres, all a hundred radii apart, over that of Stokes."""
     from softdyn.particles.particle_keys import ParticleScene, Push
-    from softdyn.particles.run import simulate_particles
+    from softdyn.particles.particle_run import simulate_particles
 
     x = np.array([[100.0 * i, 100.0 * ((7 * i) % 11), 0.0] for i in range(count)])
     scene = ParticleScene(

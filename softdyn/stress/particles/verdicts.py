@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SoftdynError
+from softdyn.particles.particle_run import DOUBTFUL, UNBALANCED, UNSEEN, simulate_particles
 from softdyn.particles.results import ParticleResult
-from softdyn.particles.run import DOUBTFUL, UNBALANCED, UNSEEN, simulate_particles
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG
 from softdyn.stress.particles.cases import Case, Equations, part_of
-from softdyn.stress.particles.equations import geometry, pack, unpack
-from softdyn.stress.particles.reference import Beyond, balanced, integrate, now_of, solve
+from softdyn.stress.particles.integration import Beyond, balanced, integrate, now_of, solve
+from softdyn.stress.particles.own_equations import geometry, pack, unpack
 
 Array = NDArray[np.float64]
 #: The tight tolerance.

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import checkpoint as checkpoints
-from softdyn.particles.balance import Newton
+from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
+from softdyn.particles.force_balance import Newton
 from softdyn.particles.frame_file import begin
 from softdyn.particles.integrate import Progress, integrate
-from softdyn.particles.kernel import get_contact_kernel
 from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_scene import check
-from softdyn.particles.pulled import pulled_films
+from softdyn.particles.pulled_films import pulled_films
 from softdyn.particles.results import ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy

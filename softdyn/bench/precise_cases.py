@@ -2,7 +2,7 @@
 
 A reference is made by collocation, too, but in mpmath, with 16 stages at 34 digits and the law as the paper prints it,
 on the steps of an engine run at 1e-10: on these an error of order 9 is 1e-10, and one of order 17 about 1e-18. It is
-stored in ``reference.json`` beside this module; ``python -m softdyn.bench.reference`` makes what the file lacks.
+stored in ``reference.json`` beside this module; ``python -m softdyn.bench.precise_cases`` makes what the file lacks.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from softdyn.kernels import get_kernel
 from softdyn.pair.batch import STATES
+from softdyn.pair.pair_run import MOST_STEPS
 from softdyn.pair.quadrature import times_at_gaps
-from softdyn.pair.run import MOST_STEPS
 from softdyn.pair.states import deflection
 
 Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
-from softdyn.particles.balance import Balance, pair_named
+from softdyn.particles.contact_kernels import energies
 from softdyn.particles.energy import ELASTIC
+from softdyn.particles.force_balance import Balance, pair_named
 from softdyn.particles.geometry import Contacts, directions, some_of
 from softdyn.particles.in_tables import require_in_tables
-from softdyn.particles.kernel import energies
 from softdyn.particles.mechanisms import Mechanism
 from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.system import System, contact_state

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from softdyn.api import simulate
 from softdyn.bench.precise import UNIT
 from softdyn.bench.record import heading, write_record
-from softdyn.pair.run import ALLOWED_ERROR
+from softdyn.pair.pair_run import ALLOWED_ERROR
 from softdyn.results.pair_result import PairResult
 from softdyn.results.whole_files import require_folder
-from softdyn.stress.far_field import far_field_cells
+from softdyn.stress.far_apart import far_field_cells
 from softdyn.stress.judge import OUTCOMES, REFUSED, RIGHT, TOLD, WRONG, Cell, judge, worst
-from softdyn.stress.pulled import pulled_cells
-from softdyn.stress.reference import Case, Reference, cases, references
+from softdyn.stress.precise_pairs import Case, Reference, cases, references
+from softdyn.stress.pulled_pairs import pulled_cells
 from softdyn.stress.scenes import random_scenes
 from softdyn.stress.units import random_unit_cells, unit_cells
 from softdyn.stress.varying import varying_cells
