@@ -6,8 +6,9 @@ evidence for it.
 A limit is an ordering of lengths, such as h << delta << R; it holds in a region of scalings, in which each exponential
 and each logarithm that varies has an axis of its own (:mod:`softdyn.derive.scalings`). Each quantity Q(h, delta) and
 its claimed form are expanded there (:mod:`softdyn.derive.dominant_balance`), the force through F = F_ela(a(h, delta),
-delta), so nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the region, which is cut where terms
-compete; otherwise that term is the ratio found, and where an axis is in play a path is given on which it shows. A
+delta), so nothing is inverted. The leading term of Q/claim must be exactly 1 in the whole of the region, which is cut
+where terms compete; otherwise that term is the ratio found, and where an axis is in play a path is given on which it
+shows. A
 verdict is also certified in numbers: along several scalings of powers, down to eps = 1e-30, where no axis is in play;
 else along paths into the part, where one is found. Besides, each claim is looked at on random paths into the whole of
 its ordering (:mod:`softdyn.derive.witness`), which know of no proof; one on which it fails refutes it.

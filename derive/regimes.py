@@ -5,8 +5,8 @@ exponents; the crossovers, on which two regimes' leading forms are equal; the po
 
 The plane of scalings h = R eps^p, |delta| = R eps^s is cut into cones until one term dominates each sum in each of them
 (:mod:`softdyn.derive.dominant_balance`); cones with the same leading forms are one regime. In each the force balance is
-a monomial equation, solved exactly for delta(h, F). Parameters of the law's own that are not of order one, in units of R,
-E and eta, scale too, each with the power of eps that its typical value has: a third axis for all of them together.
+a monomial equation, solved exactly for delta(h, F). Parameters of the law's own that are not of order one, in units of
+R, E and eta, scale too, each with the power of eps that its typical value has: a third axis for all of them together.
 """
 
 from __future__ import annotations

@@ -423,6 +423,7 @@ def test_help_shows_every_command_with_examples() -> None:
     assert cited.count("{") == cited.count("}")
 
 
+@pytest.mark.slow
 def test_generate_writes_the_contact_kernel_of_a_scene_of_many(capsys: pytest.CaptureFixture[str]) -> None:
     """With what the scene needs: droplets of two sizes, with drag, that do not slide."""
     from softdyn.particles.files import stock_scenes

@@ -104,6 +104,7 @@ def test_a_spring_against_scipy(stiffness: float) -> None:
     assert found.stats["drift"] < 1e-7
 
 
+@pytest.mark.slow
 def test_a_position_and_its_velocity_are_one_drive() -> None:
     moved = run(**SWING, times=TIMES, until_t=TIMES[-1])
     placed = run(

@@ -144,6 +144,7 @@ def test_triangles_are_those_of_an_independent_assembler(target: str) -> None:
     agrees_with_scikit_fem(2, target)
 
 
+@pytest.mark.slow
 def test_tetrahedra_are_those_of_an_independent_assembler() -> None:
     agrees_with_scikit_fem(3, "c")
 
@@ -278,6 +279,7 @@ def test_a_uniform_coefficient_is_one_number_and_has_no_gradient() -> None:
         assert found[1][name] == pytest.approx(found[0][name], rel=1e-13, abs=1e-15 * scale)
 
 
+@pytest.mark.slow
 def test_operations_of_an_element() -> None:
     """More would be a regression."""
     counts = {

@@ -203,7 +203,7 @@ def test_what_cannot_be_decided_is_said() -> None:
     assert not kinks(parse("abs(t*sin(1/t))"), 0.0, 1.0)[1]
 
 
-@pytest.mark.parametrize("place", [0.37, 0.8123])
+@pytest.mark.parametrize("place", [0.37, pytest.param(0.8123, marks=pytest.mark.slow)])
 def test_kinks_that_pile_up_are_passed_and_doubted_there_alone(place: float) -> None:
     """Those of abs(sin(1/(t - c))) are at c + 1/(n pi): all are found, but where there are millions."""
     expression = parse("abs(sin(1/(t - c)))", {"c": place})

@@ -132,6 +132,7 @@ def test_a_film_is_approached_from_both_sides_and_never_crossed(film: exponents.
     assert all(min(run.dh_dt) > 0 for run in film.runs if run.side == "tension")
 
 
+@pytest.mark.slow
 def test_the_regimes_on_both_sides_of_a_film_have_their_exponents(film: exponents.Measurement) -> None:
     regimes = [regime for regime in diagram_of("film").regimes if regime.side == "compression" and regime.inside]
     opening = [regime for regime in regimes if not regime.dh_dt.could_extract_minus_sign()]

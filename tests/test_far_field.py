@@ -75,6 +75,7 @@ def settling(gap: float, radius: float = 1.0, **changes: Any) -> float:
 GAPS = [1e-3, 1e-2, 0.1, 0.5, 1.0, 3.0, 10.0, 30.0, 99.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["equal_spheres", "droplet"])
 @pytest.mark.parametrize(
     "gap", [pytest.param(gap, marks=() if gap in (0.1, 3.0) else pytest.mark.slow) for gap in GAPS]

@@ -102,6 +102,7 @@ def test_code_that_nothing_provides_for_is_refused() -> None:
     assert names_in("(nan if x > -inf and not y < c[3] else _lane_exp(z))") == {"x", "y", "c", "z"}
 
 
+@pytest.mark.slow
 def test_a_gap_that_stands_alone_is_a_term_of_the_gap(tmp_path: Path) -> None:
     """With R = 1 a product of delta and h has no more than h that depends on the gap alone."""
     for name in ("equal_spheres", "dlvo"):

@@ -293,4 +293,4 @@ def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
             f"print(*(room for room in {tuple(ROOMS)} if 'softdyn.particles.mechanisms.' + room in sys.modules))"
         )
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-        assert set(done.stdout.split()) == {"films", *wanted.split()}
+        assert set(done.stdout.split()) == {"soft_films", *wanted.split()}

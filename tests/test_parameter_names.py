@@ -147,7 +147,7 @@ def test_what_is_derived_has_names_that_are_listed() -> None:
     """A law's own symbol is never one of these: every symbol that meets a law's, by its name in the source."""
     folder = Path(derive_package.__file__).parent
     named = set()
-    for module in ("dynamics", "pair_equations", "balance", "forms", "asymptotics"):
+    for module in ("dynamics", "pair_equations", "dominant_balance", "forms", "asymptotics"):
         for node in ast.walk(ast.parse((folder / f"{module}.py").read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Symbol":
                 named |= {part.value for part in node.args if isinstance(part, ast.Constant)}

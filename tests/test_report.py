@@ -233,6 +233,7 @@ def test_the_page_tells_where_it_comes_from(law: ContactLaw, parsed: Page) -> No
 # ------------------------------------------------------------------------------------------------------- other laws
 
 
+@pytest.mark.slow
 def test_the_page_is_written_whole_or_refused(law: ContactLaw, text: str, tmp_path: Path) -> None:
     path = tmp_path / "new" / "report.html"
     write_report(law, path)

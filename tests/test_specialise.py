@@ -92,6 +92,7 @@ def test_no_rule_costs_operations_and_they_add_up(name: str, scene: dict[str, An
         assert late.before == early.after
 
 
+@pytest.mark.slow
 def test_each_rule_saves_operations() -> None:
     """Of the paper's law; its particles do not slide, and those that do need no rule for radii otherwise."""
     made = [

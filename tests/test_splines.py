@@ -225,6 +225,7 @@ def test_a_batch_tells_of_each_run_that_leaves_the_table() -> None:
     assert "no value" in found.errors[1]
 
 
+@pytest.mark.slow
 def test_a_table_in_a_branch_that_does_not_hold_is_not_asked() -> None:
     """A remote force that ends where its table does."""
     remote = E * R**2 * Piecewise((spline(h / R, [0, 0.05, 0.1], [1e-4, 2e-5, 0]), h < R / 10), (0, True))

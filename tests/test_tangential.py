@@ -766,6 +766,7 @@ def test_torques_turn_particles_as_another_route_says() -> None:
     assert abs(result.energy["imbalance"]) < rtol
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_work_of_varying_torques_is_in_the_balance(d: int) -> None:
     """What comes in is torque times angular velocity, and all of it is found again."""

@@ -88,6 +88,7 @@ def test_the_list_of_targets_is_that_of_their_modules() -> None:
     assert all(hasattr(targets.target_module(target), name) for target in targets.TARGETS for name in names)
 
 
+@pytest.mark.slow
 def test_a_module_and_a_folder_of_templates_make_a_target(toy: str) -> None:
     """Its kernel gives the numbers of C's, bit for bit where no function of a library is called."""
     law = law_of("rognon_gay")

@@ -340,6 +340,7 @@ def test_a_depth_without_a_meaning_is_refused(changes: dict[str, Any], message: 
         simulate_particles(layer(**changes))
 
 
+@pytest.mark.slow
 def test_a_packing_takes_a_depth_and_nothing_else_of_a_box() -> None:
     data = tomllib.loads(stock_scenes()["emulsion"].read_text())
     assert particle_scene_from({**data, "box": {"depth": 2.5}}, Path()).depth == 2.5
