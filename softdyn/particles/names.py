@@ -14,6 +14,8 @@ from softdyn.words import listed as listed
 AXES = "xyz"
 #: Stands for all particles where some are named.
 ALL = "all"
+#: Numbers lie between these, lest products of three of them be none.
+SIZES = (1e-100, 1e100)
 
 
 def is_list(values: Any, size: int) -> bool:

@@ -15,7 +15,7 @@ from softdyn.particles.driven import require_used
 from softdyn.particles.earlier_films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.mechanisms import Mechanism, rooms_of
-from softdyn.particles.names import ALL, AXES, is_number, listed, which
+from softdyn.particles.names import ALL, AXES, SIZES, is_number, listed, which
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.system import ValidatedScene
 from softdyn.particles.time_functions import is_driven
@@ -24,8 +24,6 @@ from softdyn.scene.keys import key_faults
 
 Array = NDArray[np.float64]
 
-#: Numbers lie between these, lest products of three of them be none.
-SIZES = (1e-100, 1e100)
 #: Lengths of a periodic box that a particle may be away from it.
 FARTHEST = 1e6
 #: Range of contacts, in largest radii, of a scene with drag that gives none: full up to half of it, where the exact
@@ -73,6 +71,8 @@ def check(scene: ParticleScene) -> ValidatedScene:
     if faults:
         raise SceneError(listed(faults))
     end = run_end(scene)
+    if not SIZES[0] < end < SIZES[1]:
+        raise SceneError(f"the run would end at t={end:g}: choose units in which that lies between 1e-100 and 1e+100")
     scene = replace(scene, until_t=end)
     reach = math.inf if scene.range is None else float(scene.range)
     if scene.range is None and scene.drag:
@@ -139,6 +139,7 @@ def _size_faults(scene: ParticleScene, x: Array, radii: Array) -> list[str]:
     """Numbers whose squares and products would leave the range of double precision."""
     low, high = SIZES
     given: dict[str, Any] = {"[contacts] gap": scene.gap, "[contacts] range": scene.range, "[until] t": scene.until_t}
+    given["[until] strain"] = scene.until_strain
     given |= {"[flow] shear_rate": scene.shear_rate, "[flow] drag": scene.drag}
     for name, value in scene.parameters.items():
         values = value if isinstance(value, Mapping) else {"": value}

@@ -10,7 +10,7 @@ import numpy as np
 from softdyn.enclosure import enclose
 from softdyn.errors import SceneError
 from softdyn.particles.driven import given_function
-from softdyn.particles.names import is_number
+from softdyn.particles.names import SIZES, is_number
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.time_functions import TimeFunction
 from softdyn.scene.time_tables import Table
@@ -82,7 +82,12 @@ def _ends(scene: ParticleScene, strain: float) -> list[float]:
     start = abs(rate.after(0.0))
     if not start:
         raise SceneError("[until] strain, with a shear rate that is 0 at the start, needs [until] t, too")
-    return [strain / start * 2.0**k for k in range(DOUBLINGS)]
+    with np.errstate(over="ignore"):
+        ends = np.float64(strain) / start * 2.0 ** np.arange(DOUBLINGS)
+    within = [float(end) for end in ends if end < SIZES[1]]
+    if not within:
+        raise SceneError(f"[until] strain = {scene.until_strain:g} is reached so late that no number tells when")
+    return within
 
 
 def first_passage(rate: TimeFunction, size: float) -> float | None:
