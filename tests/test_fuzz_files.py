@@ -99,12 +99,15 @@ def test_damaged_checkpoints_are_refused_or_give_the_same_run(tmp_path: Path) ->
 
     with pytest.raises(KeyboardInterrupt):
         particles.simulate(scene(), progress=stop, checkpoint=path)
-    content = path.read_bytes()
+    frames = tmp_path / "run.frames"
+    content, made = path.read_bytes(), frames.read_bytes()
     expected = particles.simulate(scene(), checkpoint=path, resume=True).arrays
     random = np.random.default_rng(6)
     accepted = 0
     for number in range(FILES // 2):
-        path.write_bytes(MUTATIONS[number % 3](content, random))
+        # the checkpoint, or the frames beside it
+        path.write_bytes(content if number % 4 == 3 else MUTATIONS[number % 3](content, random))
+        frames.write_bytes(mutated_bytes(made, random) if number % 4 == 3 else made)
         result = survives(lambda: particles.simulate(scene(), checkpoint=path, resume=True), f"checkpoint {number}")
         if result is not None:
             accepted += 1
