@@ -171,7 +171,7 @@ def _newton_from(told: Any, arrays: Mapping[str, NDArray[Any]], contacts: Contac
     pairs = [(int(one), int(other)) for one, other in told["pairs"]]
     solver = None
     if told["solver"] is not None:
-        solver = solver_of(system)
+        solver = solver_of(system, recalls=True)
         numbers = told["solver"]
         solver.exact, solver.counts = bool(numbers["exact"]), {k: int(v) for k, v in numbers["counts"].items()}
         solver.by_blocks, solver.spent, solver.last = (float(numbers[name]) for name in ("by_blocks", "spent", "last"))

@@ -350,7 +350,7 @@ def linearise(
         newton.gauge_pairs = _gauge_pairs(now.x[:, :d]) if turns_freely(system) else []
         newton.pattern = pattern_of(contacts, newton.gauge_pairs, count)
     if newton.solver is None:
-        newton.solver = solver_of(system)
+        newton.solver = solver_of(system, newton.recalls)
     newton.solver.matrix = None  # not two at a time
     across = now.F * curvatures(contacts, now.r, count)
     springs = _gauge_springs(newton.gauge_pairs, now.x[:, :d]) if newton.gauge_pairs else []
@@ -396,10 +396,12 @@ def pattern_of(contacts: Contacts, gauge_pairs: list[tuple[int, int]], count: in
     return linear.pattern_of(count, i, j)
 
 
-def solver_of(system: System) -> linear.Solver:
-    """A solver of the systems of Newton's iteration."""
+def solver_of(system: System, recalls: bool = False) -> linear.Solver:
+    """A solver of the systems of Newton's iteration; ``recalls`` is that of :class:`Newton`."""
     symmetric = all(mechanism.symmetric for mechanism in system.mechanisms)
-    return linear.Solver(system.dimension, system.width, symmetric=symmetric, certain=not system.dragged)
+    return linear.Solver(
+        system.dimension, system.width, symmetric=symmetric, certain=not system.dragged, recalls=recalls
+    )
 
 
 def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:
