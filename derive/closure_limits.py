@@ -318,11 +318,21 @@ def jumps_of(closure: Closure) -> list[Jump]:
     for symbol, at in sorted(ends, key=str):
         left, right = (_beside(expr, symbol, at, side).subs(symbol, at) for side in (-1, 1))
         ratio = simplify(left / right)
-        if ratio != 1:
-            values = sample_values(closure)
-            example = {x: values[x] for x in sorted((ratio.free_symbols | at.free_symbols), key=str)}
+        if ratio != 1 and (example := _example(closure, ratio, at)) is not None:
             jumps.append(Jump(symbol, at, left, right, ratio, example))
     return jumps
+
+
+#: Values that are tried for a symbol on which it depends whether there is a jump.
+TRIED = tuple(Rational(k, 10) for k in (5, 7, 9, 3, 1))
+
+
+def _example(closure: Closure, ratio: Expr, at: Expr) -> dict[Symbol, Expr] | None:
+    """Values at which a ratio is not 1; None if it is 1 at all that are tried."""
+    symbols = sorted((ratio.free_symbols | at.free_symbols), key=str)
+    values = {symbol: sample_values(closure)[symbol] for symbol in symbols}
+    others = [{**values, symbol: value} for symbol in symbols for value in TRIED]
+    return next((some for some in (values, *others) if ratio.subs(some) != 1), None)
 
 
 def _end_of(condition: Relational) -> tuple[Symbol, Expr] | None:
