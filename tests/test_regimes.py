@@ -381,13 +381,13 @@ def takes_at_most(seconds: float, effort: int, law: ContactLaw) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(LARGE))
 def test_every_law_is_answered_or_given_up_in_time(name: str) -> None:
-    takes_at_most(60, 40_000, changed(**LARGE[name]))
+    takes_at_most(180, 40_000, changed(**LARGE[name]))  # effort is counted in operations; machines differ
 
 
 @pytest.mark.slow
 def test_a_law_that_takes_too_long_is_given_up() -> None:
-    takes_at_most(20, 2000, changed(**LARGE["200 roots of sums"]))
-    takes_at_most(20, 2000, changed(**LARGE["nested logarithms"]))
+    takes_at_most(60, 2000, changed(**LARGE["200 roots of sums"]))
+    takes_at_most(60, 2000, changed(**LARGE["nested logarithms"]))
 
 
 # ---------------------------------------------------------------- random laws
