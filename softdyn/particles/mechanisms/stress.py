@@ -154,7 +154,7 @@ class ImposedStress(Mechanism):
         Parameters
         ----------
         system, contacts, newton, t, s, z_star
-            See :func:`placed`.
+            See :func:`softdyn.particles.surroundings.placed`.
         rates : array
             A guess.
         solve : function of a System and positions
