@@ -104,7 +104,7 @@ def integrate(
         for mechanism in system.having["require"]:
             mechanism.require(system, state, step.end, when)
         with undisturbed():
-            system = _accept(system, state, step, dt, when)
+            system = _accept(system, newton, state, step, dt, when)
             if state.t in goals[:-1]:
                 pass_break(system, newton, state)
             if _drift(system, state) > 0.5:
@@ -201,10 +201,10 @@ def _shorten(system: System, state: State, until: float, dt: float, error: float
         state.v, state.y_rate, state.power = np.zeros_like(state.v), np.zeros_like(state.y_rate), None
 
 
-def _accept(system: System, state: State, step: Step, dt: float, when: float) -> System:
+def _accept(system: System, newton: Newton, state: State, step: Step, dt: float, when: float) -> System:
     """Take the end of a step for the state; returns the system with box and walls as they are there."""
     if state.t == 0.0 and len(state.frames) and state.frames[0].t == 0.0:
-        state.frames[0] = _first_frame(system, state, step, dt)
+        state.frames[0] = _first_frame(system, newton, state, step, dt)
     for output in step.outputs:
         state.frames.append(frame_within(output, state))
         look(state.pulled, output.system, state.contacts, output.t, 0.0, output.at)
@@ -232,13 +232,19 @@ def _accept(system: System, state: State, step: Step, dt: float, when: float) ->
     return step.system
 
 
-def _first_frame(system: System, state: State, step: Step, dt: float) -> Frame:
+def _first_frame(system: System, newton: Newton, state: State, step: Step, dt: float) -> Frame:
     """Frame of the start of a run: velocities and rates of the box by a step in which nothing has time to relax."""
+    # a factor is worth keeping; a matrix without is made anew, as two at a time would be most of the memory of a run
+    used = Newton() if newton.solver is None or newton.solver.factor is not None else newton
+    v, box = step.first_v, step.first_box
     with suppress(StepFailed, linear.Indefinite):
-        step = take_step(
-            system, state.contacts, Newton(), state.t, state.x, step.first_v, state.y_rate, BRIEF * dt, kept=state.kept
+        brief = take_step(
+            system, state.contacts, used, state.t, state.x, step.first_v, state.y_rate, BRIEF * dt, kept=state.kept
         )
-    return frame_now(replace(system, box=step.first_box), replace(state, v=step.first_v))
+        v, box = brief.first_v, brief.first_box
+        del brief
+    used.s = 0.0
+    return frame_now(replace(system, box=box), replace(state, v=v))
 
 
 def _strain(system: System, box: Box, t: float) -> float:
