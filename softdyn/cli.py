@@ -19,6 +19,7 @@ from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.laws import law_of, law_or_closure_of
+from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
 from softdyn.targets import CHOICES, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
 
@@ -91,6 +92,8 @@ def _goes_on(options: argparse.Namespace) -> str:
         return (
             f"; its state is in {output.with_suffix('.checkpoint.npz')}: the same command with --resume goes on from it"
         )
+    if hasattr(options, "vary") and runs_folder(output).exists():
+        return f"; what is done is in {runs_folder(output)}: the same command goes on from there"
     if hasattr(options, "vary") and _parts_of(output).exists():
         return f"; the runs that are done are in {_parts_of(output)}: the same command goes on from there"
     return ""
@@ -240,25 +243,11 @@ def _parser() -> argparse.ArgumentParser:
     keys.add_argument("--schema", action="store_true", help="a JSON schema of scene files, for editors")
     keys.add_argument("--markdown", action="store_true", help="the reference page, .docs/keys.md")
 
-    many = add("sweep", _sweep, "simulate a scene of two particles for many values of some of its numbers")
-    many.add_argument(
-        "scene", metavar="SCENE.toml", type=Path, help="of two particles; its end alone, unless it asks for outputs"
-    )
-    many.add_argument(
-        "--vary",
-        metavar="NAME=VALUES",
-        action="append",
-        required=True,
-        help="logspace(a,b,n), linspace(a,b,n) or x,y,... for a parameter, a constant of the drive, h, delta, force, "
-        "velocity or kappa; repeatable, for every combination",
-    )
-    many.add_argument(
-        "-o", dest="output", metavar="FILE", type=Path, required=True,
-        help="one table, .npz or .csv; an interrupted sweep is kept beside it, and the same command goes on with it",
-    )  # fmt: skip
-    many.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
-    )
+    many = add("sweep", _sweep, "simulate a scene for many values of some of its numbers", SWEPT)
+    add_sweep_options(many, required=True)
+
+    for verb in VERBS:
+        verb(add)
 
     rerun = add("rerun", _rerun, "run again the scene that made a saved result, and tell by how much the two differ")
     rerun.add_argument(
@@ -649,20 +638,11 @@ def _run(options: argparse.Namespace) -> int:
     from softdyn.results.pair_result import ENDINGS, SUFFIXES
     from softdyn.scene.pair_scene import read_scene
     from softdyn.scene.reading import is_particle_scene, read_toml
-    from softdyn.words import suggestion
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
-    file: Path = options.scene
-    if not file.suffix and not file.is_file():  # a folder may be the one of a .pvd of that scene
-        from softdyn.particles.files import stock_scenes
+    from softdyn.particles.files import found_scene
 
-        stock = stock_scenes()
-        if str(file) not in stock:
-            raise SceneError(
-                f"there is no scene {file}, neither a file nor one that comes with softdyn"
-                f"{suggestion(str(file), list(stock))}"
-            )
-        file = stock[str(file)]
+    file = found_scene(options.scene)
     if is_particle_scene(read_toml(file)):
         from softdyn.particles.command import run_particles
 
@@ -714,13 +694,24 @@ def _keys(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from softdyn.pair.sweep import in_words, read_varied, sweep
-    from softdyn.scene.pair_scene import read_scene
+    from softdyn.particles.files import found_scene
+    from softdyn.scene.reading import is_particle_scene, read_toml
 
+    file = found_scene(options.scene)
+    if is_particle_scene(read_toml(file)):
+        from softdyn.rheology.sweep_command import sweep_particles
+
+        return sweep_particles(options, file)
+    from softdyn.pair.sweep import in_words, sweep
+    from softdyn.scene.pair_scene import read_scene
+    from softdyn.varied import read_varied
+
+    if options.array or options.gather or options.task is not None:
+        raise SceneError("--array, --task and --gather are for scenes of many particles, whose runs are long")
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
     vary = read_varied(options.vary)
-    scene = read_scene(options.scene)
+    scene = read_scene(file)
     print(f"softdyn: {in_words(scene, vary)}", file=sys.stderr)
     with _sweep_bar() as progress:
         result = sweep(scene, vary, folder=_parts_of(options.output), scheduler=options.scheduler, progress=progress)

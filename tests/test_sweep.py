@@ -19,9 +19,10 @@ from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.pair import sweep as module
 from softdyn.pair.pair_run import simulate_pair
-from softdyn.pair.sweep import read_values, read_varied, sweep
+from softdyn.pair.sweep import sweep
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.time_tables import Table
+from softdyn.varied import read_values, read_varied
 
 SCENE = Scene(
     law="rognon_gay", parameters={"R": 2.0, "E": 3.0, "eta": 0.5}, h=10.0, force=1e-2, until_h=0.1, gaps=[1.0, 0.1]
@@ -80,8 +81,8 @@ def test_an_interrupted_sweep_goes_on_from_what_is_done(tmp_path: Path, monkeypa
     with pytest.raises(SceneError, match="parts of another sweep"):
         sweep(SCENE, {"kappa": [1e-4, 1e-3, 1e-2, 0.2]}, folder=folder)
     made = []
-    original = module._made
-    monkeypatch.setattr(module, "_made", lambda tasks, at: (made.append(task[2]) or part for task in tasks for part in original([task], at)))  # fmt: skip  # noqa: E501
+    work = module.run_part
+    monkeypatch.setattr(module, "run_part", lambda task: (made.append(task[2]), work(task))[1])
     found = sweep(SCENE, values, folder=folder)
     assert {f"{first}.npz" for first in made} | kept == {f"{i}.npz" for i in range(4)}
     assert len(made) == 2

@@ -10,12 +10,9 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +25,10 @@ from softdyn.kernels import tool_digest
 from softdyn.laws import law_of
 from softdyn.pair.batch import Batch, as_arrays, is_plain, simulate_batch, varied_scene
 from softdyn.results.whole_files import written_whole
-from softdyn.scene.numbers import LARGEST_COUNT, named_numbers
+from softdyn.scene.numbers import named_numbers
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.time_tables import Table
+from softdyn.tasks import carried_out, damaged, is_begun
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -40,47 +38,6 @@ PART = 250
 PLAIN_PART = 5000
 #: Runs of a sweep at most: a quarter of an hour, where they take least.
 MOST_RUNS = 10**8
-_RANGE = re.compile(r"(linspace|logspace)\(([^,()]+),([^,()]+),([^,()]+)\)")
-
-
-def read_values(text: str) -> tuple[str, Array]:
-    """Read NAME=logspace(a,b,n), NAME=linspace(a,b,n) or NAME=x,y,z.
-
-    Raises
-    ------
-    SceneError
-    """
-    name, equals, values = (part.strip() for part in text.partition("="))
-    try:
-        if not equals or not name:
-            raise ValueError
-        match = _RANGE.fullmatch(values.replace(" ", ""))
-        if match is None:
-            return name, np.array([float(value) for value in values.split(",")])
-        first, last, count = float(match[2]), float(match[3]), int(match[4])
-        largest = 308 if match[1] == "logspace" else 1e308  # beyond it, and from nan, there are no numbers
-        if not (1 <= count <= LARGEST_COUNT and abs(first) <= largest and abs(last) <= largest):
-            raise ValueError
-        return name, getattr(np, match[1])(first, last, count)
-    except ValueError:
-        raise SceneError(
-            f"--vary {text}: NAME=logspace(a,b,n) (10**a to 10**b), NAME=linspace(a,b,n) or NAME=x,y,... is expected"
-        ) from None
-
-
-def read_varied(texts: Sequence[str]) -> dict[str, Array]:
-    """Read several of these, each for a name of its own.
-
-    Raises
-    ------
-    SceneError
-    """
-    pairs = [read_values(text) for text in texts]
-    names = [name for name, _ in pairs]
-    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-    if twice:
-        raise SceneError(f"--vary {twice[0]} is given twice; list all of its values in one: {twice[0]}=x,y,...")
-    return dict(pairs)
 
 
 def sweep(
@@ -130,7 +87,7 @@ def sweep(
     tasks = [(scene, values, first, min(first + size, runs)) for first in missing]
     if len(tasks) > 1 and not is_plain(scene):
         run_part((scene, values, 0, 1))  # derive and compile once, before all workers want to
-    for first, part in _made(tasks, scheduler):
+    for (_, _, first, _), part in carried_out(run_part, tasks, scheduler, alone=is_plain(scene)):
         done[first] = part
         if folder is not None:
             with written_whole(folder / f"{first}.npz") as temporary, temporary.open("wb") as file:
@@ -203,38 +160,6 @@ def run_part(task: tuple[Scene, Mapping[str, Array], int, int]) -> Batch:
     return simulate_batch(scene, {name: given[i] for (name, given), i in zip(values.items(), at, strict=True)})
 
 
-def _made(tasks: Sequence[Any], scheduler: str | None) -> Iterator[tuple[int, Batch]]:
-    """Yield each part as it is made, with the number of its first run."""
-    if scheduler is not None:
-        try:
-            from distributed import Client
-            from distributed import as_completed as dask_completed
-        except ImportError:
-            raise SceneError("--scheduler needs Dask: pip install 'softdyn[cluster]'") from None
-        try:
-            client = Client(scheduler)
-        except (OSError, ValueError) as error:
-            raise SceneError(f"--scheduler {scheduler}: no Dask scheduler is reached there: {error}") from None
-        with client:
-            futures = {client.submit(run_part, task, pure=False, retries=3): task[2] for task in tasks}
-            for future in dask_completed(futures):
-                yield futures[future], future.result()
-        return
-    if len(tasks) <= 1 or is_plain(tasks[0][0]):
-        # the threads of a batch use all processors
-        yield from ((task[2], run_part(task)) for task in tasks)
-        return
-    # a fresh process knows nothing of threads that the caller may have
-    with ProcessPoolExecutor(max_workers=min(os.cpu_count() or 1, len(tasks)), mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(run_part, task): task[2] for task in tasks}
-        try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
 def _identity(scene: Scene, values: Mapping[str, Array]) -> str:
     """Digest of what a sweep is, with its law, so that parts of one are not taken for those of another."""
     from softdyn.derive.law import law_hash
@@ -254,26 +179,10 @@ def _as_data(value: Any) -> Any:
 
 def _found(folder: Path, identity: str, parts: set[int]) -> dict[int, Batch]:
     """Parts that an interrupted sweep left in its folder; starts one that there is not."""
-    note = folder / "sweep.json"
-    if not note.is_file():
-        with written_whole(note) as temporary:
-            temporary.write_text(json.dumps({"identity": identity}), encoding="utf-8")
+    if not is_begun(folder, identity):
         return {}
-    try:
-        known = read_json(note.read_text(encoding="utf-8"))["identity"]
-    except (OSError, ValueError, LookupError, TypeError):
-        raise SceneError(_damaged(note)) from None
-    if known != identity:
-        raise SceneError(
-            f"{folder} holds parts of another sweep, or of this one before its scene, its law or softdyn itself "
-            "changed: finish that one, delete the folder, or name another"
-        )
     files = {int(path.stem): path for path in folder.glob("*.npz") if path.stem.isdigit()}
     return {first: _read_part(path) for first, path in files.items() if first in parts}
-
-
-def _damaged(path: Path) -> str:
-    return f"{path} is damaged: delete the folder {path.parent}, and run the sweep again"
 
 
 def _read_part(path: Path) -> Batch:
@@ -282,7 +191,7 @@ def _read_part(path: Path) -> Batch:
         texts = [read_json(str(arrays.pop(name))) for name in ("errors", "warnings")]
         errors, warnings = ({int(run): text for run, text in of.items()} for of in texts)
     except (OSError, ValueError, LookupError, AttributeError, TypeError):
-        raise SceneError(_damaged(path)) from None
+        raise SceneError(damaged(path)) from None
     varied = {name.removeprefix("varied_"): arrays.pop(name) for name in list(arrays) if name.startswith("varied_")}
     return Batch(varied, arrays, errors, {run: tuple(words) for run, words in warnings.items()})
 

@@ -1,0 +1,181 @@
+"""One table of many runs: what was varied, and what was measured, a row for each."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.results.whole_files import written_whole
+from softdyn.rheology.runs import Run
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+    from softdyn.particles.results import ParticleResult
+
+Array = NDArray[np.float64]
+
+ENDINGS = (".csv", ".npz", ".nc")
+
+
+@dataclass(frozen=True)
+class RunTable:
+    """A row for each run.
+
+    Attributes
+    ----------
+    varied : mapping from str to array, shape (runs,)
+    columns : mapping from str to array, shape (runs,)
+        What was measured; nan of runs that failed, or that are missing.
+    failed : mapping from int to str
+        Why runs failed.
+    missing : tuple of int
+        Runs that are not made yet.
+    notes : mapping from int to str
+        What is to be known of single runs: why one is not steady.
+    axes : mapping from str to array
+        The values that each name was varied over; the runs are all combinations, the last name fastest.
+    """
+
+    varied: Mapping[str, Array]
+    columns: Mapping[str, Array]
+    failed: Mapping[int, str]
+    missing: tuple[int, ...]
+    notes: Mapping[int, str]
+    axes: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def save(self, path: str | Path) -> Path:
+        """Write to .csv, .npz, or .nc (netCDF; needs ``pip install 'softdyn[data]'``).
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, or the file cannot be written.
+        """
+        path = Path(path)
+        if path.suffix not in ENDINGS:
+            raise SceneError(f"cannot save to {path}: the ending of a table must be one of {', '.join(ENDINGS)}")
+        with written_whole(path) as temporary:
+            if path.suffix == ".nc":
+                self.to_xarray().to_netcdf(temporary, engine="scipy")
+            elif path.suffix == ".npz":
+                about = {"failed": dict(self.failed), "missing": list(self.missing), "notes": dict(self.notes)}
+                content: dict[str, Any] = {
+                    **{f"varied_{name}": values for name, values in self.varied.items()},
+                    **self.columns,
+                }
+                with temporary.open("wb") as file:
+                    np.savez(file, about=np.array(json.dumps(about)), **content)
+            else:
+                heads = [*(f"varied_{name}" for name in self.varied), *self.columns, "note"]
+                lines = [",".join(heads)]
+                for run in range(len(self)):
+                    values = [values[run] for values in (*self.varied.values(), *self.columns.values())]
+                    note = self.failed.get(run) or self.notes.get(run, "")
+                    note = "not made yet" if run in self.missing else note
+                    quoted = '"' + " ".join(note.split()).replace('"', '""') + '"' if note else ""
+                    lines.append(",".join([*(f"{value:.17g}" for value in values), quoted]))
+                temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return path
+
+    def to_xarray(self) -> Dataset:
+        """As an xarray.Dataset over all that was varied; needs ``pip install 'softdyn[data]'``.
+
+        Raises
+        ------
+        SceneError
+            If xarray is missing.
+        """
+        try:
+            from xarray import Dataset as Made
+        except ImportError:
+            raise SceneError("this needs xarray: pip install 'softdyn[data]'") from None
+        names = {name: name.replace(".", "_") for name in self.axes}
+        shape = tuple(len(values) for values in self.axes.values())
+        data: dict[str, Any] = {
+            name: (tuple(names.values()), values.reshape(shape))
+            for name, values in self.columns.items()
+            if name not in names.values()
+        }
+        return Made(data, coords={names[name]: values for name, values in self.axes.items()})
+
+
+def gathered(
+    runs: Sequence[Run],
+    axes: Mapping[str, Array],
+    measured: Any,
+) -> RunTable:
+    """Gather the results of runs into one table.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        All combinations of ``axes``.
+    axes : mapping from str to array
+    measured : function of a ParticleResult and a Run
+        Gives a mapping from names to numbers, and a note or "".
+    """
+    from softdyn.particles.results import load_particles
+    from softdyn.rheology.runs import states
+
+    done, failed, missing = states(runs)
+    rows: dict[int, Mapping[str, float]] = {}
+    notes: dict[int, str] = {}
+    for run in done:
+        rows[run.number], note = measured(load_particles(run.result), run)
+        if note:
+            notes[run.number] = note
+    names = list(dict.fromkeys(name for row in rows.values() for name in row))
+    columns = {
+        name: np.array([rows.get(run.number, {}).get(name, math.nan) for run in runs]) for name in names or ["t_end"]
+    }
+    varied = {name: np.array([run.values[name] for run in runs]) for name in axes}
+    return RunTable(varied, columns, failed, tuple(missing), notes, dict(axes))
+
+
+def measured_run(result: ParticleResult, run: Run) -> tuple[dict[str, float], str]:
+    """What is known of a run: its end, whether it was steady, means with errors, and last values.
+
+    Returns
+    -------
+    dict from str to float
+        ``steady`` is 1 or 0; of what is not, means are those of the last half, and ``NAME_error`` is nan, for there is
+        no error of a mean that does not exist.
+    str
+        Why it is not steady, or "".
+    """
+    from softdyn.rheology.measures import JUDGED, even_part, ratio, series, sheared_by
+    from softdyn.rheology.steady_state import steady_state
+
+    found = series(result)
+    row = {"t_end": float(result.t[-1]), "strain_end": float(sheared_by(result)[-1])}
+    even = even_part(result.t)
+    note = "" if even else "output times are not evenly spaced: no steady state can be told"
+    if even:
+        judged = tuple(name for name in JUDGED if name in found)
+        state = steady_state({name: values[:even] for name, values in found.items()}, judged)
+        row |= {
+            "steady": float(state.steady),
+            "steady_from": float(result.t[state.start]) if state.steady else math.nan,
+        }
+        note = state.why
+        for name, mean in state.means.items():
+            row |= {name: mean.value, f"{name}_error": mean.error if state.steady else math.nan}
+        if row.get("shear_rate"):
+            value, error = ratio(
+                row["shear_stress"], row["shear_stress_error"], row["shear_rate"], row["shear_rate_error"]
+            )
+            row |= {"viscosity": value, "viscosity_error": error}
+    row |= {f"{name}_end": float(values[-1]) for name, values in found.items() if len(values)}
+    return row, note

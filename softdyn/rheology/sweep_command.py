@@ -1,0 +1,105 @@
+"""``softdyn sweep`` of a scene of many particles, and what all commands share that make many runs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from softdyn.errors import SceneError
+from softdyn.rheology.options import runs_folder
+from softdyn.rheology.run_table import ENDINGS, RunTable, gathered, measured_run
+from softdyn.rheology.runs import Run, array_script, carry_out, planned
+from softdyn.scene.reading import read_toml
+from softdyn.varied import read_varied
+
+#: Runs that fail, or are not steady, that are told one by one.
+TOLD = 10
+
+
+def require_table(output: Path) -> None:
+    """Refuse an output of another format before any run.
+
+    Raises
+    ------
+    SceneError
+    """
+    if output.suffix not in ENDINGS:
+        raise SceneError(f"cannot save to {output}: the ending must be one of {', '.join(ENDINGS)}")
+
+
+def sweep_particles(options: argparse.Namespace, file: Path) -> int:
+    """Sweep a scene of many particles, and write one table.
+
+    Raises
+    ------
+    SceneError
+    """
+    require_table(options.output)
+    vary = read_varied(options.vary)
+    runs = planned(read_toml(file), file.parent, runs_folder(options.output), vary)
+    command = ["softdyn", "sweep", str(options.scene), *varied_options(options), "-o", str(options.output)]
+
+    def finish() -> int:
+        table = gathered(runs, vary, measured_run)
+        table.save(options.output)
+        tell_steadiness(runs, table)
+        print(f"wrote {options.output}; the results are in {runs_folder(options.output)}")
+        return status_of(table)
+
+    return many_runs(options, runs, command, finish)
+
+
+def varied_options(options: argparse.Namespace) -> list[str]:
+    """The options --vary, as they were given."""
+    return [part for text in options.vary for part in ("--vary", text)]
+
+
+def many_runs(
+    options: argparse.Namespace, runs: Sequence[Run], command: Sequence[str], finish: Callable[[], int]
+) -> int:
+    """Print a script for SLURM, make one run, or make all and gather them, as the options say.
+
+    Raises
+    ------
+    SceneError
+    """
+    if options.array:
+        print(array_script(command, len(runs), f"softdyn-{options.output.stem}"), end="")
+        return 0
+    if options.task is not None:
+        if not 0 <= options.task < len(runs):
+            raise SceneError(f"--task {options.task}: there are the runs 0 to {len(runs) - 1}")
+        failed = carry_out(runs, only=options.task)
+        run = runs[options.task]
+        print(f"{run.words}: {failed.get(options.task) or f'wrote {run.result}'}")
+        return 1 if failed else 0
+    if not options.gather:
+        print(f"softdyn: {len(runs)} runs", file=sys.stderr)
+        carry_out(runs, scheduler=options.scheduler, told=lambda *said: _tell(runs, *said))
+    return finish()
+
+
+def _tell(runs: Sequence[Run], number: int, done: int, count: int, failure: str) -> None:
+    """Tell on stderr that a run has ended."""
+    words = f"failed: {failure}" if failure else "done"
+    print(f"softdyn: {done} of {count}: {runs[number].words} {words}", file=sys.stderr)
+
+
+def tell_steadiness(runs: Sequence[Run], table: RunTable) -> None:
+    """Tell how many runs there are, and what is wrong with some."""
+    for number, text in [*table.failed.items()][:TOLD]:
+        print(f"softdyn: {runs[number].words} failed: {text}", file=sys.stderr)
+    for number, text in [*table.notes.items()][:TOLD]:
+        print(f"softdyn: {runs[number].words} is not steady: {text}", file=sys.stderr)
+    hidden = max(0, len(table.failed) - TOLD) + max(0, len(table.notes) - TOLD)
+    if hidden:
+        print(f"softdyn: and {hidden} more, see the column note", file=sys.stderr)
+    missing = f", {len(table.missing)} not made yet" if table.missing else ""
+    print(f"{len(runs)} runs, {len(table.failed)} failed{missing}; {len(table.notes)} of the others are not steady")
+
+
+def status_of(table: RunTable) -> int:
+    """Exit status: 1 if a run failed, or is missing."""
+    return 1 if table.failed or table.missing else 0
