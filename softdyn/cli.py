@@ -632,6 +632,15 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
         raise SceneError(f"cannot save to {output}: the ending must be one of {', '.join(endings)}")
 
 
+def _scene_file(given: Path) -> Path:
+    """The file of a scene, which may be given by the name of one that comes with softdyn."""
+    if given.suffix or given.is_file():
+        return given
+    from softdyn.particles.files import found_scene  # with all that scenes of many particles need
+
+    return found_scene(given)
+
+
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.pair_run import simulate_pair
     from softdyn.particles.export import WRITERS
@@ -640,9 +649,7 @@ def _run(options: argparse.Namespace) -> int:
     from softdyn.scene.reading import is_particle_scene, read_toml
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
-    from softdyn.particles.files import found_scene
-
-    file = found_scene(options.scene)
+    file = _scene_file(options.scene)
     if is_particle_scene(read_toml(file)):
         from softdyn.particles.command import run_particles
 
@@ -694,10 +701,9 @@ def _keys(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from softdyn.particles.files import found_scene
     from softdyn.scene.reading import is_particle_scene, read_toml
 
-    file = found_scene(options.scene)
+    file = _scene_file(options.scene)
     if is_particle_scene(read_toml(file)):
         from softdyn.rheology.sweep_command import sweep_particles
 
