@@ -1,4 +1,4 @@
-"""Expressions of time in scene files, read by a grammar of their own.
+"""Expressions of time, and of place, in scene files, read by a grammar of their own.
 
 ::
 
@@ -8,8 +8,9 @@
     power   = atom [ "**" signed ]
     atom    = number | name | function "(" sum { "," sum } ")" | "(" sum ")"
 
-A name is ``t``, ``pi`` or one of the constants given with the expression; nothing is ever evaluated as code. Numbers
-and constants are kept apart from the shape of the expression, so that one kernel serves every expression of a shape.
+A name is ``t``, ``pi``, one of the constants given with the expression, or an axis, ``x``, ``y`` or ``z``, where it may
+depend on the place; nothing is ever evaluated as code. Numbers and constants are kept apart from the shape of the
+expression, so that one kernel serves every expression of a shape.
 
 A shape is a list of operations, each on the results of earlier ones; the last is the expression's value. So sums of
 thousands of terms are as flat as short ones, and what occurs twice is computed once.
@@ -64,6 +65,9 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 }
 #: Functions of two arguments or more.
 SEVERAL = ("min", "max")
+#: Functions that are written as others, with how many arguments they take: smoothstep(x, a, b) is 0 up to a, 1 from b
+#: on, and s^2 (3 - 2 s) between, s = (x - a)/(b - a).
+COMPOSED = {"smoothstep": 3}
 #: Functions with a kink or a jump where an argument vanishes, or two are equal.
 KINKED = ("abs", "min", "max", "sign", "step")
 #: Names under which a function is known elsewhere.
@@ -88,12 +92,14 @@ LARGEST_POWER = 16
 
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|([A-Za-z_]\w*)|(\*\*|[-+*/(),]))")
 
-#: ("time",), ("constant", index), ("number", value), ("neg", x), ("+" | "-" | "*" | "/" | "**", x, y),
-#: ("power", x, int), ("call", name, x) or ("call", name, x, y); and what follows from these:
+#: ("time",), ("axis", number), ("constant", index), ("number", value), ("neg", x),
+#: ("+" | "-" | "*" | "/" | "**", x, y), ("power", x, int), ("call", name, x) or ("call", name, x, y); and what follows:
 #: ("select", s, x, y), x where s < 0 and else y, and ("choose", index, x, y), x where that constant is < 0 and else y,
 #: with the name of a continuous function, if it stands for one: within rounding of a kink that may be what is meant.
 #: x, y, s are numbers of earlier operations.
 Operation = tuple
+#: Operations that work on no other.
+LEAVES = ("time", "axis", "constant", "number")
 Shape = tuple[Operation, ...]
 
 
@@ -110,8 +116,13 @@ class Expression:
         """Whether t appears in it."""
         return ("time",) in self.shape
 
+    @property
+    def of_place(self) -> bool:
+        """Whether x, y or z appears in it."""
+        return any(operation[0] == "axis" for operation in self.shape)
 
-def parse(text: str, constants: Mapping[str, float] | None = None) -> Expression:
+
+def parse(text: str, constants: Mapping[str, float] | None = None, axes: str = "") -> Expression:
     """Parse an expression of t.
 
     Parameters
@@ -119,13 +130,15 @@ def parse(text: str, constants: Mapping[str, float] | None = None) -> Expression
     text : str
     constants : mapping from str to float, optional
         Named constants that the expression may use.
+    axes : str
+        "xy" or "xyz", where it may depend on the place.
 
     Raises
     ------
     SceneError
         Where the text leaves the grammar, with the position.
     """
-    return _Parser(text, dict(constants or {})).parse()
+    return _Parser(text, dict(constants or {}), axes).parse()
 
 
 def evaluate(expression: Expression, t: float) -> float:
@@ -185,14 +198,19 @@ _NUMPY: dict[str, Callable[..., Any]] = {
 
 
 def values(
-    shape: Shape, t: NDArray[np.float64], constants: Sequence[float] | NDArray[np.float64]
+    shape: Shape,
+    t: NDArray[np.float64],
+    constants: Sequence[float] | NDArray[np.float64],
+    places: Sequence[NDArray[np.float64]] = (),
 ) -> NDArray[np.float64]:
-    """Values of an expression at many times; nan where it has none."""
+    """Values of an expression at many times, or places, an array for each axis; nan where it has none."""
     found: list[Any] = []
     with np.errstate(all="ignore"):
         for kind, *parts in shape:
             if kind == "time":
                 value: Any = t
+            elif kind == "axis":
+                value = places[parts[0]]
             elif kind == "constant":
                 value = np.float64(constants[parts[0]])
             elif kind == "number":
@@ -211,7 +229,7 @@ def values(
             else:
                 value = _NUMPY[kind](found[parts[0]], found[parts[1]])
             found.append(value)
-        return np.broadcast_to(found[-1], np.shape(t)).astype(float)
+        return np.broadcast_to(found[-1], np.broadcast_shapes(np.shape(t), *map(np.shape, places))).astype(float)
 
 
 class Builder:
@@ -288,7 +306,7 @@ def _needed(operations: Sequence[Operation], wanted: Sequence[int]) -> tuple[Sha
 def operands(operation: Operation) -> tuple[int, ...]:
     """Numbers of the operations that one works on."""
     kind, *parts = operation
-    if kind in ("time", "constant", "number"):
+    if kind in LEAVES:
         return ()
     if kind == "power":
         return (parts[0],)
@@ -299,7 +317,7 @@ def operands(operation: Operation) -> tuple[int, ...]:
 
 def _renumbered(operation: Operation, new: Mapping[int, int] | Sequence[int]) -> Operation:
     kind, *parts = operation
-    if kind in ("time", "constant", "number"):
+    if kind in LEAVES:
         return operation
     if kind == "power":
         return (kind, new[parts[0]], parts[1])
@@ -465,10 +483,10 @@ def has_kinks(shape: Shape) -> bool:
 class _Parser:
     """Recursive descent over the tokens of one text."""
 
-    def __init__(self, text: str, names: dict[str, float]) -> None:
+    def __init__(self, text: str, names: dict[str, float], axes: str) -> None:
         if len(text) > LONGEST:
             raise SceneError(f"an expression of {len(text)} characters is too long; {LONGEST} are allowed")
-        self.text, self.names = text, names
+        self.text, self.names, self.axes = text, names, axes
         self.constants: list[float] = []
         self.build = Builder()
         self.depth = 0
@@ -576,28 +594,29 @@ class _Parser:
             if not self._take("("):
                 raise self._error(f"function {name!r} needs an argument in parentheses", at)
             return self._call(name, at)
+        if called and name in COMPOSED:
+            self._take("(")
+            return self._composed(name, self._arguments(name), at)
         if called:
             near = [ELSEWHERE[name.lower()]] if name.lower() in ELSEWHERE else []
-            near += get_close_matches(name.lower(), FUNCTIONS, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(FUNCTIONS)}"
+            near += get_close_matches(name.lower(), [*FUNCTIONS, *COMPOSED], n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join([*FUNCTIONS, *COMPOSED])}"
             raise self._error(f"unknown function {name!r}{hint}", at)
         if name == "t":
             return self.build.add("time")
+        if len(name) == 1 and name in self.axes:
+            return self.build.add("axis", self.axes.index(name))
         if name in self.names:
             return self._constant(float(self.names[name]))
         if name == "pi":
             return self._constant(math.pi)
-        near = get_close_matches(name, [*self.names, "t", "pi", *FUNCTIONS], n=1)
+        near = get_close_matches(name, [*self.names, "t", "pi", *self.axes, *FUNCTIONS, *COMPOSED], n=1)
         hint = f"; did you mean {near[0]!r}?" if near else "; define it among the constants"
         raise self._error(f"unknown name {name!r}{hint}", at)
 
     def _call(self, name: str, at: int) -> int:
-        """Take the arguments of a function, the parenthesis before them being read."""
-        arguments = [self._sum()]
-        while self._take(","):
-            arguments.append(self._sum())
-        if not self._take(")"):
-            raise self._error(f"the argument of {name!r} is not closed", self.tokens[self.next][2])
+        """Call a function, the parenthesis before its arguments being read."""
+        arguments = self._arguments(name)
         if name not in SEVERAL:
             if len(arguments) > 1:
                 raise self._error(f"{name!r} takes one argument, not {len(arguments)}", at)
@@ -608,3 +627,22 @@ class _Parser:
         for other in arguments[1:]:
             node = self.build.add("call", name, node, other)
         return node
+
+    def _arguments(self, name: str) -> list[int]:
+        """Take the arguments of a function, and the parenthesis behind them."""
+        arguments = [self._sum()]
+        while self._take(","):
+            arguments.append(self._sum())
+        if not self._take(")"):
+            raise self._error(f"the argument of {name!r} is not closed", self.tokens[self.next][2])
+        return arguments
+
+    def _composed(self, name: str, arguments: Sequence[int], at: int) -> int:
+        """Write smoothstep as other functions."""
+        if len(arguments) != COMPOSED[name]:
+            raise self._error(f"{name!r} takes {COMPOSED[name]} arguments, x, a and b, not {len(arguments)}", at)
+        x, low, high = arguments
+        build = self.build
+        part = build.over(build.minus(x, low), build.minus(high, low))
+        part = build.add("call", "max", build.add("call", "min", part, build.number(1.0)), build.number(0.0))
+        return build.times(build.power(part, 2), build.minus(build.number(3.0), build.times(build.number(2.0), part)))

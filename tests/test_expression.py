@@ -30,6 +30,8 @@ from softdyn.expression import FUNCTIONS, derivative, evaluate, parse, values
         ("coth(t)", 1 / math.tanh(2.0)),
         ("sign(-t) + sign(0*t) + sign(t)*10", 9.0),
         ("step(t - 2) + 10*heaviside(t - 3)", 1.0),
+        ("smoothstep(t, 3, 4) + 10*smoothstep(t, 0, 1) + 100*smoothstep(t, 1.5, 3.5)", 10 + 100 * 0.0625 * 2.5),
+        ("smoothstep(-t, -3, -1)", 0.5),
     ],
 )
 def test_the_grammar_means_what_it_means_in_python(text: str, expected: float) -> None:
@@ -52,6 +54,9 @@ def test_the_grammar_means_what_it_means_in_python(text: str, expected: float) -
         ("min(t)", 1, "takes two arguments or more"),
         ("sin(t, 1)", 1, "takes one argument, not 2"),
         ("t + omga", 5, "did you mean 'omega'"),
+        ("smoothstep(t)", 1, "takes 3 arguments, x, a and b, not 1"),
+        ("smooth_step(t, 0, 1)", 1, "did you mean 'smoothstep'"),
+        ("x*t", 1, "unknown name 'x'"),
         ("t @ 2", 3, "'@' is not part of the grammar"),
         ("t.real", 2, "'.' is not part of the grammar"),
         ("__import__('os')", 12, "not part of the grammar"),
@@ -126,3 +131,21 @@ def test_random_expressions_agree_with_python(text: str, t: float) -> None:
 def test_a_root_of_what_is_negative_has_no_value_in_any_function() -> None:
     """Python makes it complex, and of that abs made a real number that kernels do not have."""
     assert math.isnan(evaluate(parse("abs(t**0.5)"), -4.0))
+
+
+def test_an_expression_of_place_has_a_value_at_each_point() -> None:
+    found = parse("2*U*y*(1 - y) + x*t", {"U": 3.0}, "xy")
+    at = np.random.default_rng(0).uniform(size=(2, 7))
+    assert values(found.shape, np.float64(2.0), found.constants, at) == pytest.approx(
+        6 * at[1] * (1 - at[1]) + 2 * at[0]
+    )
+    assert (found.of_place, found.of_time) == (True, True)
+    flat = parse("4", {}, "xy")
+    assert values(flat.shape, np.array(0.0), flat.constants, at).shape == (7,)
+    assert (flat.of_place, flat.of_time) == (False, False)
+
+
+def test_places_have_the_axes_that_there_are() -> None:
+    with pytest.raises(SceneError, match="unknown name 'z'"):
+        parse("z", {}, "xy")
+    assert parse("z", {"z": 1.0}, "xy").constants == (1.0,)

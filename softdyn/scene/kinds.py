@@ -157,6 +157,10 @@ LAW = Kind(
 #: What changes: what takes it knows the constants of its expression, and how far its table must reach.
 DRIVEN = Kind("a number, an expression of t, or a table", _DRIVEN, tabled="value")
 DRIVEN_LIST = Kind("a list of numbers, expressions of t, or tables", {"type": "array", "items": _DRIVEN}, tabled="list")
+#: What depends on the place: what takes it knows how many axes there are.
+_FIELD: Schema = {"anyOf": [NUMBER.schema, _TEXT]}
+FIELD = Kind("a number, or an expression of x, y, z and t", _FIELD)
+FIELD_LIST = Kind("a list of numbers, or of expressions of x, y, z and t", {"type": "array", "items": _FIELD})
 COORDINATES = Kind("a list of numbers", {"type": "array", "items": NUMBER.schema})
 NUMBERS_BY_NAME = Kind("numbers by name", {"type": "object", "additionalProperties": NUMBER.schema}, _is_mapping)
 NUMBERS_BY_SPECIES = Kind(
@@ -166,6 +170,15 @@ NUMBERS_BY_SPECIES = Kind(
 )
 NAMES_BY_NAME = Kind("names by name", {"type": "object", "additionalProperties": _TEXT}, _is_mapping)
 NAMES = Kind("a list of names", {"type": "array", "items": _TEXT})
+
+
+def _names_fault(value: Any) -> str | None:
+    names = [value] if isinstance(value, str) else value
+    good = isinstance(names, (list, tuple)) and len(names) and all(isinstance(name, str) and name for name in names)
+    return None if good else f" must be a name, or a list of names, not {shown(value)}"
+
+
+NAME_OR_NAMES = Kind("a name, or a list of names", {"anyOf": [_TEXT, NAMES.schema]}, _names_fault)
 
 
 def _without_zeros(lengths: Any) -> Any:
