@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pytest
 import softdyn
 from softdyn.errors import SceneError
 from softdyn.particles import ParticleScene
-from softdyn.particles import frame_file as files
 from softdyn.particles.particle_run import simulate_particles
+from softdyn.particles.results import Frame
+from softdyn.results import frame_file as files
 from softdyn.results.rerun import differences
 
 
@@ -83,7 +85,7 @@ def test_frames_of_another_run_are_not_gone_on_with(tmp_path: Path) -> None:
     # more of its own frames would be made anew: one that has enough of them is gone on with
     assert len(simulate_particles(scene(5), None, checkpoint, resume=True)) == 5
     checkpoint = stopped(tmp_path)
-    files.begin(tmp_path / "run.frames", {"key": "another"}, {})
+    files.begin(tmp_path / "run.frames", Frame, {"key": "another"}, {})
     with pytest.raises(SceneError, match=r"does not hold the [0-9]+ frames that the checkpoint beside it tells of"):
         simulate_particles(scene(), None, checkpoint, resume=True)
 
@@ -106,8 +108,8 @@ def test_a_frame_that_cannot_be_written_leaves_the_others(tmp_path: Path, monkey
 
     monkeypatch.setattr(files, "sha256", full)
     with pytest.raises(SceneError, match=r"cannot write .*run\.frames: No space left on device"):
-        files.FrameFile(tmp_path / "run.frames", files._ends(tmp_path / "run.frames")).append(
-            files.Frame(**dict.fromkeys(files.NAMES, np.zeros(1)))
+        files.FrameFile(tmp_path / "run.frames", Frame, files._ends(tmp_path / "run.frames")).append(
+            Frame(**dict.fromkeys([field.name for field in fields(Frame)], np.zeros(1)))
         )
     monkeypatch.undo()
     assert differences(before, softdyn.load_result(tmp_path / "run.frames")) == {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -13,22 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
-import softdyn
-from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.particles.force_balance import Newton, pattern_of, solver_of
-from softdyn.particles.frame_file import ENDING, go_on
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.linear import direct
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.pulled_films import Pulled
-from softdyn.particles.results import HISTORY
+from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.state import State
 from softdyn.particles.system import System
-from softdyn.results.whole_files import written_whole
+from softdyn.results.frame_file import go_on
+from softdyn.results.state_file import frames_beside, plain, read_state, write_state
 
-#: Version of these files; no other is read.
-FORMAT = 1
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")
 LISTED = ("x", "cell", "walls")
@@ -39,17 +35,6 @@ CONTACTS = tuple(field.name for field in fields(Contacts))
 LEFT_OUT = ("law", "target", "until_t", "until_strain", "times", "positions", "radii", "species", "films")
 
 
-def frames_beside(path: Path) -> Path:
-    """The file of the frames of a run, beside its checkpoint."""
-    return path.with_name(path.name.removesuffix(".npz").removesuffix(".checkpoint") + ENDING)
-
-
-def remove(path: Path) -> None:
-    """Remove a checkpoint, and the frames beside it."""
-    path.unlink(missing_ok=True)
-    frames_beside(path).unlink(missing_ok=True)
-
-
 def fingerprint(system: System) -> str:
     """Digest of what a run depends on, but for when it ends and how much it tells."""
     scene, total = system.scene, sha256(system.kernel.key.encode())
@@ -57,28 +42,8 @@ def fingerprint(system: System) -> str:
         total.update(np.ascontiguousarray(array).tobytes())
     for name, array in sorted((scene.films or {}).items()):
         total.update(name.encode() + np.ascontiguousarray(array).tobytes())
-    given = {field.name: _plain(getattr(scene, field.name)) for field in fields(scene) if field.name not in LEFT_OUT}
+    given = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name not in LEFT_OUT}
     total.update(json.dumps([given, system.names], default=str, sort_keys=True).encode())
-    return total.hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    """A value of a scene as numbers and words, with every number of a table."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [_plain(one) for one in value]
-    if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
-    return {field.name: _plain(getattr(value, field.name)) for field in fields(value)} if is_dataclass(value) else value
-
-
-def _digest(content: Mapping[str, NDArray[Any]]) -> str:
-    """Digest of all arrays: a run goes on from exactly what was written."""
-    total = sha256()
-    for name, array in sorted(content.items()):
-        total.update(f"{name} {array.dtype.str} {array.shape} ".encode())
-        total.update(str(array).encode() if array.dtype.kind == "U" else np.ascontiguousarray(array).tobytes())
     return total.hexdigest()
 
 
@@ -92,34 +57,26 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
     SceneError
         If it cannot be written; then the one before it is still there.
     """
-    content: dict[str, Any] = {
-        "about": np.array(
-            json.dumps(
-                {
-                    "kind": "checkpoint",
-                    "format": FORMAT,
-                    "softdyn": softdyn.__version__,
-                    "key": key,
-                    "t": state.t,
-                    "dt": state.dt,
-                    "grow": state.grow,
-                    "recovery": state.recovery,
-                    "newton": _newton_data(newton),
-                    "stored0": state.stored0,
-                    "work": state.work,
-                    "work_error": state.work_error,
-                    "unseen": state.unseen,
-                    "settled": state.settled,
-                    "turned": state.turned,
-                    "power": state.power,
-                    "counts": state.counts,
-                    "skin": state.listed.skin,
-                    "box": [state.box.shear_rate, state.box.tilt, state.box.since],
-                    "pulled": state.pulled.kinds,
-                    "frames": len(state.frames),
-                }
-            )
-        ),
+    about = {
+        "t": state.t,
+        "dt": state.dt,
+        "grow": state.grow,
+        "recovery": state.recovery,
+        "newton": _newton_data(newton),
+        "stored0": state.stored0,
+        "work": state.work,
+        "work_error": state.work_error,
+        "unseen": state.unseen,
+        "settled": state.settled,
+        "turned": state.turned,
+        "power": state.power,
+        "counts": state.counts,
+        "skin": state.listed.skin,
+        "box": [state.box.shear_rate, state.box.tilt, state.box.since],
+        "pulled": state.pulled.kinds,
+        "frames": len(state.frames),
+    }
+    arrays = {
         "history": np.array(state.history, dtype=float).reshape(-1, len(HISTORY)),
         "pressures": np.array(state.pulled.pressures, dtype=float).reshape(-1, 3),
         "box_lengths": state.box.lengths,
@@ -131,9 +88,7 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
         **_newton_arrays(newton),
         **{f"kept_{name}": values for name, values in state.kept.items()},
     }
-    content["digest"] = np.array(_digest(content))
-    with written_whole(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **content)
+    write_state(path, key, about, arrays)
 
 
 #: Numbers of a linear solver.
@@ -205,23 +160,7 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
         If the file is none, or belongs to another scene.
     """
     try:
-        arrays: dict[str, NDArray[Any]] = read_arrays(path)
-        digest = str(arrays.pop("digest")) if "digest" in arrays else None
-        about = read_json(str(arrays["about"]))
-        if about["kind"] != "checkpoint":
-            raise ValueError("it is another kind of file")
-        if about.get("format") != FORMAT:
-            raise SceneError(
-                f"the checkpoint {path} is of another version of softdyn, {about.get('softdyn', 'an earlier one')}: "
-                "remove it, or run without --resume"
-            )
-        if about["key"] != key:
-            raise SceneError(
-                f"the checkpoint {path} belongs to another scene, or to another version of it: remove it, or run "
-                "without --resume"
-            )
-        if digest != _digest(arrays):
-            raise ValueError("it is damaged: its content is not what was written")
+        about, arrays = read_state(path, key)
         stretch = arrays["box_stretch"]
         rate, tilt, since = map(float, about["box"])
         stretching = stretch if stretch.any() else None
@@ -260,7 +199,7 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
                 [(float(a), float(b), float(c)) for a, b, c in arrays["pressures"]],
             ),
             history=history,
-            frames=go_on(frames_beside(path), key, int(about["frames"])),
+            frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
             kept={name[5:]: values for name, values in arrays.items() if name.startswith("kept_")},
         )
         return state, newton

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from softdyn.errors import SceneError
-from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
@@ -18,6 +17,7 @@ from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
+from softdyn.results.state_file import remove
 from softdyn.terminal import as_it_is
 
 
@@ -44,7 +44,7 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     for path in written:
         _save(result, path, checkpoint)
     if checkpoint is not None:
-        checkpoints.remove(checkpoint)
+        remove(checkpoint)
     summary = {
         "status": "success",
         "law": result.law,

@@ -15,17 +15,18 @@ from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.force_balance import Newton
-from softdyn.particles.frame_file import begin
 from softdyn.particles.integrate import Progress, integrate
 from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_scene import check
 from softdyn.particles.pulled_films import pulled_films
-from softdyn.particles.results import ParticleResult, gather
+from softdyn.particles.results import Frame, ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import System, ValidatedScene, turns_freely, with_mechanisms
+from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
+from softdyn.results.state_file import frames_beside, remove
 from softdyn.signals import held_back, terminable
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ def simulate_particles(
         if checkpoint is not None:
             beside: dict[str, NDArray[Any]] = {}
             made = about(origin_now(scene, system.kernel.fingerprint), beside)
-            state.frames = begin(checkpoints.frames_beside(checkpoint), {"key": key, **made}, beside)
+            state.frames = begin(frames_beside(checkpoint), Frame, {"key": key, **made}, beside)
     last = time.monotonic()
 
     def now_and_then(state: State) -> None:
@@ -115,7 +116,7 @@ def simulate_particles(
         raise
     result = _result(system, newton, state, began)
     if checkpoint is not None and not keep:
-        checkpoints.remove(checkpoint)
+        remove(checkpoint)
     return result
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from softdyn.particles import linear
 from softdyn.particles.equilibrium import velocities
-from softdyn.particles.frame_file import FrameFile
 from softdyn.particles.geometry import Box, Contacts, Wall, directions, lattice
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.portions import in_portions, portion
@@ -19,6 +18,7 @@ from softdyn.particles.pulled_films import Pulled
 from softdyn.particles.results import Frame, frame_of
 from softdyn.particles.step import Output
 from softdyn.particles.system import System
+from softdyn.results.frame_file import FrameFile
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class State:
     counts: dict[str, int] = field(default_factory=dict)
     pulled: Pulled = field(default_factory=Pulled)
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
-    frames: list[Frame] | FrameFile = field(default_factory=list)
+    frames: list[Frame] | FrameFile[Frame] = field(default_factory=list)
     kept: dict[str, Array] = field(default_factory=dict)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from softdyn.errors import SceneError
-from softdyn.particles.frame_file import read_frames
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import prepare
-from softdyn.particles.results import ParticleResult, gather
+from softdyn.particles.results import Frame, ParticleResult, gather
+from softdyn.results.frame_file import read_frames
 from softdyn.results.origin import origin_in, scene_from
 
 
@@ -21,7 +21,7 @@ def load_frames(path: Path) -> ParticleResult:
         If the file is no such file, holds no frame, or tells of a scene that cannot be made ready.
     LawError, CompileError
     """
-    content, beside, frames = read_frames(path)
+    content, beside, frames = read_frames(path, Frame)
     if not len(frames):
         raise SceneError(f"{path} holds no frame yet")
     try:

@@ -26,6 +26,8 @@ KINDS = {
     "pair": ("softdyn.results.pair_result:pair_from", "softdyn.scene.pair_scene:Scene"),
     "particles": ("softdyn.particles.results:result_from", "softdyn.particles.particle_scene:ParticleScene"),
 }
+#: Of those whose frames are on disk, what reads these of a run that has not ended.
+UNFINISHED = {"particles": "softdyn.particles.unfinished:load_frames"}
 
 
 def load_result(path: str | Path) -> PairResult | ParticleResult:
@@ -38,9 +40,7 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
     """
     path = Path(path)
     if path.suffix == ".frames":
-        from softdyn.particles.unfinished import load_frames
-
-        return load_frames(path)
+        return _unfinished(path)
     if path.suffix not in (".json", ".npz"):
         raise SceneError(
             f"cannot read {path}: results are read back from .json and .npz, which hold all of a run (.frames: what "
@@ -81,6 +81,17 @@ def scene_of(result: PairResult | ParticleResult) -> Scene | ParticleScene:
         raise SceneError("the result does not tell the scene that made it: an earlier version of softdyn has saved it")
     found: Scene | ParticleScene = scene_from(result.origin, _found(KINDS[result.kind][1]))
     return found
+
+
+def _unfinished(path: Path) -> PairResult | ParticleResult:
+    """Result of the frames that a run has written so far."""
+    from softdyn.results.frame_file import kind_of_run
+
+    kind = kind_of_run(path)
+    if kind not in UNFINISHED:
+        raise SceneError(f"{path} is of a run of the kind {kind!r}, which a later softdyn writes")
+    load: Callable[[Path], PairResult | ParticleResult] = _found(UNFINISHED[kind])
+    return load(path)
 
 
 def _found(place: str) -> Any:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.particles.files import particle_scene_from
 from softdyn.particles.particle_keys import ParticleScene
+from softdyn.results.state_file import remove
 from softdyn.results.whole_files import written_whole
 from softdyn.scene.varied_content import with_values
 from softdyn.tasks import carried_out, is_begun
@@ -213,7 +214,6 @@ def make(run: Run) -> str:
 
     Only what concerns this run is caught: an interrupt, or a lack of memory, ends all of them.
     """
-    from softdyn.particles import checkpoint as checkpoints
     from softdyn.particles.particle_run import simulate_particles
 
     try:
@@ -226,7 +226,7 @@ def make(run: Run) -> str:
             temporary.write_text(words + "\n", encoding="utf-8")
         return words
     run.failure.unlink(missing_ok=True)
-    checkpoints.remove(run.checkpoint)
+    remove(run.checkpoint)
     return ""
 
 

@@ -1,7 +1,8 @@
 """Frames of a run on disk, in a file that grows: each is there as soon as it is made, whatever becomes of the run.
 
 Behind a first line come records: the length of what follows, its SHA-256, and the arrays as numpy's .npz. The first one
-tells what made the run, each further one is a frame. What is left of a record that was being written is passed over.
+tells what made the run, each further one is a frame: a dataclass whose fields are arrays, and ``t``, a number. What is
+left of a record that was being written is passed over.
 """
 
 from __future__ import annotations
@@ -14,41 +15,50 @@ from dataclasses import fields
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.archive import arrays_in, read_json
 from softdyn.errors import SceneError
-from softdyn.particles.results import Frame
 
 #: Of the file's name.
 ENDING = ".frames"
 FIRST_LINE = b"softdyn frames 1\n"
 HEAD = struct.Struct("<Q32s")
-NAMES = tuple(field.name for field in fields(Frame))
 
 
-class FrameFile:
+class FrameLike(Protocol):
+    """A dataclass of arrays, at a time."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+Frame = TypeVar("Frame", bound=FrameLike)
+
+
+class FrameFile(Generic[Frame]):
     """A list of frames that is kept on disk, not in memory.
 
     Attributes
     ----------
     path : Path
+    kind : type
+        Of the frames.
     ends : list of int
         Place in the file at which each record ends: that of what made the run, and of each frame.
     """
 
-    def __init__(self, path: Path, ends: list[int]) -> None:
-        self.path, self.ends = path, ends
+    def __init__(self, path: Path, kind: type[Frame], ends: list[int]) -> None:
+        self.path, self.kind, self.ends = path, kind, ends
 
     def __len__(self) -> int:
         return len(self.ends) - 1
 
     def __getitem__(self, number: int) -> Frame:
         number = range(len(self))[number]
-        return frame_from(_read(self.path, self.ends[number], self.ends[number + 1]))
+        return frame_from(self.kind, _read(self.path, self.ends[number], self.ends[number + 1]))
 
     def __setitem__(self, number: int, frame: Frame) -> None:
         """Put another one in the place of the last."""
@@ -67,15 +77,20 @@ class FrameFile:
         SceneError
             If it cannot be written; then the file is as it was.
         """
-        self.ends.append(_append(self.path, self.ends[-1], {name: np.asarray(getattr(frame, name)) for name in NAMES}))
+        arrays = {name: np.asarray(getattr(frame, name)) for name in _names(self.kind)}
+        self.ends.append(_append(self.path, self.ends[-1], arrays))
 
 
-def begin(path: Path, about: Mapping[str, Any], beside: Mapping[str, NDArray[Any]]) -> FrameFile:
+def begin(
+    path: Path, kind: type[Frame], about: Mapping[str, Any], beside: Mapping[str, NDArray[Any]]
+) -> FrameFile[Frame]:
     """Begin a file of frames in the place of any that is there.
 
     Parameters
     ----------
     path : Path
+    kind : type
+        Of its frames.
     about : mapping
         What made the run, as plain data; see :mod:`softdyn.results.origin`.
     beside : mapping from str to array
@@ -90,10 +105,10 @@ def begin(path: Path, about: Mapping[str, Any], beside: Mapping[str, NDArray[Any
         path.write_bytes(FIRST_LINE)
     except OSError as error:
         raise SceneError(f"cannot write {path}: {error.strerror}") from None
-    return FrameFile(path, [_append(path, len(FIRST_LINE), {"about": np.array(json.dumps(about)), **beside})])
+    return FrameFile(path, kind, [_append(path, len(FIRST_LINE), {"about": np.array(json.dumps(about)), **beside})])
 
 
-def go_on(path: Path, key: str, count: int) -> FrameFile:
+def go_on(path: Path, kind: type[Frame], key: str, count: int) -> FrameFile[Frame]:
     """Go on with the file of a run behind so many frames; those that follow are made again.
 
     Raises
@@ -101,16 +116,16 @@ def go_on(path: Path, key: str, count: int) -> FrameFile:
     SceneError
         If they are not there, or the file is of a run with another key.
     """
-    about, _, frames = read_frames(path)
+    about, _, frames = read_frames(path, kind)
     if about.get("key") != key or len(frames) < count:
         raise SceneError(
             f"{path} does not hold the {count} frames that the checkpoint beside it tells of: one of them is of "
             "another run; remove both, or run without --resume"
         )
-    return FrameFile(path, frames.ends[: count + 1])
+    return FrameFile(path, kind, frames.ends[: count + 1])
 
 
-def read_frames(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], FrameFile]:
+def read_frames(path: Path, kind: type[Frame]) -> tuple[dict[str, Any], dict[str, NDArray[Any]], FrameFile[Frame]]:
     """Return what made a run, as plain data with the arrays beside it, and the frames that there are.
 
     Raises
@@ -118,17 +133,38 @@ def read_frames(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], Fr
     SceneError
         If the file cannot be read, or is none.
     """
+    about, beside, ends = _told(path)
+    return about, beside, FrameFile(path, kind, ends)
+
+
+def kind_of_run(path: Path) -> str:
+    """Kind of the results of the run that wrote a file of frames.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, or is none.
+    """
+    return str(_told(path)[0].get("kind", "particles"))
+
+
+def _told(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], list[int]]:
+    """What made a run, the arrays beside it, and where the whole records end."""
     ends = _ends(path)
     if not ends:
         raise SceneError(f"{path} tells of no run")
     beside = _read(path, len(FIRST_LINE), ends[0])
     try:
-        return read_json(str(beside.pop("about"))), beside, FrameFile(path, ends)
-    except (KeyError, ValueError) as error:
+        return dict(read_json(str(beside.pop("about")))), beside, ends
+    except (KeyError, TypeError, ValueError) as error:
         raise SceneError(f"{path} is no file of frames: {error}") from None
 
 
-def frame_from(arrays: Mapping[str, NDArray[Any]]) -> Frame:
+def _names(kind: type[FrameLike]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
+
+
+def frame_from(kind: type[Frame], arrays: Mapping[str, NDArray[Any]]) -> Frame:
     """Frame from its arrays.
 
     Raises
@@ -136,10 +172,12 @@ def frame_from(arrays: Mapping[str, NDArray[Any]]) -> Frame:
     SceneError
         If one is missing.
     """
-    missing = [name for name in NAMES if name not in arrays]
+    names = _names(kind)
+    missing = [name for name in names if name not in arrays]
     if missing:
         raise SceneError(f"a frame has no {', '.join(missing)}")
-    return Frame(**{name: arrays[name] for name in NAMES if name != "t"}, t=float(arrays["t"]))
+    values: dict[str, Any] = {name: float(arrays[name]) if name == "t" else arrays[name] for name in names}
+    return kind(**values)
 
 
 def _append(path: Path, at: int, arrays: Mapping[str, NDArray[Any]]) -> int:
