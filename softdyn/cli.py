@@ -643,8 +643,8 @@ def _scene_file(given: Path) -> Path:
 
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.pair_run import simulate_pair
-    from softdyn.particles.export import WRITERS
     from softdyn.results.pair_result import ENDINGS, SUFFIXES
+    from softdyn.results.writers import WRITERS
     from softdyn.scene.pair_scene import read_scene
     from softdyn.scene.reading import is_particle_scene, read_toml
 

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from softdyn.errors import SceneError
-from softdyn.particles.export import require_writer
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
 from softdyn.particles.particle_keys import ParticleScene
@@ -18,6 +17,7 @@ from softdyn.particles.results import ParticleResult
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
 from softdyn.results.state_file import remove
+from softdyn.results.writers import require_writer
 from softdyn.terminal import as_it_is
 
 

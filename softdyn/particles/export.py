@@ -8,9 +8,7 @@ frames twice over, so that no pair is nearer around it. The .npz holds everythin
 from __future__ import annotations
 
 import importlib
-import shutil
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -19,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import SceneError
 from softdyn.particles.observables import is_periodic, is_sheared, strain
-from softdyn.results.whole_files import beside, written_whole
+from softdyn.results.whole_files import folder_whole, written_whole
+from softdyn.results.writers import require_writer
 
 if TYPE_CHECKING:
     from softdyn.particles.results import ParticleResult
@@ -30,9 +28,6 @@ Array = NDArray[np.float64]
 #: Values of points or lines by their names; of vectors, the three components.
 Values = dict[str, NDArray[Any] | tuple[Array, ...]]
 
-#: Package that writes files of each ending, in ``softdyn[formats]``. gsd is the format's own; of the packages that
-#: write VTK's XML, pyevtk is kept up and needs numpy alone.
-WRITERS = {".gsd": "gsd.hoomd", ".pvd": "pyevtk.hl"}
 LINE = 3  # VTK's number for the type of a cell
 
 
@@ -55,26 +50,6 @@ class Boxed:
     corner: Array
     x: Array
     image: NDArray[np.int64]
-
-
-def require_writer(path: Path) -> ModuleType:
-    """Package that writes files of this ending.
-
-    Raises
-    ------
-    SceneError
-        If it is not installed, or there is none.
-    """
-    if path.suffix not in WRITERS:
-        raise SceneError(f"cannot save to {path}: the ending must be one of .npz, {', '.join(WRITERS)}")
-    name = WRITERS[path.suffix]
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        package = name.partition(".")[0]
-        raise SceneError(
-            f"writing {path} needs the package {package}: pip install 'softdyn[formats]' (.npz needs nothing)"
-        ) from None
 
 
 def boxed(result: ParticleResult, frame: int) -> Boxed:
@@ -193,7 +168,7 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
     group = importlib.import_module("pyevtk.vtk").VtkGroup
     with (
         written_whole(path) as temporary,
-        _folder_whole(path.with_suffix("").absolute()) as (folder, final),
+        folder_whole(path.with_suffix("").absolute()) as (folder, final),
         ExitStack() as opened,
     ):
         collection = group(str(temporary.absolute().with_suffix("")))
@@ -222,24 +197,6 @@ def write_vtk(result: ParticleResult, path: Path) -> None:
                 name = str(folder / f"box_{number:0{digits}}")
                 add(_write_lines(hl, name, *outline(placed), {}), t, "2")
         collection.save()
-
-
-@contextmanager
-def _folder_whole(final: Path) -> Iterator[tuple[Path, Path]]:
-    """Folder to write to, and the one that its files are put into once all are there; nothing is left of a failure."""
-    if final.exists() and not final.is_dir():
-        raise SceneError(f"cannot write the folder {final}: it is a file")
-    folder = beside(final)
-    folder.mkdir()
-    try:
-        yield folder, final
-        if not final.exists():
-            folder.rename(final)
-        else:
-            for file in folder.iterdir():
-                file.replace(final / file.name)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _write_lines(hl: ModuleType, name: str, points: Array, ends: NDArray[np.int64], values: Values) -> str:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +49,24 @@ class written_whole:
             self.temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise SceneError(f"cannot write {self.path}: {error.strerror}") from None
+
+
+@contextmanager
+def folder_whole(final: Path) -> Iterator[tuple[Path, Path]]:
+    """Folder to write to, and the one that its files are put into once all are there; nothing is left of a failure."""
+    if final.exists() and not final.is_dir():
+        raise SceneError(f"cannot write the folder {final}: it is a file")
+    folder = beside(final)
+    folder.mkdir()
+    try:
+        yield folder, final
+        if not final.exists():
+            folder.rename(final)
+        else:
+            for file in folder.iterdir():
+                file.replace(final / file.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def require_folder(folder: Path) -> None:
