@@ -1,33 +1,29 @@
-"""The equations of one element of a weak form: residual and Jacobian, in the values at its nodes.
+"""The equations of a weak form at a point of an element: what each test function is multiplied by, and its derivatives.
 
-Input: a :class:`WeakForm`. Output: each entry in terms of coordinates, fields, coefficients and parameters.
+Input: a :class:`WeakForm`. Output: fluxes and their slopes, in the values and gradients of fields and coefficients.
 
-The element is a simplex of d + 1 nodes, lambda_i its shape functions. A term is linear in the test functions, so that
-its part of the residual of node i is the integral of lambda_i times its derivative by the test function's value, and
-grad lambda_i times the integral of that by the test function's gradient. These derivatives are polynomials in what
-varies over the element, and polynomials are integrated exactly:
-
-    integral of prod lambda_i^a_i = |T| d! prod a_i!/(d + sum a_i)!
-
-The Jacobian is the derivative of these integrals along the definitions, exact, term by term.
+A term is linear in the test functions. Its derivatives by the value and the gradient of a test function are fluxes: the
+residual of a node is the integral of the fluxes times the value and the gradient of the node's shape function. The
+Jacobian takes no more than the derivatives of the fluxes by the values and gradients of the unknown fields, as these
+are linear in the values at nodes. It is that of the sum over the points of quadrature, exact whatever the terms are.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
-from itertools import product
-from math import factorial, prod
+from functools import lru_cache
+from math import factorial
 
-from sympy import Expr, Matrix, Poly, PolynomialError, Rational, S, Symbol, diff, expand, ilcm
+from sympy import Expr, Matrix, Pow, S, Symbol, diff, sqrt
 
 from softdyn.derive.equations import Equations
-from softdyn.derive.weak_form import FINENESS, Field, WeakForm, in_code, of_tests, own_symbol
+from softdyn.derive.weak_form import FINENESS, Field, WeakForm, in_code, metric, normal, of_tests, own_symbol
 from softdyn.errors import LawError
 
 #: Determinant of an element's edges: d! its measure, and positive if it is not inverted.
-determinant, measure = Symbol("determinant", real=True), Symbol("measure", real=True)
+determinant = Symbol("determinant", real=True)
+#: Measure of an element, or of a facet.
+measure = Symbol("measure", real=True)
 
 
 @dataclass(frozen=True)
@@ -39,55 +35,64 @@ class ElementNeeds:
     uniform : tuple of str
         Coefficients that are the same at all nodes.
     absent : tuple of str
-        Coefficients that are zero.
+        Coefficients and parameters that are zero.
+    unit : tuple of str
+        Coefficients that are one.
     """
 
     uniform: tuple[str, ...] = ()
     absent: tuple[str, ...] = ()
+    unit: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class ElementEquations(Equations):
-    """Equations of an element.
+    """Equations at a point of an element.
 
-    ``absent`` and ``uniform`` are, for each coefficient, what is known where it is zero, and where it is the same at
-    all nodes.
+    ``absent``, ``uniform`` and ``unit`` are, by name, what is known where a coefficient or a parameter is zero, where
+    a coefficient is the same at all nodes, and where it is one.
     """
 
     absent: dict[str, dict[Symbol, Expr]] = field(default_factory=dict)
     uniform: dict[str, dict[Symbol, Expr]] = field(default_factory=dict)
+    unit: dict[str, dict[Symbol, Expr]] = field(default_factory=dict)
 
 
 def coordinate(node: int, axis: int) -> Symbol:
-    """Coordinate of a node."""
+    """Coordinate of a corner."""
     return Symbol(f"at{axis}_n{node}", real=True)
 
 
 def slope(node: int, axis: int) -> Symbol:
-    """Derivative of a node's shape function."""
+    """Derivative of a corner's linear shape function, which is its barycentric coordinate."""
     return Symbol(f"slope{axis}_n{node}", real=True)
 
 
-def residual_of(i: int) -> Symbol:
-    """Residual that belongs to an unknown of the element."""
-    return Symbol(f"residual{i}", real=True)
+def opposite(axis: int) -> Symbol:
+    """Derivative of that of the corner which is opposite to a facet."""
+    return Symbol(f"opposite{axis}", real=True)
 
 
-def entry_of(i: int, j: int) -> Symbol:
-    """Derivative of that residual by an unknown."""
-    return Symbol(f"matrix{i}_{j}", real=True)
+def slots_of(fields: tuple[Field, ...]) -> list[tuple[Symbol, ...]]:
+    """Of each component of each field its value, then its derivatives."""
+    return [slots for one in fields for slots in one.slots]
 
 
-def unknowns(form: WeakForm) -> list[Symbol]:
-    """Unknowns of an element, node by node."""
-    return [symbol for node in range(form.dimension + 1) for one in form.fields for symbol in one.nodal(node)]
+def flux_of(i: int, s: int) -> Symbol:
+    """What the value (s = 0) or a derivative of test component i is multiplied by."""
+    return Symbol(f"flux{i}_{s}", real=True)
+
+
+def entry_of(i: int, s: int, j: int, t: int) -> Symbol:
+    """Derivative of that flux by the value or a derivative of unknown component j."""
+    return Symbol(f"slope{i}_{s}_by{j}_{t}", real=True)
 
 
 def geometry(d: int) -> dict[Symbol, Expr]:
-    """Edges, determinant, measure and the slopes of the shape functions of a simplex."""
+    """Edges, determinant, measure, and the slopes of the linear shape functions of a simplex."""
     edges = Matrix(d, d, lambda m, i: Symbol(f"edge{m}_n{i + 1}", real=True))
     found = {edges[m, i]: coordinate(i + 1, m) - coordinate(0, m) for i in range(d) for m in range(d)}
-    # lambda_i of the nodes but the first are the coordinates along the edges
+    # lambda_i of the corners but the first are the coordinates along the edges
     cofactors = edges.adjugate()
     named = {(i, m): Symbol(f"cofactor{m}_n{i + 1}", real=True) for i in range(d) for m in range(d)}
     found |= {symbol: cofactors[place] for place, symbol in named.items()}
@@ -96,163 +101,57 @@ def geometry(d: int) -> dict[Symbol, Expr]:
     found |= {measure: determinant / factorial(d), inverse: 1 / determinant}
     found |= {slope(i + 1, m): symbol * inverse for (i, m), symbol in named.items()}
     found |= {slope(0, m): -sum((slope(i + 1, m) for i in range(d)), start=S.Zero) for m in range(d)}
-    found[FINENESS] = sum((slope(i, m) ** 2 for i in range(d + 1) for m in range(d)), start=S.Zero)
+    for m in range(d):
+        for n in range(m, d):
+            found[metric(d)[m, n]] = sum((slope(i, m) * slope(i, n) for i in range(d + 1)), start=S.Zero)
+    found[FINENESS] = metric(d).trace()
     return found
 
 
-def total_of(component: str) -> Symbol:
-    """Sum of a field's component over the nodes."""
-    return Symbol(f"{component}_sum", real=True)
-
-
-def at_nodes(one: Field) -> dict[Symbol, Expr]:
-    """Sum, mean and gradient of a field, in its values at the nodes."""
-    d = one.dimension
-    found: dict[Symbol, Expr] = {}
-    means = Matrix([one.mean])
-    for k, component in enumerate(one.components):
-        nodal = [one.nodal(node)[k] for node in range(d + 1)]
-        found[total_of(component)] = sum(nodal, start=S.Zero)
-        found[means[k]] = total_of(component) / (d + 1)
-        for m, symbol in enumerate(one.gradients[k]):
-            found[symbol] = sum((value * slope(node, m) for node, value in enumerate(nodal)), start=S.Zero)
-    return found
-
-
-@cache
-def weight(d: int, indices: tuple[int, ...]) -> Rational:
-    """Integral of a product of shape functions over a simplex, over its measure."""
-    counts = Counter(indices)
-    return Rational(factorial(d) * prod(map(factorial, counts.values())), factorial(d + len(indices)))
-
-
-class _Integrals:
-    """Integrals over an element, each named once."""
-
-    def __init__(self, form: WeakForm) -> None:
-        self.d = form.dimension
-        self.form = form
-        fields = [*form.coefficients, *form.fields]
-        self.varying = [symbol for one in fields for symbol in one.values]
-        self.known = {symbol for one in form.coefficients for symbol in one.values}
-        self.nodal = {
-            symbol: [one.nodal(node)[k] for node in range(self.d + 1)]
-            for one in fields
-            for k, symbol in enumerate(one.values)
-        }
-        self.named: dict[tuple[tuple[Symbol, ...], tuple[int, ...]], Symbol] = {}
-        self.definitions: dict[Symbol, Expr] = {}
-
-    def of(self, expr: Expr, *nodes: int) -> Expr:
-        """Integral of an expression times the shape functions of some nodes."""
-        found = S.Zero
-        for powers, factor in self._polynomial(expr):
-            factors = [symbol for symbol, power in zip(self.varying, powers, strict=True) for _ in range(power)]
-            known = tuple(symbol for symbol in factors if symbol in self.known)
-            sought = [symbol for symbol in factors if symbol not in self.known]
-            for places in product(range(self.d + 1), repeat=len(sought)):
-                values = prod((self.nodal[symbol][i] for symbol, i in zip(sought, places, strict=True)), start=S.One)
-                found += factor * values * self._moment(known, tuple(sorted((*nodes, *places))))
-        return found
-
-    def _polynomial(self, expr: Expr) -> list[tuple[tuple[int, ...], Expr]]:
-        try:
-            return list(Poly(expand(expr), *self.varying).terms()) if expr != 0 else []
-        except PolynomialError:
-            fault = f"{expr} is no polynomial in the values of fields, and is not integrated exactly"
-            raise LawError(self.form.name, (fault,), "weak form") from None
-
-    def _moment(self, known: tuple[Symbol, ...], indices: tuple[int, ...]) -> Expr:
-        """Integral of known fields times shape functions; of fewer fields it is named too, for where one is uniform."""
-        if not known:
-            constant = weight(self.d, indices)
-            return constant.p * self._share(constant.q)
-        if (known, indices) not in self.named:
-            for i in range(len(known)):
-                self._moment(known[:i] + known[i + 1 :], indices)
-            common, total = self._sum(known, indices)
-            name = Symbol(f"integral{len(self.named)}", real=True)
-            self.definitions[name] = self._share(common) * total
-            self.named[known, indices] = name
-        return self.named[known, indices]
-
-    def _share(self, of: int) -> Symbol:
-        """That part of the measure, divided once."""
-        symbol = Symbol(f"share{of}", real=True)
-        self.definitions.setdefault(symbol, measure / of)
-        return symbol
-
-    def _sum(self, known: tuple[Symbol, ...], indices: tuple[int, ...]) -> tuple[int, Expr]:
-        """An integral over the measure as a common denominator, and a sum with whole weights."""
-        nodes = range(self.d + 1)
-        weights = {places: weight(self.d, (*indices, *places)) for places in product(nodes, repeat=len(known))}
-        common = int(ilcm(*(one.q for one in weights.values())))
-        least = min(weights.values()) if len(known) == 1 else S.Zero
-        total = common * least * total_of(known[0].name)  # what all nodes have in common by their sum
-        for places, one in weights.items():
-            values = prod((self.nodal[x][i] for x, i in zip(known, places, strict=True)), start=S.One)
-            total += common * (one - least) * values
-        return common, total
-
-    def where(self, one: Field, uniform: bool) -> dict[Symbol, Expr]:
-        """What is known of a coefficient and of its integrals where it is uniform, or zero."""
-        found: dict[Symbol, Expr] = {}
-        means = Matrix([one.mean])
-        for k, symbol in enumerate(one.values):
-            value = symbol if uniform else S.Zero
-            found |= dict.fromkeys(self.nodal[symbol], value) | dict.fromkeys(one.gradients[k], S.Zero)
-            found |= {total_of(symbol.name): (self.d + 1) * value, means[k]: value}
-            for (known, indices), name in self.named.items():
-                if symbol in known:
-                    i = known.index(symbol)
-                    found[name] = value * self._moment(known[:i] + known[i + 1 :], indices)
-        return found
+def facet_geometry(d: int) -> dict[Symbol, Expr]:
+    """Measure and outward normal of a facet: the barycentric coordinate of the opposite corner falls along it."""
+    length = Symbol("steepness", real=True)
+    found: dict[Symbol, Expr] = {length: sqrt(sum((opposite(m) ** 2 for m in range(d)), start=S.Zero))}
+    found[measure] = determinant * length / factorial(d - 1)
+    return found | {normal(d)[m]: -opposite(m) / length for m in range(d)}
 
 
 @lru_cache(maxsize=8)
 def element_equations(form: WeakForm) -> ElementEquations:
-    """Everything there is to say about an element, before any specialisation.
-
-    Raises
-    ------
-    LawError
-        If a term is no polynomial in the values of fields.
-    """
-    d = form.dimension
-    definitions = geometry(d)
-    for one in (*form.coefficients, *form.fields):
-        definitions |= at_nodes(one)
-    definitions |= {own_symbol(symbol): in_code(form, expr) for symbol, expr in form.quantities.items()}
-    integrals = _Integrals(form)
-    sought = unknowns(form)
-    tested = [(one.test.values[k], one.test.gradients[k]) for one in form.fields for k in range(len(one.components))]
-    slopes = {symbol: [diff(in_code(form, term), symbol) for term in form.terms.values()] for symbol in of_tests(form)}
-
-    # integrals of the derivatives by the gradients of test functions, of which all nodes have a share
-    fluxes: dict[Symbol, Expr] = {}
-    flux_of: dict[Symbol, Symbol] = {}
-    for symbol in (s for _, gradients in tested for s in gradients):
-        form_of = sum((integrals.of(part) for part in slopes[symbol]), start=S.Zero)
-        if form_of != 0:
-            flux_of[symbol] = Symbol(f"flux{len(fluxes)}", real=True)
-            fluxes[flux_of[symbol]] = form_of
-    residuals = []
-    for node in range(d + 1):
-        for value, gradients in tested:
-            local = sum((integrals.of(part, node) for part in slopes[value]), start=S.Zero)
-            shares = (flux_of[s] * slope(node, m) for m, s in enumerate(gradients) if s in flux_of)
-            residuals.append(local + sum(shares, start=S.Zero))
-    definitions |= integrals.definitions | fluxes
-
-    along = _Derivatives(definitions)
-    definitions |= {residual_of(i): expr for i, expr in enumerate(residuals)}
-    entries = {
-        entry_of(i, j): along.of(expr, symbol) for i, expr in enumerate(residuals) for j, symbol in enumerate(sought)
+    """Everything there is to say about a point, before any specialisation."""
+    definitions = {own_symbol(symbol): in_code(form, expr) for symbol, expr in form.quantities.items()}
+    terms = [in_code(form, term) for term in form.terms.values()]
+    tested, sought = slots_of(tuple(one.test for one in form.fields)), slots_of(form.fields)
+    fluxes = {
+        flux_of(i, s): sum((diff(term, symbol) for term in terms), start=S.Zero)
+        for i, slots in enumerate(tested)
+        for s, symbol in enumerate(slots)
     }
-    definitions |= along.definitions | entries
-    wanted = frozenset({residual_of(i) for i in range(len(residuals))} | set(entries))
-    absent, uniform = ({x.name: integrals.where(x, of) for x in form.coefficients} for of in (False, True))
-    return ElementEquations(definitions, wanted, absent, uniform)
+    along = _Derivatives(definitions)
+    entries = {
+        entry_of(i, s, j, t): along.of(fluxes[flux_of(i, s)], symbol)
+        for i, slots in enumerate(tested)
+        for s in range(len(slots))
+        for j, others in enumerate(sought)
+        for t, symbol in enumerate(others)
+    }
+    definitions = definitions | fluxes | along.definitions | entries
+    known = [_where(form, one) for one in form.coefficients]
+    names = [one.name for one in form.coefficients]
+    absent, uniform, unit = (
+        (dict(zip(names, some, strict=True)) for some in zip(*known, strict=True)) if known else ({},) * 3
+    )
+    absent = {**absent, **{symbol.name: {own_symbol(symbol): S.Zero} for symbol in form.parameters}}
+    for name, limits in form.without.items():
+        absent[name] |= {own_symbol(symbol): in_code(form, expr) for symbol, expr in limits.items()}
+    return ElementEquations(definitions, frozenset({*fluxes, *entries}), absent, uniform, unit)
+
+
+def _where(form: WeakForm, one: Field) -> tuple[dict[Symbol, Expr], dict[Symbol, Expr], dict[Symbol, Expr]]:
+    """What is known of a coefficient where it is zero, uniform, one."""
+    uniform: dict[Symbol, Expr] = {s: S.Zero for row in one.gradients for s in row}
+    absent, unit = ({**dict.fromkeys(one.values, value), **uniform} for value in (S.Zero, S.One))
+    return absent, uniform, unit
 
 
 class _Derivatives:
@@ -277,3 +176,60 @@ class _Derivatives:
                 found = name
             self.known[symbol, variable] = found
         return self.known[symbol, variable]
+
+
+def degree_of(form: WeakForm, needs: ElementNeeds) -> int:
+    """Degree to which a form is to be integrated: that of its polynomials, and for what is none the one that it states.
+
+    Raises
+    ------
+    LawError
+        If terms are no polynomials, and the form states no degree.
+    """
+    equations = element_equations(form)
+    known = {s: x for name in needs.absent for s, x in equations.absent[name].items()}
+    known |= {s: x for name in needs.unit for s, x in equations.unit[name].items()}
+    degrees: dict[Symbol, int | None] = {}
+    for one in (*form.fields, *form.coefficients):
+        for slots in one.slots:
+            for k, symbol in enumerate(slots):
+                degrees[symbol] = 0 if one.name in needs.uniform else max(one.order - min(k, 1), 0)
+    for symbol, expr in form.quantities.items():
+        own = own_symbol(symbol)
+        degrees[own] = _degree(known.get(own, in_code(form, expr)).xreplace(known), degrees)
+    found = 0
+    tests = {
+        s: max(one.order - min(k, 1), 0) for one in form.fields for slots in one.test.slots for k, s in enumerate(slots)
+    }
+    for name, term in form.terms.items():
+        for symbol in of_tests(form):
+            slope_of = in_code(form, diff(term, symbol)).xreplace(known)
+            own_degree = _degree(slope_of, degrees)
+            if own_degree is None and form.degree is None:
+                fault = f"term {name!r} is no polynomial in the values of fields: the form must state a degree"
+                raise LawError(form.name, (fault,), "weak form")
+            if slope_of != 0:
+                total = form.degree if own_degree is None else own_degree + tests[symbol]
+                found = max(found, total or 0)
+    return found
+
+
+def _degree(expr: Expr, degrees: dict[Symbol, int | None]) -> int | None:
+    """Degree of an expression as a polynomial in the place; None if it is none."""
+    if not expr.free_symbols & degrees.keys():
+        return 0
+    if expr.is_Symbol:
+        return degrees[expr]
+    parts = [_degree(part, degrees) for part in expr.args]
+    if all(part == 0 for part in parts):
+        return 0
+    if any(part is None for part in parts):
+        return None
+    known = [part for part in parts if part is not None]
+    if expr.is_Add:
+        return max(known)
+    if expr.is_Mul:
+        return sum(known)
+    if isinstance(expr, Pow) and expr.exp.is_Integer and expr.exp > 0:
+        return known[0] * int(expr.exp)
+    return None

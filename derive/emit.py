@@ -24,9 +24,9 @@ from softdyn.derive.printing import KINDS
 from softdyn.derive.radau import PANEL_NODES, blindness, radau_iia
 from softdyn.targets import Signature, target_module
 
-#: Contacts that go together are wide enough for any machine's vectors, and for the latency of divisions; of elements so
-#: many that what they give stays in the nearest cache until it is written in order.
-LANES = {"contacts": 16, "elements": 4}
+#: Contacts that go together are wide enough for any machine's vectors, and for the latency of divisions. Of elements
+#: the template knows: so many that their matrices stay in the nearest cache until they are added up.
+LANES = {"contacts": 16}
 
 
 class Written(NamedTuple):

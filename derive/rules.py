@@ -106,12 +106,17 @@ def equal_radii(equations: Equations, needs: ContactNeeds) -> Equations:
 
 
 def absent_coefficients(equations: ElementEquations, needs: ElementNeeds) -> Equations:
-    """Without the terms of coefficients that are zero."""
+    """Without the terms of coefficients and parameters that are zero."""
     return followed(inserted(equations, {s: x for name in needs.absent for s, x in equations.absent[name].items()}))
 
 
+def unit_coefficients(equations: ElementEquations, needs: ElementNeeds) -> Equations:
+    """Without factors and gradients of coefficients that are one."""
+    return followed(inserted(equations, {s: x for name in needs.unit for s, x in equations.unit[name].items()}))
+
+
 def uniform_coefficients(equations: ElementEquations, needs: ElementNeeds) -> Equations:
-    """Without the gradients of coefficients that are uniform, and with one value in the place of those at the nodes."""
+    """Without the gradients of coefficients that are uniform."""
     return followed(inserted(equations, {s: x for name in needs.uniform for s, x in equations.uniform[name].items()}))
 
 
@@ -160,6 +165,7 @@ RULES = (
         equal_radii,
     ),
     Rule("absent coefficients", (ElementNeeds,), lambda _, needs: bool(needs.absent), absent_coefficients),
+    Rule("unit coefficients", (ElementNeeds,), lambda _, needs: bool(needs.unit), unit_coefficients),
     Rule("uniform coefficients", (ElementNeeds,), lambda _, needs: bool(needs.uniform), uniform_coefficients),
     Rule("fixed parameters", (Needs,), lambda _, needs: bool(needs.fixed), fixed_parameters),
     Rule("outputs asked for", (Needs,), lambda equations, needs: bool(_unasked(equations, needs)), asked_outputs),

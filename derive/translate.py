@@ -2,9 +2,9 @@
 
 The algorithms of a kernel (Newton's iteration, the integrator) are written once, in a subset of Python that numba
 compiles as it is; this module prints the same functions in C, comments included. The subset: functions with annotated
-arguments (``float``, ``int``, ``array``, ``indices``, an array of integers that is read), assignments, ``if``,
-``while``, ``for ... in range``, ``return``, arithmetic, comparisons, calls of math.h and of one another. Whatever lies
-outside is refused.
+arguments (``float``, ``int``, ``array``, ``indices`` and ``short_indices``, which are arrays of integers of 64 and of
+32 bits that are read), assignments, ``if``, ``while``, ``for ... in range``, ``return``, arithmetic, comparisons, calls
+of math.h and of one another. Whatever lies outside is refused.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from softdyn.derive.printing import MATH_FUNCTIONS
 
 C_TYPES = {"float": "double", "int": "int64_t"}
+#: Arrays of integers, which are read.
+INDEX_TYPES = {"indices": "int64_t", "short_indices": "int32_t"}
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
@@ -190,11 +192,11 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
     arguments, arrays, types = [], set(), {}
     for argument, is_written in zip(node.args.args, written[node.name], strict=True):
         kind = ast.unparse(argument.annotation) if argument.annotation else ""
-        if kind == "indices":
+        if kind in INDEX_TYPES:
             if is_written:
                 raise TranslationError(f"line {node.lineno}: {argument.arg} of {node.name} is to be read, not written")
             arrays.add(argument.arg)
-            arguments.append(f"const int64_t *restrict {argument.arg}")
+            arguments.append(f"const {INDEX_TYPES[kind]} *restrict {argument.arg}")
         elif kind == "array":
             arrays.add(argument.arg)
             arguments.append(f"{'' if is_written else 'const '}double *restrict {argument.arg}")

@@ -11,6 +11,7 @@ import pytest
 from jinja2 import UndefinedError
 from kernels_by_text import compile_c
 
+from softdyn.derive.averaged_flow import averaged_flow, outlet
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.element_equations import ElementNeeds
@@ -19,7 +20,6 @@ from softdyn.derive.emit import emit, header, kernel_body, write, write_enclosur
 from softdyn.derive.kernel_form import KernelIR, function, names_in
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
-from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.expression import parse
 from softdyn.laws import law_of
 from softdyn.targets import TARGETS
@@ -33,7 +33,10 @@ KINDS: dict[str, list[Callable[[], KernelIR]]] = {
     "contacts": [
         lambda: contact_ir(law_of("equal_spheres"), ContactNeeds(("R",), fading=True, tangential=True, drag=True)),
     ],
-    "elements": [lambda: element_ir(averaged_stokes(2), ElementNeeds(uniform=("eta",)))],
+    "elements": [
+        lambda: element_ir(averaged_flow(2, 2), ElementNeeds(uniform=("force",))),
+        lambda: element_ir(outlet(2, 2), ElementNeeds()),
+    ],
 }
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from softdyn.derive.averaged_flow import averaged_flow
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.element_equations import ElementNeeds
@@ -17,7 +18,6 @@ from softdyn.derive.equations import Equations
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.rules import RULES, Rule, specialised
-from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.laws import law_of
 
 
@@ -30,7 +30,7 @@ def contacts(law: str, needs: ContactNeeds) -> Callable[..., Any]:
 
 
 def elements(needs: ElementNeeds) -> Callable[..., Any]:
-    return lambda rules: element_ir(averaged_stokes(2), needs, rules)
+    return lambda rules: element_ir(averaged_flow(2, 1), needs, rules)
 
 
 #: Of each rule a kernel that it is applied to, and a name that is then absent from its code.
@@ -44,8 +44,10 @@ DROPPED: list[tuple[str, Callable[..., Any], str]] = [
     ("no range", contacts("rognon_gay", ContactNeeds()), "film"),
     ("no remote force", contacts("rognon_gay", ContactNeeds()), "F_adh"),
     ("equal radii", contacts("equal_spheres", ContactNeeds(tangential=True)), "size_ratio"),
-    ("absent coefficients", elements(ElementNeeds(absent=("k",))), "own_k_n0"),
-    ("uniform coefficients", elements(ElementNeeds(uniform=("eta",))), "own_eta_d1"),
+    ("absent coefficients", elements(ElementNeeds(absent=("us",))), "own_us0_d0"),
+    ("absent coefficients", elements(ElementNeeds(absent=("rho",))), "own_rho"),
+    ("unit coefficients", elements(ElementNeeds(unit=("c",))), "own_c"),
+    ("uniform coefficients", elements(ElementNeeds(uniform=("c",))), "own_c_d1"),
 ]
 
 

@@ -26,6 +26,7 @@ from sympy import Abs, Expr, Integer, Max, Min, Piecewise, Pow, Rational, Symbol
 import softdyn
 from softdyn.derive import E, R, a, h
 from softdyn.derive import emit as emit_module
+from softdyn.derive.averaged_flow import averaged_flow
 from softdyn.derive.contact_equations import ContactNeeds
 from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.element_equations import ElementNeeds
@@ -39,7 +40,6 @@ from softdyn.derive.pair_equations import OUTPUTS, Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.printing import KINDS, operations, straight_line
 from softdyn.derive.rules import RULES
-from softdyn.derive.stokes_flow import averaged_stokes
 from softdyn.errors import LawError
 from softdyn.expression import parse
 from softdyn.targets import TARGETS
@@ -100,7 +100,7 @@ def test_each_rule_saves_operations() -> None:
         ir_of("rognon_gay", control="velocity"),
         contact_ir(rognon_gay, ContactNeeds()),
         contact_ir(equal_spheres, ContactNeeds(tangential=True)),
-        element_ir(averaged_stokes(2), ElementNeeds(("eta",), ("k",))),
+        element_ir(averaged_flow(2, 1), ElementNeeds(("force",), ("us",), ("c",))),
     ]
     assert {rule for ir in made for rule in rules_of(ir)} == {rule.name for rule in RULES}
     for saving in (saving for ir in made for saving in ir.savings):

@@ -16,8 +16,8 @@ from types import ModuleType
 
 from softdyn.errors import SceneError
 
-#: What a function returns, "int", "float" or "None", and the types of its arguments: "int", "float", "array" and
-#: "indices", an array of integers.
+#: What a function returns, "int", "float" or "None", and the types of its arguments: "int", "float", "array",
+#: "indices" and "short_indices", arrays of integers of 64 and of 32 bits.
 Signature = Sequence[str | Sequence[str]]
 Signatures = Mapping[str, Signature]
 

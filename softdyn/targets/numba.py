@@ -99,8 +99,9 @@ def load(folder: Path, name: str, functions: Signatures, later: Sequence[str] = 
 
 def _compile(functions: Mapping[Any, Sequence[str]]) -> None:
     """Compile now, for the types of the arguments, so that compiling is not taken for running."""
-    from numba import float64, int64
+    from numba import float64, int32, int64
 
-    types = {"int": int64, "float": float64, "array": float64[::1], "indices": int64[::1]}
+    types = {"int": int64, "float": float64, "array": float64[::1]}
+    types |= {"indices": int64[::1], "short_indices": int32[::1]}
     for function, arguments in functions.items():
         function.compile(tuple(types[one] for one in arguments))
