@@ -61,6 +61,21 @@ def read_values(text: str) -> tuple[str, Array]:
         ) from None
 
 
+def read_named(option: str, text: str) -> Array:
+    """Read the values of an option that names what is varied itself.
+
+    Raises
+    ------
+    SceneError
+    """
+    try:
+        return values_of(text)
+    except ValueError:
+        raise SceneError(
+            f"{option} {text}: logspace(a,b,n) (10**a to 10**b), linspace(a,b,n), or x,y,... is expected"
+        ) from None
+
+
 def read_varied(texts: Sequence[str]) -> dict[str, Array]:
     """Read several of these, each for a name of its own.
 

@@ -36,6 +36,7 @@ def runs_folder(output: Path) -> Path:
 
 def add_sweep_options(parser: argparse.ArgumentParser, *, required: bool) -> None:
     """Options of commands that make many runs."""
+    many = "many particles: " if required else ""
     parser.add_argument(
         "scene",
         metavar="SCENE",
@@ -53,19 +54,15 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, required: bool) -> Non
     )
     parser.add_argument(
         "-o", dest="output", metavar="FILE", type=Path, required=True,
-        help="one table: .csv, .npz, or, of many particles, .nc (netCDF)",
+        help=f"one table: .csv, .npz, or{', of many particles,' if required else ''} .nc (netCDF)",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
     )
     array = parser.add_mutually_exclusive_group()
-    array.add_argument("--array", action="store_true", help="many particles: run nothing, print a script for SLURM")
-    array.add_argument("--task", metavar="N", type=int, help="many particles: make run N alone, from 0 on")
-    array.add_argument("--gather", action="store_true", help="many particles: make nothing, gather what is there")
-
-
-#: Each adds a command.
-VERBS: tuple[Callable[[Add], None], ...] = ()
+    array.add_argument("--array", action="store_true", help=f"{many}run nothing, print a script for SLURM")
+    array.add_argument("--task", metavar="N", type=int, help=f"{many}make run N alone, from 0 on")
+    array.add_argument("--gather", action="store_true", help=f"{many}make nothing, gather what is there")
 
 
 def carried_out_by(name: str) -> Callable[[Any], int]:
@@ -79,3 +76,91 @@ def carried_out_by(name: str) -> Callable[[Any], int]:
         return found(options)
 
     return command
+
+
+FLOW = """
+
+Each rate is run to the strain at which the scene ends, [until] strain, with 201 outputs at least. From when on a run
+is steady is found by the marginal standard error rule, and by comparing the halves of what it leaves; means have error
+bars by blocking. What never becomes steady is said so, drawn open, and enters no fit. Herschel & Bulkley's law and a
+power law are fitted to what contacts and fluid bear together, with standard errors; where the data do not determine a
+parameter, that is said. Runs that differ in packing.seed alone are points of one curve.
+
+FILE has a row for each run; FILE.fits.csv one for each parameter of each fit. Shear stress, pressure and normal stress
+differences are drawn.
+
+examples:
+  softdyn flow-curve emulsion --rates 'logspace(-5,-3,5)' -o curve.csv
+  softdyn flow-curve emulsion --rates 'logspace(-5,-3,5)' --vary packing.fraction=0.8,0.85,0.9 \\
+                              --vary packing.seed=1..3 -o curve.csv --array > job.sh && sbatch job.sh
+"""
+
+OSCILLATION = """
+
+The box is sheared by strain = A sin(w t); w is an angular frequency, as rheometers give it. Of each of the cycles the
+stress is projected on sin(n w t) and cos(n w t), n = 1 to 9; the second half of the cycles is taken, with errors from
+their scatter, and it is said where G* still changes by more than 2 % over them. G'' has the fluid's eta w in it; the
+table has its parts, and the intensities of the harmonics, I3_I1 and so on.
+
+examples:
+  softdyn oscillate emulsion --frequency 'logspace(-4,-1,4)' --amplitude 0.01 -o frequencies.csv
+  softdyn oscillate emulsion --frequency 1e-3 --amplitude 'logspace(-3,0,7)' --vary packing.count=100 -o amplitudes.csv
+"""
+
+STEP = """
+
+A step of strain: the box is at rest, is sheared by the strain at a constant rate within the ramp, and rests again:
+G(t) = (stress - stress before)/strain. A step of stress: the box is free to shear under it, J(t) = strain/stress, and
+recovers when it is taken off. What the scene says of shear rate, end and outputs is left aside.
+
+examples:
+  softdyn step emulsion --strain 0.01,0.1 --time 1e4 --rest 1e4 -o relaxation.csv
+  softdyn step emulsion --stress 0.01 --time 1e4 --recovery 1e4 --vary packing.count=100 -o creep.csv
+"""
+
+
+def _add_flow_curve(add: Add) -> None:
+    parser = add(
+        "flow-curve",
+        carried_out_by("flow_curve:flow_curve"),
+        "steady shear at many rates: stress, fits, a picture",
+        FLOW,
+    )
+    add_sweep_options(parser, required=False)
+    parser.add_argument("--rates", metavar="VALUES", required=True, help="shear rates, as the VALUES of --vary")
+    _add_plot(parser)
+
+
+def _add_oscillate(add: Add) -> None:
+    parser = add(
+        "oscillate", carried_out_by("oscillate:oscillate"), "oscillatory shear: G', G'', harmonics", OSCILLATION
+    )
+    add_sweep_options(parser, required=False)
+    parser.add_argument("--frequency", metavar="VALUES", required=True, help="angular, as the VALUES of --vary")
+    parser.add_argument("--amplitude", metavar="VALUES", required=True, help="of the strain, likewise")
+    parser.add_argument("--cycles", metavar="N", type=int, default=6, help="4 at least; default: %(default)s")
+    _add_plot(parser)
+
+
+def _add_step(add: Add) -> None:
+    parser = add(
+        "step", carried_out_by("step_test:step"), "stress relaxation after a step strain; creep, recovery", STEP
+    )
+    add_sweep_options(parser, required=False)
+    parser.add_argument("--strain", metavar="VALUES", help="steps of strain, as the VALUES of --vary")
+    parser.add_argument("--stress", metavar="VALUES", help="steps of shear stress, likewise")
+    parser.add_argument("--time", metavar="T", type=float, required=True, help="how long what follows is observed")
+    parser.add_argument("--rest", metavar="T", type=float, default=0.0, help="before the step (default: none)")
+    parser.add_argument("--ramp", metavar="T", type=float, help="of a step of strain; default: a thousandth of --time")
+    parser.add_argument(
+        "--recovery", metavar="T", type=float, default=0.0, help="after a step of stress is taken off (default: none)"
+    )
+    _add_plot(parser)
+
+
+def _add_plot(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--plot", metavar="PICTURE", type=Path, help=".png, .svg or .pdf; default: FILE with .png")
+
+
+#: Each adds a command.
+VERBS: tuple[Callable[[Add], None], ...] = (_add_flow_curve, _add_oscillate, _add_step)

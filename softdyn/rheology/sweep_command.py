@@ -8,12 +8,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from softdyn.errors import SceneError
+from softdyn.rheology.curves import Curves
 from softdyn.rheology.options import runs_folder
 from softdyn.rheology.run_table import ENDINGS, RunTable, gathered, measured_run
-from softdyn.rheology.runs import Run, array_script, carry_out, planned
-from softdyn.scene.reading import read_toml
+from softdyn.rheology.runs import Content, Run, array_script, carry_out, planned
+from softdyn.scene.reading import is_particle_scene, read_toml
 from softdyn.varied import read_varied
 
+PICTURES = (".png", ".svg", ".pdf")
 #: Runs that fail, or are not steady, that are told one by one.
 TOLD = 10
 
@@ -51,6 +53,31 @@ def sweep_particles(options: argparse.Namespace, file: Path) -> int:
     return many_runs(options, runs, command, finish)
 
 
+def particle_content(file: Path) -> tuple[Content, Path]:
+    """Content of the file of a scene of many particles, and the folder that its paths are relative to.
+
+    Raises
+    ------
+    SceneError
+        Also if it is a scene of two.
+    """
+    content = read_toml(file)
+    if not is_particle_scene(content):
+        raise SceneError(f"{file} is a scene of two particles: here many are needed, with [particles] or [packing]")
+    return content, file.parent
+
+
+def require_picture(picture: Path) -> None:
+    """Refuse a picture of another format before any run.
+
+    Raises
+    ------
+    SceneError
+    """
+    if picture.suffix not in PICTURES:
+        raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
+
+
 def varied_options(options: argparse.Namespace) -> list[str]:
     """The options --vary, as they were given."""
     return [part for text in options.vary for part in ("--vary", text)]
@@ -85,6 +112,14 @@ def _tell(runs: Sequence[Run], number: int, done: int, count: int, failure: str)
     """Tell on stderr that a run has ended."""
     words = f"failed: {failure}" if failure else "done"
     print(f"softdyn: {done} of {count}: {runs[number].words} {words}", file=sys.stderr)
+
+
+def tell_failures(runs: Sequence[Run], table: RunTable | Curves) -> None:
+    """Tell which runs failed, and how many are missing."""
+    for number, text in [*table.failed.items()][:TOLD]:
+        print(f"softdyn: {runs[number].words} failed: {text}", file=sys.stderr)
+    missing = f", {len(table.missing)} not made yet" if table.missing else ""
+    print(f"{len(runs)} runs, {len(table.failed)} failed{missing}")
 
 
 def tell_steadiness(runs: Sequence[Run], table: RunTable) -> None:
