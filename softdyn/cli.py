@@ -39,6 +39,9 @@ examples:
   softdyn run scene.toml -o result.npz       simulate a scene
   softdyn keys range                         what a key of a scene means; without KEY all of them
   softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv     the scene for a hundred forces
+  softdyn flow-curve emulsion --rates 'logspace(-5,-3,5)' -o curve.csv     steady shear, with error bars and fits
+  softdyn oscillate emulsion --frequency 1e-4,1e-2 --amplitude 0.01 -o moduli.csv     G' and G''
+  softdyn step emulsion --strain 0.01 --time 1e4 -o relaxation.csv         relaxation; with --stress, creep
   softdyn plot result.npz                    draw the result
   softdyn run emulsion -o emulsion.npz       many particles: a scene that comes with softdyn
   softdyn plot emulsion.npz -o emulsion.gif  an animation of it

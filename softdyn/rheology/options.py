@@ -100,7 +100,8 @@ OSCILLATION = """
 The box is sheared by strain = A sin(w t); w is an angular frequency, as rheometers give it. Of each of the cycles the
 stress is projected on sin(n w t) and cos(n w t), n = 1 to 9; the second half of the cycles is taken, with errors from
 their scatter, and it is said where G* still changes by more than 2 % over them. G'' has the fluid's eta w in it; the
-table has its parts, and the intensities of the harmonics, I3_I1 and so on.
+table has its parts, and the intensities of the harmonics, I3_I1 and so on. Steps are made with [accuracy] rtol, or a
+hundredth of the amplitude, if that is less.
 
 examples:
   softdyn oscillate emulsion --frequency 'logspace(-4,-1,4)' --amplitude 0.01 -o frequencies.csv
@@ -110,7 +111,8 @@ examples:
 STEP = """
 
 A step of strain: the box is at rest, is sheared by the strain at a constant rate within the ramp, and rests again:
-G(t) = (stress - stress before)/strain. A step of stress: the box is free to shear under it, J(t) = strain/stress, and
+G(t) = (stress - stress before)/strain; [accuracy] rtol is a hundredth of the strain at most. A step of stress: the box
+is free to shear under it, J(t) = strain/stress, and
 recovers when it is taken off. What the scene says of shear rate, end and outputs is left aside.
 
 examples:

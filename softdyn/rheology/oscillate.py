@@ -2,7 +2,7 @@
 
 The box is sheared by strain = A sin(w t), from t = 0. Of each cycle the shear stress is projected on sin(n w t) and
 cos(n w t): sigma = A sum_n (G'_n sin(n w t) + G''_n cos(n w t)), after the line from the cycle's beginning to its end
-is taken off, which is what drifts. G' and G'' are those of n = 1; the intensity of a harmonic is I_n = |G'_n + i G''_n|.
+is taken off, which is what drifts. G' and G'' are those of n = 1; a harmonic's intensity is I_n = |G'_n + i G''_n|.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from softdyn.rheology.sweep_command import (
     tell_failures,
     varied_options,
 )
+from softdyn.scene.numbers import SMALLEST_RTOL
 from softdyn.scene.varied_content import with_values
 from softdyn.varied import read_named, read_varied
 
@@ -42,6 +43,8 @@ FREQUENCY, AMPLITUDE = "frequency", "amplitude"
 W, A = "oscillation_frequency", "oscillation_amplitude"
 #: Outputs of a cycle, and the highest harmonic that is told of them.
 POINTS, HARMONICS = 64, 9
+#: Error of the gaps in a step, over the strain.
+FINE = 0.01
 #: G* may change by this part of itself over the cycles that are taken, where they are called steady.
 STEADY = 0.02
 
@@ -66,7 +69,19 @@ def oscillating_scene(content: Content, values: Mapping[str, float], cycles: int
     made.setdefault("flow", {})["shear_rate"] = f"{A}*{W}*cos({W}*t)"
     made["until"] = {"t": cycles * 2 * math.pi / frequency}
     made.setdefault("output", {})["times"] = cycles * POINTS + 1
+    resolve(made, amplitude)
     return made
+
+
+def resolve(made: Content, strain: float) -> None:
+    """Ask for steps that resolve what a strain changes: the error of a gap below a hundredth of the strain.
+
+    Gaps are smaller than radii, so that a strain changes each by more than this part of itself.
+    """
+    accuracy = made.setdefault("accuracy", {})
+    given = accuracy.get("rtol", 1e-4)
+    if isinstance(given, (int, float)):
+        accuracy["rtol"] = max(min(float(given), FINE * abs(strain)), 100 * SMALLEST_RTOL)
 
 
 def harmonics(stress: Array, amplitude: float) -> NDArray[np.complex128]:

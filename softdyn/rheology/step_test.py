@@ -16,6 +16,7 @@ from softdyn.particles.results import ParticleResult
 from softdyn.rheology.curves import Curves, gathered_curves
 from softdyn.rheology.measures import series, sheared_by
 from softdyn.rheology.options import runs_folder
+from softdyn.rheology.oscillate import resolve
 from softdyn.rheology.runs import Content, Run, planned
 from softdyn.rheology.sweep_command import (
     many_runs,
@@ -59,6 +60,7 @@ def relaxation_scene(content: Content, values: Mapping[str, float], time: float,
     before = np.linspace(0.0, rest, 6)[:-1].tolist() if rest else []
     after = spread(rest + ramp, time, time * SHORTEST)
     made.setdefault("output", {})["times"] = [*before, rest, rest + ramp, *after[:-1], rest + ramp + time]
+    resolve(made, values[STRAIN])
     return made
 
 

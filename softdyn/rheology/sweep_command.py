@@ -132,7 +132,8 @@ def tell_steadiness(runs: Sequence[Run], table: RunTable) -> None:
     if hidden:
         print(f"softdyn: and {hidden} more, see the column note", file=sys.stderr)
     missing = f", {len(table.missing)} not made yet" if table.missing else ""
-    print(f"{len(runs)} runs, {len(table.failed)} failed{missing}; {len(table.notes)} of the others are not steady")
+    hint = ": a longer run, [until], or more particles may tell" if table.notes else ""
+    print(f"{len(runs)} runs, {len(table.failed)} failed{missing}; {len(table.notes)} of the others not steady{hint}")
 
 
 def status_of(table: RunTable) -> int:
