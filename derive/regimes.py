@@ -249,6 +249,15 @@ class Diagram:
         """Return a regime by its name."""
         return next(regime for regime in self.regimes if (regime.name, regime.side) == (name, side))
 
+    def __str__(self) -> str:
+        """One line for each regime: where it is, and the leading forms of delta and dh/dt at a given force."""
+        rows = []
+        for one in self.regimes:
+            forms = (f"{name} = {one.forms[name].leading}" for name in ("delta", "dh_dt") if name in one.forms)
+            rows.append((f"{one.side}: {one.name}", ", ".join(map(str, one.conditions)), ", ".join(forms)))
+        widths = [max((len(row[k]) for row in rows), default=0) for k in range(2)]
+        return "\n".join("  ".join(map(str.ljust, row, (*widths, 0))) for row in rows)
+
     def _repr_html_(self) -> str:
         from softdyn.derive.typeset import diagram_html
         from softdyn.study.presence import presence_of

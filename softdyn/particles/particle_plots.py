@@ -60,6 +60,8 @@ FORCE = "force $F$: pulled < 0 < pressed"
 CORNERS = 120
 #: An animation lasts as long as its frames at a rate within these bounds allow.
 SECONDS, RATES = 8, (4, 25)
+#: Dots per inch of an animation, and colours of one that is a .gif: it takes far more room than a film.
+SHARPNESS, COLOURS = {".gif": 72, ".mp4": 100}, 48
 DIMENSIONS = {1: "one dimension", 2: "two dimensions", 3: "three dimensions"}
 TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 #: Legends are beside their axes, where they cover no curve.
@@ -191,8 +193,8 @@ def animate(result: ParticleResult, path: Path) -> Path:
     axes = figure.add_subplot()
     artists, colours = draw_network(axes, result, 0, largest, window)
     figure.colorbar(colours, ax=axes, label=FORCE, shrink=0.8)
-    writer = (PillowWriter if path.suffix == ".gif" else FFMpegWriter)(fps=rate)
-    with written_whole(path) as temporary, writer.saving(figure, str(temporary), dpi=100):
+    writer = (_Gif if path.suffix == ".gif" else FFMpegWriter)(fps=rate)
+    with written_whole(path) as temporary, writer.saving(figure, str(temporary), dpi=SHARPNESS[path.suffix]):
         for frame in frames:
             for artist in artists:
                 artist.remove()
@@ -202,6 +204,16 @@ def animate(result: ParticleResult, path: Path) -> Path:
             )
             writer.grab_frame()
     return path
+
+
+class _Gif(PillowWriter):
+    """Frames in few colours, the same in all: matplotlib's own take twice the room, and flicker."""
+
+    def finish(self) -> None:
+        """Write the frames."""
+        colours = self._frames[len(self._frames) // 2].quantize(COLOURS)
+        first, *others = (frame.quantize(palette=colours, dither=0) for frame in self._frames)
+        first.save(self.outfile, save_all=True, append_images=others, duration=int(1000 / self.fps), loop=0)
 
 
 def _when(result: ParticleResult, frame: int) -> str:
