@@ -85,7 +85,7 @@ class Batch:
     def save(self, path: str | Path) -> Path:
         """Write to .npz, or to .csv as one table with a line for each output of each run.
 
-        Names of what was varied start with "varied_" in both.
+        There, ``varied_`` stands before the names of what was varied.
 
         Raises
         ------

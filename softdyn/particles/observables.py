@@ -200,7 +200,7 @@ def gap_distribution(result: ParticleResult, frame: int = -1, bins: int | None =
 
 
 def force_distribution(result: ParticleResult, frame: int = -1, bins: int | None = None) -> tuple[Array, Array]:
-    """Distribution of the forces, relative to their mean size: density of f = F/<|F|>; what pulls is < 0.
+    """Distribution of the forces, relative to their mean size; what pulls is < 0.
 
     Contacts within their range that bear no force are left out.
 
