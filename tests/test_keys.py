@@ -99,11 +99,11 @@ def test_the_reference_page_is_what_the_declarations_say(capsys: pytest.CaptureF
 def scene_files() -> dict[str, dict[str, Any]]:
     """Content of the stock scenes and of those of the pages."""
     found = {name: tomllib.loads(path.read_text()) for name, path in stock_scenes().items()}
-    for page in sorted((ROOT / ".docs").glob("*.md")):
-        for number, text in enumerate(re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)):
+    for path in sorted((ROOT / ".docs").glob("*.md")):
+        for number, text in enumerate(re.findall(r"```toml\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)):
             content = tomllib.loads(text)
             if "law" in content:
-                found[f"{page.name} {number}"] = content
+                found[f"{path.name} {number}"] = content
     return found
 
 
