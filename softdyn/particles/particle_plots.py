@@ -61,7 +61,7 @@ CORNERS = 120
 #: An animation lasts as long as its frames at a rate within these bounds allow.
 SECONDS, RATES = 8, (4, 25)
 #: Dots per inch of an animation, and colours of one that is a .gif: it takes far more room than a film.
-SHARPNESS, COLOURS = {".gif": 72, ".mp4": 100}, 48
+SHARPNESS, IN_GIF = {".gif": 72, ".mp4": 100}, 48
 DIMENSIONS = {1: "one dimension", 2: "two dimensions", 3: "three dimensions"}
 TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 #: Legends are beside their axes, where they cover no curve.
@@ -209,9 +209,11 @@ def animate(result: ParticleResult, path: Path) -> Path:
 class _Gif(PillowWriter):
     """Frames in few colours, the same in all: matplotlib's own take twice the room, and flicker."""
 
+    _frames: list[Any]
+
     def finish(self) -> None:
         """Write the frames."""
-        colours = self._frames[len(self._frames) // 2].quantize(COLOURS)
+        colours = self._frames[len(self._frames) // 2].quantize(IN_GIF)
         first, *others = (frame.quantize(palette=colours, dither=0) for frame in self._frames)
         first.save(self.outfile, save_all=True, append_images=others, duration=int(1000 / self.fps), loop=0)
 
