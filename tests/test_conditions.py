@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,16 +80,50 @@ def test_a_channel_has_its_profile_at_the_inlet_and_rest_at_walls(order: int) ->
     assert values_at(outlet.pressure, nodes.at[outlet.nodes[:, 0]], 3.0) == pytest.approx(6.0)
 
 
-def test_at_corners_a_wall_at_rest_holds_and_else_the_later_velocity() -> None:
+def test_at_corners_each_boundary_keeps_the_flow_through_it() -> None:
+    """A lid does not leak, whatever moves beside it; what flows in evenly does so up to the wall."""
     mesh = box_mesh((1, 1), (4, 4))
-    lid = Boundary("top", velocity=[1, 0])
-    sides = Boundary(["left", "right"], velocity=[0, 2])
-    floor = Boundary("bottom", velocity=[0, 0])
-    for entries, expected in (([lid, sides, floor], (0, 2)), ([floor, sides, lid], (1, 0))):
-        conditions, nodes = of(mesh, entries)
-        u = velocities(replace(conditions, enclosed=()))  # such a corner leaks, which is refused
-        corner = [int(np.flatnonzero((nodes.at == place).all(axis=1))[0]) for place in ((0, 1), (1, 1), (0, 0))]
-        assert [tuple(u[k]) for k in corner] == [expected, expected, (0, 0)]
+    moving = [Boundary("top", velocity=[1, 0]), Boundary(["left", "right"], velocity=[0, 2])]
+    for entries in (moving, moving[::-1]):
+        conditions, nodes = of(mesh, [*entries, Boundary("bottom", velocity=[0, 0])])
+        u = velocities(conditions)
+        for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            assert (u[(nodes.at == corner).all(axis=1)] == 0).all()
+    inflow = [Boundary("left", velocity=["1", "3"]), Boundary(["bottom", "top"], velocity=[0, 0])]
+    conditions, nodes = of(mesh, [*inflow, Boundary("right", pressure=0)])
+    u = velocities(conditions)
+    left = np.unique(nodes.facets["left"])
+    at_wall = np.isin(nodes.at[left, 1], (0, 1))
+    assert (u[left] == np.where(at_wall[:, None], [1, 0], [1, 3])).all()
+
+
+def test_at_corners_in_space_walls_of_one_name_have_a_normal_each() -> None:
+    mesh = box_mesh((1, 1, 1), (2, 3, 3))
+    walls = Boundary(["bottom", "top", "front", "back"], velocity=[0, 0, 0])
+    conditions, nodes = of(mesh, [Boundary("left", velocity=[1, 2, 3]), walls, Boundary("right", pressure=0)])
+    left = np.unique(nodes.facets["left"])
+    y, z = nodes.at[left, 1:].T
+    expected = np.stack([0 * y + 1, 2.0 * ~np.isin(y, (0, 1)), 3.0 * ~np.isin(z, (0, 1))], axis=1)
+    # along an edge the wall at rest holds, whatever is left
+    expected[np.isin(y, (0, 1)) | np.isin(z, (0, 1)), 1:] = 0
+    assert velocities(conditions)[left] == pytest.approx(expected)
+
+
+def test_where_boundaries_meet_without_an_edge_a_wall_at_rest_holds_and_else_the_later() -> None:
+    """A side of a box of three parts: what moves, a wall at rest, what moves otherwise; a corner of 30 degrees, too."""
+    box = box_mesh((1, 1), (3, 2))
+    at = box.at.copy()
+    at[:, 1] += np.where(box.at[:, 0] < 0.5, 0.2, 0.0) * (1 - box.at[:, 1])  # the floor's first part leans
+    floor = box.boundaries["bottom"][np.argsort(box.at[box.boundaries["bottom"]].mean(axis=1)[:, 0])]
+    rest = {name: facets for name, facets in box.boundaries.items() if name != "bottom"}
+    mesh = mesh_of(at, box.corners, rest | {"a": floor[:1], "b": floor[1:2], "c": floor[2:]})
+    others = Boundary(list(rest), pressure=0)
+    moving = [Boundary("a", velocity=[1, 1]), Boundary("c", velocity=[2, 2])]
+    conditions, nodes = of(mesh, [*moving, Boundary("b", velocity=[0, 0]), others])
+    u = velocities(conditions)
+    assert (u[np.unique(nodes.facets["b"])] == 0).all()
+    conditions, nodes = of(mesh, [*moving, Boundary("b", velocity=[3, 3]), others])
+    assert velocities(conditions)[np.unique(nodes.facets["b"])] == pytest.approx(3.0)
 
 
 def test_velocity_is_multiplied_by_the_porosity_and_flux_is_not() -> None:

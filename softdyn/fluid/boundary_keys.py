@@ -28,8 +28,8 @@ class Boundary:
         Key(
             "[[boundary]] velocity",
             FIELD_LIST,
-            "Velocity of the fluid, one component for each axis: of a wall, 0 or its own; of what flows in. Where "
-            "boundaries meet, a wall at rest holds, else a later velocity before an earlier one.",
+            "Velocity of the fluid, one component for each axis: of a wall, 0 or its own; of what flows in. At corners "
+            "each boundary keeps the flow through it; along them a wall at rest holds, else the later velocity.",
             "length/time",
         ),
     ] = None

@@ -1,7 +1,9 @@
 """Conditions at the boundaries: which unknowns are given, along which normals nothing flows, where a pressure acts.
 
-Where boundaries meet, a node has the condition of one of them: a given velocity before slip; among velocities a wall at
-rest, then the later in the scene. A pressure acts on facets, whatever their nodes.
+Where boundaries meet, a given velocity holds before slip. Of several velocities, each keeps the flow through its own
+boundary: at a corner, the velocity along each normal is the one given for that boundary, so that what is said to flow
+in does, and nothing leaks beside a lid. Whatever is left, and where boundaries meet without an edge, is that of a wall
+at rest, else of the later in the scene. A pressure acts on facets, whatever their nodes.
 
 Slip keeps the velocity along the mean of the normals of the facets at a node, weighted by their sizes, so that nothing
 flows through the boundary as a whole; where facets meet at an edge sharper than :data:`SHARP`, along each normal.
@@ -35,6 +37,8 @@ SHARES = {
 }
 #: Cosine of the angle between normals from which facets meet at an edge, where fluid slips along each: 40 degrees.
 SHARP = math.cos(math.radians(40))
+#: Its sine: normals that are nearer to each other's lines are no corner.
+APART = math.sin(math.radians(40))
 #: Directions at a node that are nearer to depending on each other than this are one fewer.
 DEPENDENT = 0.1
 #: What given velocities may let in or out of an enclosed flow, over what flows: what interpolation leaves is taken off.
@@ -57,11 +61,14 @@ class Given:
         One for each axis.
     superficial : bool
         Whether the porosity is in it.
+    parts : array, shape (nodes, d, d)
+        What of it a node takes: all, but at corners, where the velocity is the sum of several parts.
     """
 
     nodes: Ints
     fields: tuple[FieldFunction, ...]
     superficial: bool
+    parts: Array
 
 
 @dataclass(frozen=True)
@@ -167,21 +174,20 @@ def conditions_of(
     faults = boundary_faults(boundaries, mesh.boundaries)
     if faults:
         raise SceneError(listed(faults))
-    said, outlets = [], []
+    said: list[tuple[Boundary, tuple[FieldFunction, ...]]] = []
+    outlets: list[Outlet] = []
     for number, entry in enumerate(boundaries):
         if entry.velocity is not None or entry.flux is not None:
             key = "velocity" if entry.velocity is not None else "flux"
-            fields = fields_of(getattr(entry, key), d, constants, f"[[boundary]] {number}: {key}")
-            nodes = np.unique(np.concatenate([velocity.facets[name].reshape(-1) for name in entry.names]))
-            said.append(Given(nodes, fields, key == "flux"))
+            said.append((entry, fields_of(getattr(entry, key), d, constants, f"[[boundary]] {number}: {key}")))
         elif entry.pressure is not None:
             field = field_of(entry.pressure, d, constants, f"[[boundary]] {number}: pressure")
             outlets += [
                 Outlet(name, mesh.boundaries[name], velocity.facets[name], pressure.facets[name], field)
                 for name in entry.names
             ]
-    given = _shared_out(said, count)
-    nodes = np.concatenate([np.empty(0, dtype=np.int64), *(one.nodes for one in given)])
+    given = _given(mesh, velocity, said)
+    nodes = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(one.nodes for one in given)]))
     slip = [name for entry in boundaries if entry.slip for name in entry.names]
     slipping, normals = _slip(mesh, velocity, slip, nodes)
     return Conditions(
@@ -226,21 +232,65 @@ def given_values(
     warnings = []
     for one in conditions.given:
         found = vectors_at(one.fields, conditions.at[one.nodes], t)
-        u[one.nodes] = found if one.superficial or c is None else c[one.nodes, None] * found
+        flux = found if one.superficial or c is None else c[one.nodes, None] * found
+        u[one.nodes] += np.einsum("nij,nj->ni", one.parts, flux)
     for part in conditions.enclosed:
         warnings += _balance(part, u, us, t)
     fixed = conditions.fixed.reshape(d, -1)[0]
     return np.concatenate([u[fixed].T.reshape(-1), np.zeros(len(conditions.slipping))]), tuple(warnings)
 
 
-def _shared_out(said: Sequence[Given], count: int) -> tuple[Given, ...]:
-    """Give each node one of the velocities said of it: that of a wall at rest, else the last."""
-    owner = np.full(count, -1)
-    for resting in (False, True):
-        for number, one in enumerate(said):
-            if all(field.zero for field in one.fields) == resting:
-                owner[one.nodes] = number
-    return tuple(Given(np.flatnonzero(owner == number), one.fields, one.superficial) for number, one in enumerate(said))
+def _given(
+    mesh: Mesh, velocity: Nodes, said: Sequence[tuple[Boundary, tuple[FieldFunction, ...]]]
+) -> tuple[Given, ...]:
+    """Share nodes out among the velocities that are said of them: corners get a part of each."""
+    d = mesh.dimension
+    # a wall at rest first, then the later before the earlier
+    order = sorted(range(len(said)), key=lambda k: (not all(field.zero for field in said[k][1]), -k))
+    facets = [_node_normals(mesh, velocity, said[k][0].names, even=True) for k in order]
+    own = [np.unique(node) for node, _ in facets]
+    times = np.bincount(np.concatenate([np.empty(0, dtype=np.int64), *own]), minlength=velocity.count)
+    parts = [np.tile(np.eye(d), (len(nodes), 1, 1)) for nodes in own]
+    meeting = [_by_node(node, normal, times > 1) for node, normal in facets]
+    for corner in np.flatnonzero(times > 1).tolist():
+        there = [k for k in range(len(order)) if corner in meeting[k]]
+        for k, part in zip(there, _corner_parts([_sums(meeting[k][corner]) for k in there], d), strict=True):
+            parts[k][np.searchsorted(own[k], corner)] = part
+    return tuple(
+        Given(own[k], said[order[k]][1], said[order[k]][0].velocity is None, parts[k]) for k in range(len(order))
+    )
+
+
+def _corner_parts(normals: Sequence[Sequence[Array]], d: int) -> list[Array]:
+    """Which part of each velocity a corner takes.
+
+    Parameters
+    ----------
+    normals : sequence of sequences of arrays, shape (d,)
+        Of each boundary there, the first to hold first.
+    d : int
+
+    Returns
+    -------
+    list of array, shape (d, d)
+        The velocity is the sum of these times those given. It agrees with each along its normals, as far as these are
+        an edge apart, and with the first elsewhere.
+    """
+    parts = [np.zeros((d, d)) for _ in normals]
+    known = np.zeros((d, d))  # projection on the directions in which the velocity is known
+    for k, several in enumerate(normals):
+        for normal in several:
+            unit = normal / np.linalg.norm(normal)
+            new = unit - known @ unit
+            size = float(np.linalg.norm(new))
+            if size < APART:
+                continue
+            new /= size
+            rows = [(unit if j == k else 0.0) - unit @ part for j, part in enumerate(parts)]
+            parts = [part + np.outer(new, row) / size for part, row in zip(parts, rows, strict=True)]
+            known += np.outer(new, new)
+    parts[0] = parts[0] + np.eye(d) - known
+    return parts
 
 
 def _node_normals(mesh: Mesh, velocity: Nodes, names: Sequence[str], even: bool) -> tuple[Ints, Array]:
@@ -254,6 +304,14 @@ def _node_normals(mesh: Mesh, velocity: Nodes, names: Sequence[str], even: bool)
         nodes.append(velocity.facets[name].reshape(-1))
         found.append((shares[None, :, None] * normals[:, None, :]).reshape(-1, mesh.dimension))
     return np.concatenate(nodes), np.concatenate(found)
+
+
+def _by_node(node: Ints, normal: Array, wanted: NDArray[np.bool_]) -> dict[int, Array]:
+    """Normals of the facets at each node that is wanted."""
+    taken = np.flatnonzero(wanted[node])
+    taken = taken[np.argsort(node[taken], kind="stable")]
+    nodes, start = np.unique(node[taken], return_index=True)
+    return dict(zip(nodes.tolist(), np.split(normal[taken], start[1:]), strict=True)) if len(nodes) else {}
 
 
 def _slip(mesh: Mesh, velocity: Nodes, names: Sequence[str], fixed: Ints) -> tuple[Ints, Array]:
@@ -272,8 +330,8 @@ def _slip(mesh: Mesh, velocity: Nodes, names: Sequence[str], fixed: Ints) -> tup
     smooth = ~edge
     found = [nodes[smooth]]
     normals = [mean[smooth] / np.linalg.norm(mean[smooth], axis=1)[:, None]]
-    for k in np.flatnonzero(edge):
-        directions = _directions(normal[group == k])
+    for k, there in _by_node(group, normal, edge).items():
+        directions = _directions(there)
         found.append(np.full(len(directions), nodes[k]))
         normals.append(directions)
     return np.concatenate(found), np.concatenate(normals)
@@ -281,6 +339,13 @@ def _slip(mesh: Mesh, velocity: Nodes, names: Sequence[str], fixed: Ints) -> tup
 
 def _directions(normals: Array) -> Array:
     """Directions at right angles to each other that the normals of facets at an edge span, (directions, d)."""
+    units = np.array([one / np.linalg.norm(one) for one in _sums(normals)])
+    _, sizes, axes = np.linalg.svd(units)
+    return np.asarray(axes[: int(np.sum(sizes > DEPENDENT))])
+
+
+def _sums(normals: Array) -> list[Array]:
+    """Normals of facets at a node, added up where they are not an edge apart."""
     sums: list[Array] = []
     for normal in normals:
         size = np.linalg.norm(normal)
@@ -290,9 +355,7 @@ def _directions(normals: Array) -> Array:
                 break
         else:
             sums.append(normal)
-    units = np.array([one / np.linalg.norm(one) for one in sums])
-    _, sizes, axes = np.linalg.svd(units)
-    return np.asarray(axes[: int(np.sum(sizes > DEPENDENT))])
+    return sums
 
 
 def _enclosed(mesh: Mesh, velocity: Nodes, pressure: Nodes, outlets: Sequence[Outlet]) -> tuple[Enclosed, ...]:

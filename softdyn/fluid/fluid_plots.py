@@ -252,7 +252,8 @@ def draw_streamlines(axes: Axes, picture: Picture, u: Array) -> list[Artist]:
 
 def tight_boundaries(result: Result) -> list[str]:
     """Names of the parts of the boundary that nothing flows through, at any time."""
-    flows = {name: float(np.abs(result.arrays[f"flux_{name}"]).max()) for name in result.boundary_names.tolist()}
+    names = [name for name in result.boundary_names.tolist() if f"flux_{name}" in result.arrays]  # not the periodic
+    flows = {name: float(np.abs(result.arrays[f"flux_{name}"]).max()) for name in names}
     largest = max(flows.values(), default=0.0)
     return [name for name, flow in flows.items() if flow <= TIGHT * largest or largest == 0]
 
