@@ -33,7 +33,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from sympy import Abs, Expr, Matrix, Piecewise, Rational, S, Symbol, limit, pi, sqrt
+from sympy import Abs, Expr, Limit, Matrix, Piecewise, Rational, S, Symbol, limit, pi, sqrt
 
 from softdyn.derive import closure as arguments
 from softdyn.derive.closure import Closure
@@ -70,6 +70,9 @@ UNITS: dict[str, Dimension] = {
     "eta": VISCOSITY,
     "r": LENGTH,
     "rate": TIME**-1,
+    # of sizes that a number without a dimension is added to
+    "speed": LENGTH / TIME,
+    "slip": LENGTH / TIME,
 }
 #: Added to Re in squares, so that powers and logarithms of it, and their slopes, are finite where the slip is zero. No
 #: closure feels it: its square root is 1e-20.
@@ -171,8 +174,8 @@ def _term_faults(term: Term) -> list[str]:
     faults += [f"parameters: {symbol!r} is no symbol" for symbol in term.parameters if not isinstance(symbol, Symbol)]
     if not callable(term.force):
         faults.append(f"force = {term.force!r} is no function of the flow")
-    for d in (2, 3) if not faults else ():
-        faults += [f"in {d} dimensions: {fault}" for fault in _force_faults(term, d)]
+    for d in (2, 3):
+        faults = faults or [f"in {d} dimensions: {fault}" for fault in _force_faults(term, d)]
     return faults
 
 
@@ -195,20 +198,17 @@ def _force_faults(term: Term, d: int) -> list[str]:
     for one in (parts.u, parts.p, parts.c, parts.us, *own.values()):
         for value, *slopes in one.slots:
             known |= {value: units[one.name], **dict.fromkeys(slopes, units[one.name] / LENGTH)}
-    faults = []
     for k, expr in enumerate(force):
         unknown = sorted(str(symbol).removeprefix("own_") for symbol in expr.free_symbols - known.keys())
         if unknown:
-            faults.append(f"component {k} has {', '.join(unknown)}, which is declared nowhere")
-            continue
+            return [f"component {k} has {', '.join(unknown)}, which is declared nowhere"]
         try:
             unit = dimension_of(expr, known)
         except DimensionMismatchError as error:
-            faults.append(f"component {k}: {error}")
-            continue
+            return [f"component {k}: {error}"]
         if unit not in (None, UNITS["force"]):
-            faults.append(f"component {k} is a {unit}, and must be a force per volume, {UNITS['force']}")
-    return faults
+            return [f"component {k} is a {unit}, and must be a force per volume, {UNITS['force']}"]
+    return []
 
 
 class _Parts:
@@ -290,7 +290,7 @@ def averaged_flow(
     v, q = u.test, p.test
     numbers = _parameters(drag, mixture, more)
     own = {one.name: one for term in more for one in fields_of(term, d, order)}
-    quantities: dict[Symbol, Expr] = {parts.phi: 1 - c.value}
+    quantities: dict[Symbol, Expr] = {parts.phi: _grains(c.value)}
     without: dict[str, dict[Symbol, Expr]] = {}
     viscosity: Expr = eta
     if mixture is not None:
@@ -301,7 +301,7 @@ def averaged_flow(
         resistance, resisted, made = _drag(drag, parts)
         quantities |= made
         limits = {made_symbol: _viscous(made[made_symbol]) for made_symbol in made if made_symbol.name == "K"}
-        without["rho"] = {symbol: expr for symbol, expr in limits.items() if expr is not None}
+        without["rho"] = {symbol: expr for symbol, expr in limits.items() if _is_settled(expr)}
     quantities[parts.speed] = sqrt(dot(u.value, u.value) + LEAST_SQUARE)
     forces = {term.name: term.force(parts.flow({one.name: one for one in fields_of(term, d, order)})) for term in more}
 
@@ -371,7 +371,7 @@ def outlet(dimension: int, order: int, *, mixture: Closure | None = None) -> Wea
     pressure = Field("pressure", dimension, order=order)
     numbers = _parameters(None, mixture, ())
     numbers.pop(rate)
-    quantities: dict[Symbol, Expr] = {parts.phi: 1 - c.value}
+    quantities: dict[Symbol, Expr] = {parts.phi: _grains(c.value)}
     viscosity: Expr = eta
     if mixture is not None:
         viscosity = Symbol("mixture", positive=True)
@@ -446,6 +446,11 @@ def _own_units(more: tuple[Term, ...]) -> dict[str, Dimension]:
     return {name: unit for term in more for name, unit in (*term.coefficients.items(), *term.vectors.items())}
 
 
+def _grains(c: Expr) -> Expr:
+    """Share of the grains. A quadratic c that is 1 at nodes may be more than that between them."""
+    return Piecewise((1 - c, c < 1), (0, True))
+
+
 def _at(closure: Closure, values: Mapping[Symbol, Expr]) -> Expr:
     """A closure's expression with the flow's symbols in the place of its arguments."""
     return closure.expression.xreplace(dict(values))
@@ -462,19 +467,27 @@ def _drag(drag: Closure, parts: _Parts) -> tuple[Expr, Any, dict[Symbol, Expr]]:
     made |= dict(zip(slip, parts.u.value / c - parts.us.value / share, strict=True))
     made[size] = sqrt(dot(slip, slip) + LEAST_SQUARE)
     made[number] = sqrt((2 * r * rho / eta) ** 2 * dot(slip, slip) + LEAST_RE**2)
-    made[friction] = _at(drag, {arguments.c: c, arguments.phi: phi, arguments.Re: number, arguments.slip: size})
+    # powers of phi are finite where there are no grains
+    made[friction] = _at(drag, {arguments.c: c, arguments.phi: share, arguments.Re: number, arguments.slip: size})
     return phi * friction / (volume * c), phi * friction / volume * slip, made
+
+
+def _is_settled(expr: Expr | None) -> bool:
+    """Whether a limit was found, and is one."""
+    return expr is not None and not expr.has(Limit, S.Infinity, S.NaN, S.ComplexInfinity, Symbol("Re", positive=True))
 
 
 def _viscous(friction: Expr) -> Expr | None:
     """Limit of a friction at small Re; None if sympy does not find it, and then it is taken at the least Re."""
     number = Symbol("Re", positive=True)
-    if not friction.has(number):
-        return friction
+
+    def decided(cases: Piecewise) -> Expr:
+        return Piecewise(*((expr, condition.subs(number, 0)) for expr, condition in cases.args))
+
+    friction = friction.replace(lambda node: isinstance(node, Piecewise), decided)
     try:
         if isinstance(friction, Piecewise):
-            return Piecewise(*((_viscous(expr), condition) for expr, condition in friction.args))
-        found = limit(friction, number, 0, "+")
+            return Piecewise(*((limit(expr, number, 0, "+"), condition) for expr, condition in friction.args))
+        return limit(friction, number, 0, "+")
     except (NotImplementedError, ValueError, TypeError, RecursionError):
         return None
-    return found if found.is_finite is not False and not found.has(number) else None

@@ -36,7 +36,7 @@ from softdyn.derive.element_equations import (
     slope,
     slots_of,
 )
-from softdyn.derive.elementary import for_lanes
+from softdyn.derive.elementary import for_lanes, without_powers
 from softdyn.derive.equations import Equations
 from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function
 from softdyn.derive.printing import straight_line
@@ -174,7 +174,7 @@ def _used(symbols: list[Symbol], equations: Equations) -> set[Symbol]:
 def _function(
     wanted: Sequence[Symbol], definitions: dict[Symbol, Expr], given: Iterable[Symbol], arrays: dict[str, list[str]]
 ) -> Function:
-    lines = [(name, for_lanes(text)) for name, text in straight_line(wanted, definitions)]
+    lines = [(name, for_lanes(without_powers(text))) for name, text in straight_line(wanted, definitions)]
     return function(lines, [symbol.name for symbol in wanted], [symbol.name for symbol in given], arrays)
 
 

@@ -24,6 +24,7 @@ Comput. J. 9 (1967) 404). Their degrees are the lowest that leave less than 2^-6
 
 from __future__ import annotations
 
+import ast
 import math
 import re
 import struct
@@ -102,6 +103,26 @@ def nested(coefficients: Sequence[float], name: str) -> str:
 def for_lanes(text: str) -> str:
     """Return an expression's text with calls of these functions instead of libm's."""
     return re.sub(rf"\b({'|'.join(FUNCTIONS)})\(", r"_lane_\1(", text)
+
+
+class _Powers(ast.NodeTransformer):
+    """Write x^y, of positive numbers, as exp(y ln x)."""
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        self.generic_visit(node)
+        if not (isinstance(node.func, ast.Name) and node.func.id == "pow"):
+            return node
+        base, power = node.args
+        logarithm = ast.Call(ast.Name("log", ast.Load()), [base], [])
+        return ast.Call(ast.Name("exp", ast.Load()), [ast.BinOp(power, ast.Mult(), logarithm)], [])
+
+
+def without_powers(text: str) -> str:
+    """Return an expression's text with powers of positive numbers as exponentials, which loops over lanes can take.
+
+    The error, relative, is some |y ln x| roundings: that of closures, whose powers are moderate, is some 1e-15.
+    """
+    return ast.unparse(_Powers().visit(ast.parse(text, mode="eval"))) if "pow(" in text else text
 
 
 def used_functions(body: str) -> tuple[str, ...]:

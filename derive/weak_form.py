@@ -141,7 +141,7 @@ class WeakForm:
         Whether it is integrated over facets.
     units : mapping from str to Dimension
         Of every field, coefficient and parameter, by name. Terms are checked if it is given: those of one test
-        function must have one dimension.
+        function must have one dimension. A quantity's is found, unless it is given, too.
     source : str
 
     Raises
@@ -236,7 +236,7 @@ def _unit_faults(form: WeakForm) -> list[str]:
     faults: list[str] = []
     for symbol, expr in form.quantities.items():
         try:
-            known[symbol] = dimension_of(expr, known) or DIMENSIONLESS
+            known[symbol] = form.units.get(symbol.name) or dimension_of(expr, known) or DIMENSIONLESS
         except DimensionMismatchError as error:
             return [*faults, f"quantity {symbol}: {error}"]
     for one in form.fields:

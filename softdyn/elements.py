@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.integer[Any]]
+#: Elements whose places in the matrix are looked up at once: what that takes stays small beside the matrix.
+AT_ONCE = 16384
 #: A field's name, how many components it has, and its order.
 Part = tuple[str, int, int]
 
@@ -318,12 +320,25 @@ def _require_upright(at: Array, corners: Integers) -> None:
 
 def _graph(rows: Integers, columns: Integers, count: int, width: int) -> tuple[Integers, Integers, Integers]:
     """Which nodes share an element: where each row starts, sorted columns, and the places of all pairs within rows."""
-    keys = rows.astype(np.int64)[:, :, None] * width + columns[:, None, :]
-    flat, inverse = np.unique(keys, return_inverse=True)
-    starts = np.searchsorted(flat, np.arange(count + 1, dtype=np.int64) * width)
-    places = inverse.reshape(keys.shape) - starts[rows][:, :, None]
-    size = rows.shape[1] * columns.shape[1]
-    return starts, (flat % width).astype(np.int64), places.reshape(len(rows), size).astype(np.int32)
+    from scipy.sparse import csr_array
+
+    elements, of_row, of_column = len(rows), rows.shape[1], columns.shape[1]
+    ends = np.arange(elements + 1)
+    ones = np.ones(max(rows.size, columns.size), np.int8)
+    left = csr_array((ones[: rows.size], rows.reshape(-1), ends * of_row), shape=(elements, count)).T.tocsr()
+    right = csr_array((ones[: columns.size], columns.reshape(-1), ends * of_column), shape=(elements, width))
+    graph = (left @ right).tocsr()
+    graph.sort_indices()
+    # the place of an entry within its row, found as the value of a matrix
+    starts = graph.indptr.astype(np.int64)
+    graph.data = np.arange(graph.nnz, dtype=np.int64)
+    places = np.empty((elements, of_row * of_column), np.int32)
+    for begin in range(0, elements, AT_ONCE):
+        some = slice(begin, begin + AT_ONCE)
+        pairs = np.repeat(rows[some], of_column, axis=1).reshape(-1), np.tile(columns[some], (1, of_row)).reshape(-1)
+        found = np.asarray(graph[pairs]).reshape(-1) - starts[pairs[0]]
+        places[some] = found.reshape(-1, of_row * of_column)
+    return starts, graph.indices.astype(np.int64), places
 
 
 def _rows(

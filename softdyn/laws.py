@@ -22,6 +22,7 @@ from softdyn.errors import LawError, SceneError
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
+    from softdyn.derive.averaged_flow import Term
     from softdyn.derive.closure import Closure
 
 
@@ -209,6 +210,25 @@ def law_or_closure_of(name: str) -> ContactLaw | Closure:
         return closure
     law: ContactLaw = _chosen(reference, declared, ContactLaw, "law")
     return law
+
+
+def term_of(text: str) -> Term:
+    """Force on the fluid that a file declares: ``path/term.py``, or ``path/term.py:name``.
+
+    Raises
+    ------
+    LawError, SceneError
+        If there is no such file, or no term in it, or if it is faulty.
+    """
+    reference = find(text) if ".py" in text else None
+    if reference is None or reference.path is None:
+        raise SceneError(
+            f"term {text!r}: a force on the fluid is declared in a file, path/term.py or path/term.py:name"
+        )
+    from softdyn.derive.averaged_flow import Term
+
+    term: Term = _chosen(reference, _declared_in(reference.path)[0], Term, "term")
+    return term
 
 
 def law_of(law: ContactLaw | str | Path) -> ContactLaw:

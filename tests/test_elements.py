@@ -316,9 +316,14 @@ def evaluated(ir: KernelIR, values: dict[str, Any], name: str = "point") -> dict
     names: dict[str, Any] = {"sqrt": cmath.sqrt, "_lane_exp": cmath.exp, "exp": cmath.exp, **values}
     names |= {"fabs": lambda z: z if z.real > 0 else -z, "_lane_log": cmath.log, "pow": lambda z, power: z**power}
     for left, text in ir.functions[name].lines:
-        tree = ast.fix_missing_locations(_OfReal().visit(ast.parse(text, mode="eval")))
-        names[left] = eval(compile(tree, "<kernel>", "eval"), {}, names)
+        names[left] = eval(_compiled(text), {}, names)
     return names
+
+
+@cache
+def _compiled(text: str) -> Any:
+    tree = ast.fix_missing_locations(_OfReal().visit(ast.parse(text, mode="eval")))
+    return compile(tree, "<kernel>", "eval")
 
 
 @cache
