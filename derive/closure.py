@@ -24,10 +24,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from itertools import islice, product
 
-import mpmath
-from sympy import Expr, Interval, Piecewise, Rational, S, Symbol, lambdify, pi, true
+from sympy import Expr, Interval, Piecewise, Pow, Rational, S, Symbol, log, pi, simplify, true
 
 from softdyn.derive.branches import in_plain_functions
 from softdyn.derive.checks import chains, dimension_faults, is_monomial, is_range, name_faults, node_faults
@@ -81,13 +79,6 @@ GIVES: dict[Symbol, Dimension] = {
 
 #: The drag coefficient, force over pi r^2 rho slip^2/2, of what gives the drag: it may be claimed by this name.
 DRAG_COEFFICIENT = 4 * drag / (pi * r * eta * Re)
-
-#: Values at which the sign of a closure is looked at.
-LOOKED_AT = {
-    Re: [Rational(10) ** k for k in (-6, -2, 0, 2, 4, 6)],
-    c: [Rational(k, 20) for k in (1, 6, 9, 14, 19)],
-}
-MOST_LOOKED_AT = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +164,22 @@ def in_fractions(closure: Closure, expr: Expr, varying: Symbol = c) -> Expr:
     return expr.subs({slip: Re * eta / (2 * r * rho), other: 1 - varying}, simultaneous=True)
 
 
+def densest(closure: Closure) -> Expr:
+    """The largest volume fraction of the grains: 1, or where a power or a logarithm has no value before that."""
+    values = sample_values(closure)
+    expr = in_fractions(closure, closure.expression, phi)
+    found = {S.One: S.One}
+    for node in expr.atoms(Pow, log):
+        base = node.args[0]
+        slope = base.diff(phi)
+        singular = isinstance(node, log) or node.exp.is_negative or not node.exp.is_integer
+        if singular and slope != 0 and not slope.has(phi):
+            root = simplify(-base.subs(phi, 0) / slope)
+            if root.free_symbols <= closure.parameters.keys() and 0 < root.subs(values) < 1:
+                found[root.subs(values)] = root
+    return found[min(found)]
+
+
 def faults_of(closure: Closure) -> list[str]:
     """Every fault of a closure, as messages for its author; an empty list if there are none."""
     faults = name_faults(closure.name)
@@ -203,7 +210,7 @@ def faults_of(closure: Closure) -> list[str]:
     faults += _typical_faults(closure)
     for limit in closure.limits:
         faults += [f"limit {limit.name!r}: {fault}" for fault in _limit_faults(closure, limit)]
-    return faults or [fault for name in declared for fault in _sign_faults(closure, name)]
+    return faults or _sign_faults(closure)
 
 
 def _expression_faults(closure: Closure, name: str, expr: object, dimension: Dimension | None) -> list[str]:
@@ -312,19 +319,12 @@ def sample_values(closure: Closure) -> dict[Symbol, Rational]:
     return {**values, **{symbol: S(value) for symbol, value in closure.typical.items()}}
 
 
-def _sign_faults(closure: Closure, name: str) -> list[str]:
-    """What a closure gives is positive; it is looked at in points."""
-    expr = in_fractions(closure, getattr(closure, name))
-    fixed = {symbol: value for symbol, value in sample_values(closure).items() if symbol not in LOOKED_AT}
-    function = lambdify([Re, c], expr.subs(fixed), modules="mpmath")
-    allowed = ranges_of(closure)
-    for at in islice(product(*LOOKED_AT.values()), MOST_LOOKED_AT):
-        if at[1] not in allowed[c] or 1 - at[1] not in allowed[phi]:
-            continue
-        try:
-            value = function(*(mpmath.mpf(x.p) / x.q for x in at))
-        except (ZeroDivisionError, ValueError, OverflowError):
-            continue
-        if mpmath.im(value) == 0 and not mpmath.re(value) > 0:
-            return [f"{name} must be positive, but at Re={at[0]}, c={at[1]} it is {mpmath.nstr(value, 6)}"]
-    return []
+def _sign_faults(closure: Closure) -> list[str]:
+    """What a closure gives is positive."""
+    from softdyn.derive.closure_signs import signs_of_closure
+
+    return [
+        f"{sign.name} must be positive, but {sign.at}"
+        for sign in signs_of_closure(closure)
+        if sign.verdict == "negative"
+    ]

@@ -10,7 +10,7 @@ proof.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from random import Random
 
@@ -142,8 +142,25 @@ def check_closure_limits(closure: Closure, effort: int = EFFORT) -> Findings:
 def _finding(
     closure: Closure, limit: Limit, order: Ordered, quantity: str, claimed: Expr, sides: tuple[Expr, Expr]
 ) -> Finding:
+    piece, samples = verdict_on(closure, order, quantity, sides)
+    return Finding(
+        limit.name, ordering(limit), quantity, claimed, piece.verdict, piece.ratio, piece.reason,
+        rate=piece.rate, holds=_set_of(closure, limit, order, sides), samples=samples,
+    )  # fmt: skip
+
+
+def verdict_on(closure: Closure, order: Ordered, quantity: str, sides: tuple[Expr, Expr]) -> tuple[Piece, int]:
+    """Verdict on a claim in an ordering, and on how many paths into it numbers were looked at.
+
+    Parameters
+    ----------
+    order : Ordered
+        Of products of powers.
+    sides : (Expr, Expr)
+        What is found, and what is claimed of it.
+    """
     try:
-        piece = together(_judged(closure, order, quantity, *sides))
+        piece = together(judged(closure, order, quantity, *sides))
     except UndecidedError as why:
         piece = Piece("undecided", None, str(why))
     ratio = None if piece.ratio is None else piece.ratio.xreplace(order.written)
@@ -154,11 +171,8 @@ def _finding(
         verdict, reason = "undecided", f"the series gives the ratio {ratio}, but the numbers do not tend to it"
     if verdict == "disproved" and not any(_lasts(values) for values in off):
         verdict, reason = "undecided", f"{reason}; but no path was found on which it fails"
-    return Finding(
-        limit.name, ordering(limit), quantity, claimed, verdict, ratio, reason,
-        rate=tuple(term.xreplace(order.written) for term in piece.rate), holds=_set_of(closure, limit, order, sides),
-        samples=len(off),
-    )  # fmt: skip
+    rate = tuple(term.xreplace(order.written) for term in piece.rate)
+    return replace(piece, verdict=verdict, ratio=ratio, reason=reason, rate=rate), len(off)
 
 
 def _set_of(closure: Closure, limit: Limit, order: Ordered, sides: tuple[Expr, Expr]) -> str:
@@ -167,12 +181,19 @@ def _set_of(closure: Closure, limit: Limit, order: Ordered, sides: tuple[Expr, E
     return f"as every inequality of {ordering(limit)} sharpens, at whatever rates{given}"
 
 
-def _judged(closure: Closure, order: Ordered, quantity: str, value: Expr, claimed: Expr) -> list[Piece]:
+def judged(closure: Closure, order: Ordered, quantity: str, value: Expr, claimed: Expr) -> list[Piece]:
+    """Verdicts on a claim in the parts of its ordering: that value/claimed tends to 1.
+
+    Raises
+    ------
+    UndecidedError
+        Also if nothing has this ordering.
+    """
     varying = order.varying
     directions = {x: tuple(int(i == j) for j in range(len(varying))) for i, x in enumerate(varying)}
     units = {**dimensions_for(closure), **{gap: dimensions_for(closure)[phi] for gap in order.written}}
 
-    def judged(decomposed: bool) -> list[Piece]:
+    def in_parts(decomposed: bool) -> list[Piece]:
         parts = [whole(directions, decomposed)]
         for small, large in order.pairs:
 
@@ -186,9 +207,9 @@ def _judged(closure: Closure, order: Ordered, quantity: str, value: Expr, claime
         return [piece for _, piece in settled(parts, lambda part: _judge(part, quantity, value, claimed), units)]
 
     try:
-        return judged(decomposed=False)
+        return in_parts(decomposed=False)
     except SeveralLogarithmsError:
-        return judged(decomposed=True)
+        return in_parts(decomposed=True)
 
 
 def _is_inside(part: Part, small: Expr, large: Expr) -> bool:
@@ -317,7 +338,7 @@ def jumps_of(closure: Closure) -> list[Jump]:
     jumps = []
     for symbol, at in sorted(ends, key=str):
         left, right = (_beside(expr, symbol, at, side).subs(symbol, at) for side in (-1, 1))
-        ratio = simplify(left / right)
+        ratio = simplified(left / right)
         if ratio != 1 and (example := _example(closure, ratio, at)) is not None:
             jumps.append(Jump(symbol, at, left, right, ratio, example))
     return jumps

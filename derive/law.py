@@ -18,12 +18,13 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import Any
 
-from sympy import Basic, Expr, Integer, Interval, Matrix, Rational, S, Symbol, oo, pi, srepr
+from sympy import Basic, Expr, Integer, Interval, Matrix, Rational, S, Symbol, oo, srepr
 
 from softdyn.derive.branches import in_plain_functions
 from softdyn.derive.checks import faults_of, undecided_signs
 from softdyn.derive.dimensions import DIMENSIONLESS, Dimension
-from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, delta, eta, size_ratio
+from softdyn.derive.sphere import drag_of_sphere, torque_of_sphere
+from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, delta, size_ratio
 from softdyn.errors import LawError
 
 
@@ -106,6 +107,10 @@ def tangential_expressions(tangential: Tangential) -> dict[str, Expr]:
     return {name: getattr(tangential, name) for name in ("sliding", "coupling", "rolling", "k_t")}
 
 
+#: Drag and torque on a sphere alone.
+ALONE, TURNING = drag_of_sphere(R), torque_of_sphere(R)
+
+
 @dataclass(frozen=True)
 class Drag:
     """What the fluid does to a particle alone, in scenes of many particles that ask for it: by Stokes, if not declared.
@@ -120,8 +125,8 @@ class Drag:
         Resistance to a rotation relative to that of the flow, torque/angular velocity.
     """
 
-    translation: Expr = 6 * pi * eta * R
-    rotation: Expr = 8 * pi * eta * R**3
+    translation: Expr = ALONE
+    rotation: Expr = TURNING
 
     def __post_init__(self) -> None:
         for name, value in drag_expressions(self).items():

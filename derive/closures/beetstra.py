@@ -10,6 +10,7 @@ Beetstra, van der Hoef & Kuipers, AIChE J. 53 (2007) 489. Fitted up to Re_s = 10
 from sympy import Integer, Rational, pi, sqrt
 
 from softdyn.derive.closure import Closure, Re, c, eta, phi, r
+from softdyn.derive.closures.stokes import alone
 from softdyn.derive.law import Limit
 
 superficial = c * Re
@@ -25,10 +26,10 @@ closure = Closure(
     gives="drag",
     description="drag on a grain among others, from simulations of arrays",
     source="Beetstra, van der Hoef & Kuipers 2007, doi:10.1002/aic.11065",
-    expression=6 * pi * eta * r * c * (viscous + inertial),
+    expression=alone * c * (viscous + inertial),
     limits=(
-        Limit("viscous", order=(Re, 1), claims={"drag": 6 * pi * eta * r * c * viscous}),
-        Limit("Stokes", order=((Re, 1), (phi, 1)), claims={"drag": 6 * pi * eta * r}),
+        Limit("viscous", order=(Re, 1), claims={"drag": alone * c * viscous}),
+        Limit("Stokes", order=((Re, 1), (phi, 1)), claims={"drag": alone}),
         Limit("Carman-Kozeny", order=((Re, 1), (c, 1)), claims={"drag": 60 * pi * eta * r / c}),
     ),
 )

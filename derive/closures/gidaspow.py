@@ -11,6 +11,7 @@ from sympy import Piecewise, Rational, pi
 from softdyn.derive.closure import Closure, Re, c, eta, phi, r
 from softdyn.derive.closures.ergun import closure as ergun
 from softdyn.derive.closures.schiller_naumann import closure as schiller_naumann
+from softdyn.derive.closures.stokes import alone
 from softdyn.derive.law import Limit
 
 wen_yu = schiller_naumann.expression.subs(Re, c * Re) * c ** -Rational(265, 100)
@@ -22,7 +23,7 @@ closure = Closure(
     source="Gidaspow 1994, Multiphase Flow and Fluidization; Wen & Yu 1966, Chem. Eng. Prog. Symp. Ser. 62, 100",
     expression=Piecewise((ergun.expression, c < Rational(4, 5)), (wen_yu, True)),
     limits=(
-        Limit("Stokes", order=((Re, 1), (phi, 1)), claims={"drag": 6 * pi * eta * r}),
+        Limit("Stokes", order=((Re, 1), (phi, 1)), claims={"drag": alone}),
         Limit("Blake-Kozeny", order=((Re, 1), (c, 1)), claims={"drag": 50 * pi * eta * r / c}),
     ),
 )

@@ -4,9 +4,10 @@ Schiller & Naumann, Z. Ver. Dtsch. Ing. 77 (1933) 318; the constant is Newton's,
 differ by 0.4 % where they meet.
 """
 
-from sympy import Piecewise, Rational, pi
+from sympy import Piecewise, Rational
 
-from softdyn.derive.closure import Closure, Re, eta, r
+from softdyn.derive.closure import Closure, Re
+from softdyn.derive.closures.stokes import alone
 from softdyn.derive.law import Limit
 
 inertial = 1 + Rational(15, 100) * Re ** Rational(687, 1000)
@@ -17,9 +18,9 @@ closure = Closure(
     gives="drag",
     description="drag on a sphere alone, with inertia, joined to Newton's",
     source="Schiller & Naumann 1933, Z. Ver. Dtsch. Ing. 77, 318",
-    expression=6 * pi * eta * r * Piecewise((inertial, Re < 1000), (newton * Re / 24, True)),
+    expression=alone * Piecewise((inertial, Re < 1000), (newton * Re / 24, True)),
     limits=(
-        Limit("Stokes", order=(Re, 1), claims={"drag": 6 * pi * eta * r, "C_d": 24 / Re}),
+        Limit("Stokes", order=(Re, 1), claims={"drag": alone, "C_d": 24 / Re}),
         Limit("Newton", order=(1, Re), claims={"C_d": newton}),
     ),
 )
