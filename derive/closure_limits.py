@@ -15,7 +15,7 @@ from itertools import pairwise
 from random import Random
 
 import mpmath
-from sympy import Dummy, Expr, Piecewise, Rational, S, Symbol, lambdify, simplify
+from sympy import Dummy, Expr, Piecewise, Rational, S, Symbol, lambdify, log, simplify
 from sympy.core.relational import Relational
 
 from softdyn.derive.asymptotics import (
@@ -338,7 +338,8 @@ def jumps_of(closure: Closure) -> list[Jump]:
     jumps = []
     for symbol, at in sorted(ends, key=str):
         left, right = (_beside(expr, symbol, at, side).subs(symbol, at) for side in (-1, 1))
-        ratio = simplified(left / right)
+        # joined, logarithms of numbers may have no end of digits
+        ratio = left / right if (left / right).has(log) else simplified(left / right)
         if ratio != 1 and (example := _example(closure, ratio, at)) is not None:
             jumps.append(Jump(symbol, at, left, right, ratio, example))
     return jumps

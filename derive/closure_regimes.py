@@ -29,7 +29,7 @@ from sympy import (
     Rational,
     S,
     Symbol,
-    factor_terms,
+    log,
     piecewise_fold,
     powsimp,
     simplify,
@@ -360,19 +360,19 @@ def _known(series: Series) -> Series:
 
 
 def _short(term: Expr) -> Expr:
-    return simplify(term) if is_small(term) else term
+    return simplify(term) if is_small(term) and not term.has(log) else term
 
 
 def in_words(expr: Expr) -> Expr:
-    """An expression in c and phi: with phi for 1 - c, and c for 1 - phi."""
-    if not expr.has(c):
-        return expr
-    known = {}
-    for node in expr.atoms(Add):
-        number, rest = factor_terms(node).as_coeff_Mul()
-        known |= {node: number * phi} if rest == 1 - c else {node: -number * phi} if rest == c - 1 else {}
-    forms = (expr.xreplace(known), powsimp(expr.subs(c, 1 - phi)))
-    return min(forms, key=lambda form: (form.count_ops(), form.has(phi)))
+    """An expression in c and phi: sums in phi, where c comes in alone; powers of c as they are."""
+
+    def in_phi(node: Expr) -> Expr:
+        linear = [term for term in node.args if (term / c).is_number]
+        if not linear or not any(term.is_number or term.has(phi) for term in node.args):
+            return node
+        return node + sum((term / c * (1 - phi) - term for term in linear), start=S.Zero)
+
+    return expr.replace(lambda node: isinstance(node, Add), in_phi)
 
 
 # --------------------------------------------------------------------------------------------------------------- ends

@@ -349,19 +349,27 @@ def _print_names(described: dict[str, str]) -> None:
 
 
 def _derive(options: argparse.Namespace) -> int:
-    law = law_of(options.law)
+    law = law_or_closure_of(options.law)
+    if _is_closure(law):
+        from softdyn.study.closure_text import derived_text
+
+        print(derived_text(law, options.format), end="")
+        return 0
     from softdyn.derive.typeset import FORMATS
 
     print(FORMATS[options.format](law), end="")
     return 0
 
 
+def _is_closure(given: Any) -> bool:
+    """Whether a law, or a closure, is a closure; for a law nothing is imported that closures need."""
+    return type(given).__name__ == "Closure"
+
+
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
         law = law_or_closure_of(options.law)
-        from softdyn.derive.closure import Closure
-
-        if isinstance(law, Closure):
+        if _is_closure(law):
             return _check_closure(law, options)
         from softdyn.derive.error_bounds import check_errors
         from softdyn.findings import limits_of
@@ -388,15 +396,18 @@ def _check(options: argparse.Namespace) -> int:
 
 def _check_closure(closure: Any, options: argparse.Namespace) -> int:
     from softdyn.derive.closure_limits import check_closure_limits, jumps_of
+    from softdyn.derive.closure_signs import signs_of_closure
+    from softdyn.study.closure_text import signs_data, signs_of_closure_text
     from softdyn.study.findings_text import limits_data, limits_text
 
     if options.certificates is not None or options.lemmas is not None:
         raise SceneError("there are no certificates of what closures claim yet: leave out --certificates and --lemmas")
-    findings, jumps = check_closure_limits(closure), jumps_of(closure)
+    findings, jumps, signs = check_closure_limits(closure), jumps_of(closure), signs_of_closure(closure)
     data = limits_data(closure.name, findings)
     if options.json:
         data["closure"] = data.pop("law")
-        print(json.dumps({**data, "jumps": [str(jump) for jump in jumps]}, indent=2))
+        more = {"jumps": [str(jump) for jump in jumps], "signs": signs_data(signs)}
+        print(json.dumps({**data, **more}, indent=2))
     elif not findings:
         print(f"{closure.name} claims no limits")
     else:
@@ -404,6 +415,7 @@ def _check_closure(closure: Any, options: argparse.Namespace) -> int:
         print(", ".join(f"{data[v]} {v}" for v in ("proved", "disproved", "undecided") if data[v]))
     if not options.json:
         print("".join(f"{closure.name} {jump}\n" for jump in jumps), end="")
+        print(signs_of_closure_text(closure, signs), end="")
     return 0 if data["proved"] == len(findings) else 1
 
 
@@ -457,7 +469,9 @@ def _regimes(options: argparse.Namespace) -> int:
     if options.plot is not None and options.plot.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
     with _patience(f"the regimes of {options.law}"):
-        law = law_of(options.law)
+        law = law_or_closure_of(options.law)
+        if _is_closure(law):
+            return _regimes_of_closure(law, options)
         from softdyn.findings import films_of, regimes_of
         from softdyn.study.findings_text import regimes_data, regimes_text
         from softdyn.study.presence import presence_of
@@ -487,6 +501,28 @@ def _regimes(options: argparse.Namespace) -> int:
 
         with figures.paper_style():
             figures.save(phases.draw(diagram, measured, found, real), options.plot)
+        print(f"wrote {options.plot}", file=sys.stderr if options.json else sys.stdout)
+    return 0
+
+
+def _regimes_of_closure(closure: Any, options: argparse.Namespace) -> int:
+    if options.at or options.numeric:
+        raise SceneError(f"{closure.name} is a closure: --at and --numeric are of laws; leave them out")
+    from softdyn.derive.closure_regimes import discover_closure
+    from softdyn.study.closure_plane import presence_of_closure
+    from softdyn.study.closure_text import regimes_of_closure_data, regimes_of_closure_text
+
+    diagram = discover_closure(closure)
+    found = presence_of_closure(diagram)
+    if options.json:
+        print(json.dumps(regimes_of_closure_data(diagram, found), indent=2))
+    else:
+        print(regimes_of_closure_text(diagram, found), end="")
+    if options.plot is not None:
+        from softdyn.study import closure_pictures, figures
+
+        with figures.paper_style():
+            figures.save(closure_pictures.draw(diagram), options.plot)
         print(f"wrote {options.plot}", file=sys.stderr if options.json else sys.stdout)
     return 0
 

@@ -339,7 +339,7 @@ def regimes_data(
             "lambda1": _plain_data(regime.lambda1),
             "lambda2": _plain_data(regime.lambda2),
             "edge": _plain_data(regime.edge),
-            **_presence_data((found or {}).get((regime.side, regime.name))),
+            **presence_data((found or {}).get((regime.side, regime.name))),
             **({} if words is None else {"numbers": _numbers_data(regime, words)}),
         }
         for regime in diagram.regimes
@@ -371,7 +371,7 @@ def regimes_data(
     }
 
 
-def _presence_data(presence: Presence | None) -> dict[str, Any]:
+def presence_data(presence: Presence | None) -> dict[str, Any]:
     if presence is None:
         return {}
     data = asdict(presence)

@@ -161,9 +161,9 @@ def _presence(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array
     factors: dict[float, float | None] = {}
     shallow = set()
     for error in ERRORS:
-        factors[error] = _factor(conditions, worst > error)
+        factors[error] = factor_needed(conditions, worst > error)
         if factors[error] is None and regime.edge is not None:
-            factors[error] = _factor(margin[inside], worst > error)
+            factors[error] = factor_needed(margin[inside], worst > error)
             shallow |= {error} if factors[error] is not None else set()
     off = float(worst[best])
     reason = ""
@@ -175,7 +175,7 @@ def _presence(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array
     return Presence(off <= MOST, reason, off, share, factors, frozenset(shallow), int(inside.sum()))
 
 
-def _factor(margin: Array, beyond: NDArray[np.bool_]) -> float | None:
+def factor_needed(margin: Array, beyond: NDArray[np.bool_]) -> float | None:
     """The factor by which conditions must hold, so that no point is beyond an error; None if none holds by that."""
     needed = float(margin[beyond].max()) if beyond.any() else 0.0
     return 10**needed if not beyond.any() or (margin > needed).any() else None
