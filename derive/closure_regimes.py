@@ -76,6 +76,7 @@ BEYOND = 2
 ENDS = ("dilute", "dense")
 #: What a regime is called that no claimed limit names.
 NAMES = {1: "viscous", -1: "inertial", 0: "everywhere"}
+BETWEEN = "between"
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,8 @@ class ClosureRegime:
         Of those of :data:`ENDS` that the case reaches.
     undecided : str
         Why there is no form.
+    between : bool
+        Whether its case has Re between two numbers, so that it is neither small nor large.
     """
 
     name: str
@@ -143,6 +146,7 @@ class ClosureRegime:
     exact: bool
     ends: Mapping[str, End]
     undecided: str
+    between: bool = False
 
 
 @dataclass(frozen=True)
@@ -252,7 +256,7 @@ def _of_case(closure: Closure, case: Case) -> tuple[list[ClosureRegime], Eq | No
         side: any(applies(closure, case.condition, FAR**-side, fraction) for fraction in LOOKED_AT) for side in (1, -1)
     }
     if not any(reached.values()):
-        return [whole_case], None  # Re is of order one throughout
+        return [replace(whole_case, between=True)], None  # Re is of order one throughout
     forms: dict[int, Form | str] = {}
     for side in (1, -1):
         try:
@@ -462,18 +466,22 @@ def _named(closure: Closure, regimes: Sequence[ClosureRegime]) -> list[ClosureRe
     for (i, _), name in ends.items():
         if i not in names and sum(regime.towards == regimes[i].towards for regime in regimes) > 1:
             names[i] = name
-    often = Counter(NAMES[regime.towards] for i, regime in enumerate(regimes) if i not in names)
+    often = Counter(_default_name(regime) for i, regime in enumerate(regimes) if i not in names)
     numbers = {name: count(1) for name in often}
     taken: set[str] = set()
     found = []
     for i, regime in enumerate(regimes):
-        name = names.get(i, NAMES[regime.towards])
+        name = names.get(i, _default_name(regime))
         if i not in names and (often[name] > 1 or name in taken):
             name = f"{name} {next(numbers[name])}"
         taken.add(name)
         called = {end: replace(one, name=ends.get((i, end), end)) for end, one in regime.ends.items()}
         found.append(replace(regime, name=name, ends=called))
     return found
+
+
+def _default_name(regime: ClosureRegime) -> str:
+    return BETWEEN if regime.between else NAMES[regime.towards]
 
 
 def _reached(closure: Closure, regime: ClosureRegime, towards: int) -> bool:

@@ -349,7 +349,7 @@ def _print_names(described: dict[str, str]) -> None:
 
 
 def _derive(options: argparse.Namespace) -> int:
-    law = law_or_closure_of(options.law)
+    law: Any = law_or_closure_of(options.law)
     if _is_closure(law):
         from softdyn.study.closure_text import derived_text
 
@@ -368,7 +368,7 @@ def _is_closure(given: Any) -> bool:
 
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
-        law = law_or_closure_of(options.law)
+        law: Any = law_or_closure_of(options.law)
         if _is_closure(law):
             return _check_closure(law, options)
         from softdyn.derive.error_bounds import check_errors
@@ -469,7 +469,7 @@ def _regimes(options: argparse.Namespace) -> int:
     if options.plot is not None and options.plot.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {options.plot}: the ending must be one of {', '.join(PICTURES)}")
     with _patience(f"the regimes of {options.law}"):
-        law = law_or_closure_of(options.law)
+        law: Any = law_or_closure_of(options.law)
         if _is_closure(law):
             return _regimes_of_closure(law, options)
         from softdyn.findings import films_of, regimes_of

@@ -91,7 +91,8 @@ def _lines(diagram: ClosureDiagram, found: Presences) -> Iterator[str]:
 def _regime_lines(closure: Closure, regime: ClosureRegime, found: Presences) -> Iterator[str]:
     conditions = [f"{written(x.small)} << {written(x.large)}" for x in regime.conditions]
     conditions += [case_text(regime.case)] if regime.case != true else []
-    yield f"\n  {regime.name}: {', '.join(conditions) or 'everywhere'}"
+    where = ", ".join(conditions)
+    yield f"\n  {regime.name}{': ' + where if where else '' if regime.name == 'everywhere' else ': everywhere'}"
     if regime.form is None:
         yield f"    undecided: {regime.undecided}"
         return
