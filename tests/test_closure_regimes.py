@@ -106,6 +106,7 @@ def test_viscosities_have_ends_dilute_and_dense():
     assert regime.ends["dense"].small == packing - phi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STOCK)
 def test_every_point_of_the_plane_lies_in_a_regime_of_a_stock_closure(name):
     diagram = diagram_of(name)
@@ -115,6 +116,7 @@ def test_every_point_of_the_plane_lies_in_a_regime_of_a_stock_closure(name):
     assert all(regime.form is not None for regime in diagram.regimes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STOCK)
 def test_forms_are_right_far_within_their_regimes(name):
     diagram = diagram_of(name)
@@ -211,6 +213,7 @@ def test_the_drag_of_a_sphere_alone_stands_in_one_place():
     assert Drag().translation == stock("stokes").expression.subs(r, R)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gidaspow", "schiller_naumann", "maron_pierce", "stokes"])
 def test_regimes_are_told_and_drawn(name, tmp_path, capsys):
     picture = tmp_path / "map.png"
