@@ -41,6 +41,8 @@ COLOURS = (BLUE, ORANGE, GREEN, PURPLE, "0.3", "0.6")
 TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 #: Speeds below this, over the largest, are rounding: there are no streamlines to draw.
 STILL = 1e-12
+#: Fraction of the points that may be beyond an end of the colours.
+FEW = 0.005
 #: Through a wall flows at most this much, over what flows through any other part of the boundary.
 TIGHT = 1e-6
 
@@ -108,9 +110,13 @@ def plot_fluid(result: Result) -> Figure:
         grid = figure.add_gridspec(len(rows), 1, height_ratios=rows)
         places = [figure.add_subplot(grid[k]) for k in range(len(rows))]
     for axes, (title, values, colours) in zip(places, panels, strict=False):
-        drawn = draw_field(axes, picture, values, colours, _range(picture, values, from_zero=axes is places[0]))
+        low, high = _range(picture, values, from_zero=axes is places[0])
+        drawn = draw_field(axes, picture, values, colours, (low, high))
         axes.set_title(title, **TITLE)
-        figure.colorbar(drawn, ax=axes, pad=0.015, fraction=0.05)
+        shown = picture.spread(values)
+        below, above = np.nanmin(shown) < low, np.nanmax(shown) > high
+        extend = "both" if below and above else "min" if below else "max" if above else "neither"
+        figure.colorbar(drawn, ax=axes, pad=0.015, fraction=0.05, extend=extend)
     draw_streamlines(places[0], picture, result.u[-1])
     if walls:
         _draw_forces(places[len(panels)], result, walls, 0)
@@ -276,9 +282,17 @@ def _speed_title(result: Result) -> str:
 
 
 def _range(picture: Picture, values: Array, from_zero: bool) -> tuple[float, float]:
-    """Ends of the colours: of what is drawn, farther apart than rounding."""
+    """Ends of the colours: of what is drawn, farther apart than rounding; without a few points that are far off.
+
+    Pressures have such at corners, where a wall ends or begins to move: there they grow without bound.
+    """
     shown = picture.spread(values)
     low, high = 0.0 if from_zero else float(np.nanmin(shown)), float(np.nanmax(shown))
+    inner = [float(edge) for edge in np.nanquantile(shown, (FEW, 1 - FEW))]
+    spread = inner[1] - inner[0]
+    if not from_zero and spread > 0:
+        low = low if low > inner[0] - 0.5 * spread else inner[0]
+        high = high if high < inner[1] + 0.5 * spread else inner[1]
     least = 1e-9 * max(abs(low), abs(high)) or 1.0
     if high - low >= least:
         return low, high
@@ -292,9 +306,11 @@ def _told(result: Result, picture: Picture) -> str:
     when = f"t = {result.t[-1]:.4g}" if "step_t" in result.arrays and len(result.step_t) > 1 else "steady"
     lines = [", ".join(part for part in (f"{count} {kind}", when, picture.where) if part)]
     if when == "steady" and "boundary_names" in result.arrays:
+        told = {name: result.arrays[f"force_{name}"][-1] for name in tight_boundaries(result)[:3]}
+        least = STILL * max((float(np.abs(force).max()) for force in told.values()), default=0.0)
         forces = [
-            f"{name} ({', '.join(f'{x:.5g}' for x in result.arrays[f'force_{name}'][-1])})"
-            for name in tight_boundaries(result)[:3]
+            f"{name} ({', '.join(f'{x:.5g}' if abs(x) > least else '0' for x in force)})"
+            for name, force in told.items()
         ]
         lines += [f"force on {'; '.join(forces)}"] if forces else []
     return "\n".join(lines)
