@@ -19,7 +19,7 @@ from softdyn.results.registry import load_result, scene_of
 from softdyn.scene.pair_drive import DRIVES
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.pair_scene import read_scene as read_pair_scene
-from softdyn.scene.reading import is_particle_scene, read_toml
+from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 from softdyn.scene.time_tables import Table
 from softdyn.words import suggestion
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from softdyn.derive.films import Films
     from softdyn.derive.limits import Finding
     from softdyn.derive.regimes import Diagram
+    from softdyn.fluid import FluidScene
     from softdyn.particles import ParticleScene
 
 P = ParamSpec("P")
@@ -48,15 +49,20 @@ __all__ = [
 ]
 
 
-def read_scene(path: str | Path) -> Scene | ParticleScene:
-    """Read a scene file, of two particles or of many.
+def read_scene(path: str | Path) -> Scene | ParticleScene | FluidScene:
+    """Read a scene file, of two particles, of many, or of a fluid.
 
     Raises
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
-    if not is_particle_scene(read_toml(Path(path))):
+    content = read_toml(Path(path))
+    if is_fluid_scene(content):
+        from softdyn import fluid
+
+        return fluid.read_scene(path)
+    if not is_particle_scene(content):
         return read_pair_scene(path)
     from softdyn import particles
 
@@ -68,7 +74,7 @@ class _Simulate(Protocol[P]):
 
     @overload
     def __call__(
-        self, scene: Scene | ParticleScene | str | Path, *, progress: Callable[..., None] | None = None
+        self, scene: Scene | ParticleScene | FluidScene | str | Path, *, progress: Callable[..., None] | None = None
     ) -> Any: ...
 
     @overload
@@ -82,7 +88,7 @@ def _with_fields_of(_: Callable[P, Scene]) -> Callable[[Callable[..., Any]], _Si
 
 @_with_fields_of(Scene)
 def simulate(
-    scene: Scene | ParticleScene | str | Path | None = None,
+    scene: Scene | ParticleScene | FluidScene | str | Path | None = None,
     *,
     progress: Callable[..., None] | None = None,
     **keywords: Any,
@@ -91,10 +97,10 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene or ParticleScene, or path of a scene file, optional
+    scene : Scene, ParticleScene or FluidScene, or path of a scene file, optional
     progress : function, optional
         Called now and then: with (t, h) during a run, with (runs done, runs) where there are many; of many particles
-        with (t, steps, iterations). Only with ``scene``.
+        with (t, steps, iterations), of a fluid with the residual, too. Only with ``scene``.
     **keywords
         The fields of :class:`softdyn.Scene`, in the place of ``scene``; ``softdyn keys`` tells them. A numpy array, of
         shape (runs,), as h, delta, a force or velocity, a parameter or a constant, here or in a Scene, makes so many
@@ -102,7 +108,7 @@ def simulate(
 
     Returns
     -------
-    PairResult, or Batch of many runs; ParticleResult of many particles
+    PairResult, or Batch of many runs; ParticleResult of many particles; FluidResult of a fluid
 
     Raises
     ------
@@ -137,6 +143,10 @@ def simulate(
 
         if isinstance(given, particles.ParticleScene):
             return particles.simulate(given, progress)
+        from softdyn import fluid
+
+        if isinstance(given, fluid.FluidScene):
+            return fluid.simulate(given, progress)
         raise SceneError(f"simulate takes a scene, or the path of a scene file, not {given!r}")
     known = [field.name for field in fields(Scene)]
     for name in keywords:

@@ -215,13 +215,14 @@ def _parser() -> argparse.ArgumentParser:
         "--check", action="store_true", help="with --stock: write nothing, fail with a diff if a byte would change"
     )
 
-    run = add("run", _run, "simulate a scene, of two particles or of many")
+    run = add("run", _run, "simulate a scene, of two particles, of many, or of a fluid")
     run.add_argument(
         "scene",
         metavar="SCENE",
         type=Path,
-        help="a .toml file, with [pair] for two particles, [particles] or [packing] for many; or a scene of many that "
-        "comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres",
+        help="a .toml file, with [pair] for two particles, [particles] or [packing] for many, [fluid] for a fluid; or "
+        "a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, of a fluid cavity, "
+        "channel, cylinder, cylinder_shedding, bed, darcy",
     )
     run.add_argument(
         "-o",
@@ -229,7 +230,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         type=Path,
         help="save the result, in the format of FILE's ending. Two particles: .json or .npz, which plot and convert "
-        "read, or .csv. Many: .npz, which they read, or .gsd (OVITO) or .pvd (ParaView), with an .npz beside it",
+        "read, or .csv. Many: .npz, which they read, or .gsd (OVITO) or .pvd (ParaView), with an .npz beside it. A "
+        "fluid: .npz, or .pvd likewise",
     )
     run.add_argument(
         "--json", action="store_true", help="print one JSON object: the whole result; of many particles, a summary"
@@ -237,8 +239,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--resume",
         action="store_true",
-        help="many particles: go on from the checkpoint that an interrupted, killed or failed run with the same -o has "
-        "left beside FILE",
+        help="many particles, a fluid: go on from the checkpoint that an interrupted, killed or failed run with the "
+        "same -o has left beside FILE",
     )
 
     keys = add("keys", _keys, "list what a scene may say; of one key: where, which kind and unit, what it means")
@@ -625,10 +627,13 @@ def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         check_scene(scene)
         needs = pair_needs(scene, drive_of(scene))
     elif scene is not None:
+        from softdyn.particles import ParticleScene
         from softdyn.particles.contact_kernels import contact_manifest
         from softdyn.particles.particle_run import kernel_needs
         from softdyn.particles.particle_scene import check
 
+        if not isinstance(scene, ParticleScene):
+            raise SceneError("a fluid has no law: its kernels are of elements, and are made where it runs")
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
         return contact_manifest(find(options.law), options.target, kernel_needs(check(scene))), "contacts"
@@ -685,16 +690,21 @@ def _run(options: argparse.Namespace) -> int:
     from softdyn.results.pair_result import ENDINGS, SUFFIXES
     from softdyn.results.writers import WRITERS
     from softdyn.scene.pair_scene import read_scene
-    from softdyn.scene.reading import is_particle_scene, read_toml
+    from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file = _scene_file(options.scene)
-    if is_particle_scene(read_toml(file)):
+    content = read_toml(file)
+    if is_fluid_scene(content):
+        from softdyn.fluid.fluid_command import run_fluid
+
+        return run_fluid(file, options.output, options.resume, options.json)
+    if is_particle_scene(content):
         from softdyn.particles.command import run_particles
 
         return run_particles(file, options.output, options.resume, options.json)
     if options.resume:
-        raise SceneError("--resume is for scenes of many particles")
+        raise SceneError("--resume is for scenes of many particles, and of a fluid")
     if options.output is not None and options.output.suffix not in SUFFIXES:
         raise SceneError(f"cannot save to {options.output}: {ENDINGS}")
     scene = read_scene(options.scene)

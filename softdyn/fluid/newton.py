@@ -22,12 +22,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: Residual that is gone for, and the one that must be met: between them lies rounding of large flows.
-GOAL, MUST = 1e-12, 1e-10
+GOAL, MUST = 1e-13, 1e-10
 MOST_ITERATIONS = 40
 #: Shortest step along Newton's direction.
 SHORTEST = 2.0**-12
 #: Fall of the residual in one iteration from which a factor of an earlier matrix serves on.
-QUICK = 0.1
+QUICK = 0.02
 
 
 class NewtonFailed(IntegrationError):

@@ -27,7 +27,9 @@ def found_scene(path: Path) -> Path:
     """
     if path.suffix or path.is_file():  # a folder may be the one of a .pvd of that scene
         return path
-    stock = stock_scenes()
+    from softdyn.fluid.fluid_scene import stock_fluid_scenes
+
+    stock = {**stock_scenes(), **stock_fluid_scenes()}
     if str(path) not in stock:
         raise SceneError(
             f"there is no scene {path}, neither a file nor one that comes with softdyn"

@@ -23,6 +23,8 @@ from softdyn.scene.time_tables import Table
 FORMAT = 1
 #: Arrays of more numbers than this are kept beside the plain data, where that is possible.
 INLINE = 64
+#: Fields that hold a law or a closure: a name, a path, or an object.
+LAWS = ("law", "mixture", "drag")
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,8 @@ def scene_from(origin: Origin, kind: type[Any]) -> Any:
 def _fields(scene: Any, beside: dict[str, NDArray[Any]] | None) -> dict[str, Any]:
     """Fields of a dataclass that differ from their defaults."""
     given = {field.name: getattr(scene, field.name) for field in fields(scene) if not _is_default(field, scene)}
-    return {name: _law(value) if name == "law" else _plain(value, beside) for name, value in given.items()}
+    laws = {name: _law(value) for name, value in given.items() if name in LAWS and value is not None}
+    return {name: laws[name] if name in laws else _plain(value, beside) for name, value in given.items()}
 
 
 def _is_default(field: Any, scene: Any) -> bool:
@@ -131,6 +134,8 @@ def _plain(value: Any, beside: dict[str, NDArray[Any]] | None) -> Any:
         return {"mapping": {str(key): _plain(one, beside) for key, one in value.items()}}
     if isinstance(value, (list, tuple, range)):
         return [_plain(one, beside) for one in value]
+    if type(value).__name__ == "Term":
+        return _law(value)
     if is_dataclass(value) and not isinstance(value, type):
         return {"section": type(value).__name__, "fields": _fields(value, beside)}
     return {"object": repr(value)[:200]}
@@ -177,10 +182,11 @@ def _value(plain: Any) -> Any:
 
 
 def _section(name: Any) -> type[Any]:
-    """A section of a scene of many particles, by its name: one of those that softdyn.particles offers, and no other."""
-    from softdyn import particles
+    """A section of a scene, by its name: one of those that softdyn.particles and softdyn.fluid offer, and no other."""
+    from softdyn import fluid, particles
 
-    found = getattr(particles, name) if name in particles.__all__ else None
+    home = next((module for module in (particles, fluid) if name in module.__all__), None)
+    found = None if home is None else getattr(home, name)
     if not isinstance(found, type) or not is_dataclass(found):
         raise ValueError(f"there is no section {name!r}")
     return found

@@ -16,6 +16,8 @@ from softdyn.errors import SceneError
 from softdyn.results.origin import scene_from
 
 if TYPE_CHECKING:
+    from softdyn.fluid.fluid_result import FluidResult
+    from softdyn.fluid.fluid_scene import FluidScene
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.results import ParticleResult
     from softdyn.results.pair_result import PairResult
@@ -25,12 +27,16 @@ if TYPE_CHECKING:
 KINDS = {
     "pair": ("softdyn.results.pair_result:pair_from", "softdyn.scene.pair_scene:Scene"),
     "particles": ("softdyn.particles.results:result_from", "softdyn.particles.particle_scene:ParticleScene"),
+    "fluid": ("softdyn.fluid.fluid_result:fluid_from", "softdyn.fluid.fluid_scene:FluidScene"),
 }
 #: Of those whose frames are on disk, what reads these of a run that has not ended.
-UNFINISHED = {"particles": "softdyn.particles.unfinished:load_frames"}
+UNFINISHED = {
+    "particles": "softdyn.particles.unfinished:load_frames",
+    "fluid": "softdyn.fluid.fluid_run:load_flow_frames",
+}
 
 
-def load_result(path: str | Path) -> PairResult | ParticleResult:
+def load_result(path: str | Path) -> PairResult | ParticleResult | FluidResult:
     """Read a result saved as .json or .npz, or the frames of a run of many particles that has not ended, .frames.
 
     Raises
@@ -53,7 +59,7 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
             raise ValueError("it is a checkpoint, from which the run that left it goes on with --resume")
         if kind not in KINDS:
             raise ValueError(f"it is of the kind {kind!r}, which a later softdyn writes")
-        read: Callable[..., PairResult | ParticleResult] = _found(KINDS[kind][0])
+        read: Callable[..., PairResult | ParticleResult | FluidResult] = _found(KINDS[kind][0])
         return read(about, arrays)
     except OSError as error:
         raise SceneError(f"cannot read {path}: {error.strerror or error}") from None
@@ -63,7 +69,7 @@ def load_result(path: str | Path) -> PairResult | ParticleResult:
         raise SceneError(f"{path} is not a result saved by softdyn (.json or .npz): {error}") from None
 
 
-def scene_of(result: PairResult | ParticleResult) -> Scene | ParticleScene:
+def scene_of(result: PairResult | ParticleResult | FluidResult) -> Scene | ParticleScene | FluidScene:
     """Return the scene that made a result: simulated again, it gives the same.
 
     Raises
@@ -79,18 +85,18 @@ def scene_of(result: PairResult | ParticleResult) -> Scene | ParticleScene:
     """
     if result.origin is None:
         raise SceneError("the result does not tell the scene that made it: an earlier version of softdyn has saved it")
-    found: Scene | ParticleScene = scene_from(result.origin, _found(KINDS[result.kind][1]))
+    found: Scene | ParticleScene | FluidScene = scene_from(result.origin, _found(KINDS[result.kind][1]))
     return found
 
 
-def _unfinished(path: Path) -> PairResult | ParticleResult:
+def _unfinished(path: Path) -> PairResult | ParticleResult | FluidResult:
     """Result of the frames that a run has written so far."""
     from softdyn.results.frame_file import kind_of_run
 
     kind = kind_of_run(path)
     if kind not in UNFINISHED:
         raise SceneError(f"{path} is of a run of the kind {kind!r}, which a later softdyn writes")
-    load: Callable[[Path], PairResult | ParticleResult] = _found(UNFINISHED[kind])
+    load: Callable[[Path], PairResult | ParticleResult | FluidResult] = _found(UNFINISHED[kind])
     return load(path)
 
 

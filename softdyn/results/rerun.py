@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.api import simulate
 from softdyn.errors import SceneError
+from softdyn.fluid.fluid_result import FluidResult
 from softdyn.laws import law_of
 from softdyn.particles.results import ParticleResult
 from softdyn.results.pair_result import PairResult
 from softdyn.results.registry import load_result, scene_of
 
+AnyResult = PairResult | ParticleResult | FluidResult
 
-def run_again(path: Path) -> tuple[PairResult | ParticleResult, PairResult | ParticleResult]:
+
+def run_again(path: Path) -> tuple[AnyResult, AnyResult]:
     """Return a saved result, and that of its scene, run again.
 
     Raises
@@ -27,8 +31,10 @@ def run_again(path: Path) -> tuple[PairResult | ParticleResult, PairResult | Par
     from softdyn.derive.law import law_hash
 
     old = load_result(path)
+    if isinstance(old, FluidResult):
+        return _fluid_again(path, old)
     try:
-        scene = scene_of(old)
+        scene: Any = scene_of(old)
         law = law_of(scene.law)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
@@ -41,7 +47,23 @@ def run_again(path: Path) -> tuple[PairResult | ParticleResult, PairResult | Par
     return old, simulate(scene)
 
 
-def differences(old: PairResult | ParticleResult, new: PairResult | ParticleResult) -> dict[str, float]:
+def _fluid_again(path: Path, old: FluidResult) -> tuple[AnyResult, AnyResult]:
+    """Return the result of a fluid, and that of its scene, run again."""
+    try:
+        new: FluidResult = simulate(scene_of(old))
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    assert old.origin is not None
+    assert new.origin is not None
+    if old.target == new.target and old.origin.law != new.origin.law:
+        raise SceneError(
+            f"{path}: the equations of the flow have changed since it was made, from {old.origin.law[:12]} to "
+            f"{new.origin.law[:12]}"
+        )
+    return old, new
+
+
+def differences(old: AnyResult, new: AnyResult) -> dict[str, float]:
     """Largest difference in each array that differs, relative to its largest value; inf where shapes do."""
     names = list(dict.fromkeys((*old.arrays, *new.arrays)))
     found = {name: _difference(old.arrays.get(name), new.arrays.get(name)) for name in names}

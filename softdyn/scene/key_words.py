@@ -21,7 +21,7 @@ editors complete and check scene files (of TOML by taplo, for one: `#:schema FIL
 Written by `softdyn keys --markdown`, from the declarations: do not edit.
 """
 
-TWO, MANY = "Scenes of two particles", "Scenes of many particles"
+TWO, MANY, FLUID = "Scenes of two particles", "Scenes of many particles", "Scenes of a fluid"
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,11 @@ def _text(value: Any) -> str:
 
 def scene_classes() -> dict[str, type]:
     """The classes of scenes, by what they are."""
+    from softdyn.fluid.fluid_scene import FluidScene
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.scene.pair_scene import Scene
 
-    return {TWO: Scene, MANY: ParticleScene}
+    return {TWO: Scene, MANY: ParticleScene, FLUID: FluidScene}
 
 
 def entries() -> list[Entry]:
@@ -167,7 +168,7 @@ def _cell(text: str) -> str:
 
 
 def schema() -> dict[str, Any]:
-    """A JSON schema of scene files, of two particles or of many."""
+    """A JSON schema of scene files, of two particles, of many, or of a fluid."""
     kinds = []
     for title, cls in scene_classes().items():
         found = _object_of(cls, title)

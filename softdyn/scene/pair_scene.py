@@ -33,7 +33,7 @@ from softdyn.scene.numbers import (
 )
 from softdyn.scene.pair_drive import DRIVES
 from softdyn.scene.pair_quantities import QUANTITIES
-from softdyn.scene.reading import fields_from, is_particle_scene, read_toml
+from softdyn.scene.reading import fields_from, is_fluid_scene, is_particle_scene, read_toml
 from softdyn.scene.time_tables import OverTime
 from softdyn.targets import CHOICES
 from softdyn.words import listed, suggestion
@@ -210,6 +210,8 @@ def read_scene(path: str | Path) -> Scene:
 
 def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:
     """Scene from the content of a scene file; paths in it are relative to ``folder``."""
+    if is_fluid_scene(data):
+        raise SceneError("it is a scene of a fluid, for softdyn run; here one of two particles is needed, with [pair]")
     if is_particle_scene(data):
         raise SceneError("it is a scene of many particles, for softdyn run; here one of two is needed, with [pair]")
     drive = data.get("drive")

@@ -71,6 +71,11 @@ def is_particle_scene(data: Mapping[str, Any]) -> bool:
     return "particles" in data or "packing" in data
 
 
+def is_fluid_scene(data: Mapping[str, Any]) -> bool:
+    """Whether the content of a scene file is a scene of a fluid (:mod:`softdyn.fluid.fluid_scene`)."""
+    return "fluid" in data
+
+
 @dataclass
 class _Place:
     """What stands under one name at the top of a scene file: a key, a section, a list of sections."""

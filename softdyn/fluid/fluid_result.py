@@ -1,0 +1,256 @@
+"""What a run of a fluid gives."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.fluid.fields import AXES
+from softdyn.results.origin import Origin, about, origin_in, origin_now
+from softdyn.results.result import Result, dataset, table
+from softdyn.results.whole_files import written_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
+
+    from softdyn.fluid.balances import Measures
+    from softdyn.fluid.flow_system import FluidSystem
+
+Array = NDArray[np.float64]
+
+#: What every step tells first.
+HISTORY = ("step_t", "step_dt", "step_newton", "step_residual", "step_error")
+
+
+@dataclass(frozen=True)
+class FlowFrame:
+    """A state at an output time.
+
+    Attributes
+    ----------
+    t : float
+    u : array, shape (nodes, d)
+        Flux of the fluid, porosity times velocity, at the nodes of the velocity.
+    p : array, shape (nodes,)
+        At the nodes of the pressure.
+    c : array, shape (nodes,)
+        Porosity, at the nodes of the velocity; empty without a bed.
+    us : array, shape (nodes, d)
+        Flux of the grains; empty where they are at rest.
+    """
+
+    t: float
+    u: Array
+    p: Array
+    c: Array
+    us: Array
+
+
+def frame_of(system: FluidSystem, t: float, x: Array) -> FlowFrame:
+    """Frame of a solution: where the pressure has no level, its mean over the nodes is 0."""
+    known, p = system.coefficients(t), x[system.velocities :].copy()
+    for level in system.conditions.levels:
+        own = level - system.velocities
+        p[own] -= p[own].mean()
+    u = x[: system.velocities].reshape(system.dimension, -1).T.copy()
+    return FlowFrame(t, u, p, known.get("c", np.empty(0)), known.get("us", np.empty((0, system.dimension))))
+
+
+@dataclass(frozen=True, repr=False)
+class FluidResult(Result):
+    """A run of a fluid; all numbers in the units of the scene.
+
+    Attributes
+    ----------
+    law, target : str
+        The law is the name of the equations.
+    parameters : mapping from str to float
+    arrays : mapping from str to array
+        ``t`` (frames,); ``u`` (frames, nodes of the velocity, d): flux of the fluid, porosity times velocity; ``p``
+        (frames, nodes of the pressure); with a bed ``c`` (frames, nodes of the velocity), the porosity, with moving
+        grains ``us`` (frames, nodes of the velocity, d), their flux;
+
+        ``at`` (points, d), ``corners`` (elements, d + 1): the mesh; ``u_at``, ``p_at``: places of the nodes;
+        ``u_nodes``, ``p_nodes`` (elements, nodes of an element): corners, then, of order 2, the middles of edges;
+        ``boundary_names``, and for each of these ``boundary_NAME`` (facets, d), points of its facets;
+
+        for each step ``step_t``, ``step_dt``, ``step_newton`` (iterations), ``step_residual`` (relative),
+        ``step_error`` (over what is allowed; nan where nothing tells); for each boundary that is not periodic
+        ``force_NAME`` (steps, d), of the fluid on it, and ``flux_NAME`` (steps,), out of the domain;
+        ``momentum_rate``, ``volume_force``, ``bed_force`` (steps, d), of the fluid on the grains; ``power_boundaries``,
+        ``power_force``, ``kinetic_rate``, ``dissipation``, ``power_rest``, ``kinetic_energy``; ``mass_imbalance``,
+        ``momentum_imbalance``, ``energy_imbalance`` (steps,), relative.
+        Each is an attribute, too.
+    stats : mapping
+        How the run went; ``warnings``: list of str.
+    origin : Origin, optional
+        By what it was made.
+    """
+
+    kind: ClassVar[str] = "fluid"
+    law: str
+    target: str
+    parameters: Mapping[str, Any]
+    arrays: Mapping[str, NDArray[Any]]
+    stats: Mapping[str, Any]
+    origin: Origin | None = None
+
+    def __repr__(self) -> str:
+        return f"<FluidResult, {self.stats['elements']}: {len(self)} frames up to t={float(self.t[-1]):.6g}>"
+
+    @property
+    def order(self) -> int:
+        """Of the velocity."""
+        return 1 if self.arrays["u_nodes"].shape[1] == self.arrays["corners"].shape[1] else 2
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the run warns of."""
+        return tuple(self.stats["warnings"])
+
+    def plot(self) -> Figure:
+        """Draw the flow at the end, and the forces over time."""
+        if not len(self):
+            raise SceneError("the result holds no frame to draw")
+        from softdyn.fluid.fluid_plots import plot_fluid
+
+        return plot_fluid(self)
+
+    def animate(self, path: str | Path) -> Path:
+        """Draw the frames as an animation: .gif, or .mp4 with the program ffmpeg."""
+        from softdyn.fluid.fluid_plots import animate_fluid
+
+        return animate_fluid(self, Path(path))
+
+    def save(self, path: str | Path) -> Path:
+        """Write to .npz, all of it; or to .pvd for ParaView, which is not read back.
+
+        Raises
+        ------
+        SceneError
+            If the ending is another, or the file cannot be written.
+        """
+        path = Path(path)
+        if path.suffix != ".npz":
+            from softdyn.fluid.fluid_export import write_vtk
+
+            write_vtk(self, path)
+            return path
+        beside: dict[str, NDArray[Any]] = {}
+        rest = {
+            "kind": self.kind,
+            **about(self.origin, beside),
+            "law": self.law,
+            "target": self.target,
+            "parameters": dict(self.parameters),
+            "stats": dict(self.stats),
+        }
+        content: dict[str, Any] = {"about": np.array(json.dumps(rest)), **self.arrays, **beside}
+        with written_whole(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **content)
+        return path
+
+    def to_xarray(self) -> Dataset:
+        """Everything as an xarray.Dataset; needs ``pip install 'softdyn[data]'``."""
+        names = {name: _dimensions(name, array) for name, array in self.arrays.items()}
+        return dataset(self, names)
+
+    def to_pandas(self) -> DataFrame:
+        """What is one number a step, as a pandas.DataFrame over time; needs ``pip install 'softdyn[data]'``."""
+        steps = self.arrays["step_t"].shape
+        return table({"t": self.step_t, **{k: v for k, v in self.arrays.items() if v.shape == steps and k != "t"}})
+
+
+def _dimensions(name: str, array: NDArray[Any]) -> tuple[str, ...]:
+    if name == "t":
+        return ("frame",)
+    return tuple(f"{name}_{k}" for k in range(array.ndim))
+
+
+def gather_flow(
+    system: FluidSystem,
+    measures: Measures,
+    frames: Iterable[FlowFrame],
+    history: Sequence[Sequence[float]],
+    stats: Mapping[str, Any],
+) -> FluidResult:
+    """Put a result together from its frames and steps."""
+    frames, d = list(frames), system.dimension
+    mesh, count = system.mesh, system.velocity.count
+    arrays: dict[str, NDArray[Any]] = {
+        "t": np.array([frame.t for frame in frames]),
+        "u": np.array([frame.u for frame in frames]).reshape(-1, count, d),
+        "p": np.array([frame.p for frame in frames]).reshape(-1, system.pressure.count),
+        "at": mesh.at,
+        "corners": np.asarray(mesh.corners, dtype=np.int64),
+        "u_at": system.velocity.at,
+        "p_at": system.pressure.at,
+        "u_nodes": np.asarray(system.velocity.of, dtype=np.int64),
+        "p_nodes": np.asarray(system.pressure.of, dtype=np.int64),
+        "boundary_names": np.array(list(mesh.boundaries)),
+        **{f"boundary_{name}": np.asarray(facets, dtype=np.int64) for name, facets in mesh.boundaries.items()},
+    }
+    if system.porosity is not None:
+        arrays["c"] = np.array([frame.c for frame in frames]).reshape(-1, count)
+    if system.grains is not None:
+        arrays["us"] = np.array([frame.us for frame in frames]).reshape(-1, count, d)
+    names = (*HISTORY, *measures.columns)
+    rows = np.array(history, dtype=float).reshape(-1, len(names))
+    columns = {name: rows[:, k] for k, name in enumerate(names)}
+    for name in list(columns):
+        if name.endswith("_x") and f"{name[:-2]}_y" in columns:
+            arrays[name[:-2]] = np.stack([columns.pop(f"{name[:-2]}_{axis}") for axis in AXES[:d]], axis=1)
+    arrays |= columns
+    return FluidResult(
+        law=system.kernel.form,
+        target=system.kernel.target,
+        parameters=dict(system.numbers),
+        arrays=arrays,
+        stats=stats,
+        origin=origin_now(system.scene, system.kernel.key),
+    )
+
+
+def fluid_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> FluidResult:
+    """Result from the content of a file.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If an array is missing, or does not fit the others.
+    """
+    origin = origin_in(content, arrays)
+    arrays = {name: array for name, array in arrays.items() if not name.startswith("scene_")}
+    sizes: dict[str, int] = {}
+    known = {"t": "f", "u": "fnd", "p": "fm", "at": "Pd", "u_at": "nd", "p_at": "md"}
+    known |= {"corners": "ek", "u_nodes": "el", "p_nodes": "ek", "boundary_names": "b"}
+    known |= {name: letters for name, letters in {"c": "fn", "us": "fnd"}.items() if name in arrays}
+    known |= dict.fromkeys(HISTORY, "s")
+    for name, letters in known.items():
+        array = arrays[name]
+        if array.dtype.kind not in ("U" if name == "boundary_names" else "fiu") or array.ndim != len(letters):
+            raise ValueError(f"{name} is not an array of {len(letters)} dimensions")
+        for letter, size in zip(letters, array.shape, strict=True):
+            if sizes.setdefault(letter, size) != size:
+                raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other arrays")
+    boundaries = [f"boundary_{name}" for name in arrays["boundary_names"]]
+    for name, letter in {"corners": "P", "u_nodes": "n", "p_nodes": "m", **dict.fromkeys(boundaries, "P")}.items():
+        array = arrays[name]
+        if array.dtype.kind not in "iu" or ((array < 0) | (array >= sizes[letter])).any():
+            raise ValueError(f"{name} does not hold whole numbers from 0 to {sizes[letter] - 1}")
+    for name in ("t", "u", "p", "at"):
+        if not np.isfinite(arrays[name]).all():
+            raise ValueError(f"{name} is not finite everywhere")
+    parameters, stats = dict(content["parameters"]), dict(content["stats"])
+    if not isinstance(stats.get("warnings"), list) or not isinstance(stats.get("elements"), str):
+        raise ValueError("it does not tell how the run went")
+    return FluidResult(str(content["law"]), str(content["target"]), parameters, arrays, stats, origin)

@@ -1,0 +1,376 @@
+"""Running a scene of a fluid."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.fluid.balances import Measures, measured, measures_of
+from softdyn.fluid.fields import fields_of, vectors_at
+from softdyn.fluid.flow_system import FluidSystem, prepared
+from softdyn.fluid.fluid_result import HISTORY, FlowFrame, FluidResult, frame_of, gather_flow
+from softdyn.fluid.fluid_scene import FluidScene
+from softdyn.fluid.linear_solvers import LinearSolver
+from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march
+from softdyn.fluid.newton import Solution
+from softdyn.fluid.steady import steady_flow
+from softdyn.fluid.time_steps import METHODS
+from softdyn.results.frame_file import FrameFile, begin, go_on, read_frames
+from softdyn.results.origin import about, origin_in, origin_now, scene_from
+from softdyn.results.state_file import frames_beside, plain, read_state, remove, write_state
+from softdyn.signals import held_back, terminable
+
+Array = NDArray[np.float64]
+#: Seconds between two checkpoints.
+CHECKPOINT_EVERY = 30.0
+#: Imbalance of mass and of momentum from which a result warns.
+IMBALANCE = 1e-9
+#: Fields of a scene that say when it ends and how much it tells.
+LEFT_OUT = ("target", "until_t", "times")
+
+#: Called with the time, the steps, Newton's iterations and the residual, after every step.
+Progress = Callable[[float, int, int, float], None]
+
+
+@dataclass
+class Run:
+    """A run: what is told of it so far."""
+
+    system: FluidSystem
+    measures: Measures
+    solver: LinearSolver
+    frames: list[FlowFrame] | FrameFile[FlowFrame]
+    history: list[list[float]] = field(default_factory=list)
+    state: FlowState | None = None
+    fluids: int = 0
+
+
+def simulate_fluid(
+    scene: FluidScene,
+    progress: Progress | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    keep: bool = False,
+) -> FluidResult:
+    """Run a scene of a fluid.
+
+    Parameters
+    ----------
+    scene : FluidScene
+    progress : function of (t, steps, Newton iterations, residual), optional
+        Called after every step; of a steady flow after every iteration.
+    checkpoint : str or Path, optional
+        File to which the state is written now and then, and when the run is interrupted or cannot go on; it is removed
+        at the end.
+    resume : bool
+        Whether to go on from that file, if it is there.
+    keep : bool
+        Whether to leave it at the end, for who saves the result to remove it then.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError
+        If the scene cannot be used.
+    IntegrationError
+        If it cannot be carried to its end: naming the time, the residual, and where that is largest. Its attribute
+        ``partial`` is the result up to the last good state.
+    """
+    began = time.perf_counter()
+    system = prepared(scene)
+    run = Run(system, measures_of(system), LinearSolver(system.unknowns.free_kinds), [])
+    if scene.steady:
+        return _steady(run, progress, began)
+    checkpoint = None if checkpoint is None else Path(checkpoint)
+    key = "" if checkpoint is None else fingerprint(system)
+    if resume and checkpoint is not None and checkpoint.exists():
+        _load(run, checkpoint, key)
+    elif checkpoint is not None:
+        beside: dict[str, NDArray[Any]] = {}
+        made = about(origin_now(scene, system.kernel.key), beside)
+        head = {"kind": FluidResult.kind, "key": key, **made}
+        run.frames = begin(frames_beside(checkpoint), FlowFrame, head, beside)
+    try:
+        if checkpoint is None:
+            _carry(run, progress, None)
+        else:
+            with terminable(), held_back() as let_go:
+                _carry(run, progress, _now_and_then(run, checkpoint, key, let_go))
+    except IntegrationError as error:
+        if isinstance(run.state, FlowState):
+            error.partial = _result(run, began)
+            if checkpoint is not None:
+                _save(run, checkpoint, key)
+                stopped = IntegrationError(f"{error}; the last good state, at t={run.state.t:.6g}, is in {checkpoint}")
+                stopped.partial = error.partial
+                raise stopped from None
+        raise
+    except KeyboardInterrupt:
+        if checkpoint is not None and run.state is not None:
+            _save(run, checkpoint, key)
+        raise
+    result = _result(run, began)
+    if checkpoint is not None and not keep:
+        remove(checkpoint)
+    return result
+
+
+def _steady(run: Run, progress: Progress | None, began: float) -> FluidResult:
+    """Steady flow: one frame, one step."""
+    iterations = 0
+
+    def watch(iteration: int, residual: float) -> None:
+        nonlocal iterations
+        iterations += iteration > 0
+        if progress is not None:
+            progress(0.0, 0, iterations, residual)
+
+    found, run.fluids = steady_flow(run.system, run.solver, 0.0, watch)
+    _tell(run, 0.0, 0.0, found, 0.0, None, math.nan)
+    run.history[-1][2] = iterations
+    run.frames.append(frame_of(run.system, 0.0, found.x))
+    return _result(run, began)
+
+
+def output_times(scene: FluidScene) -> Array:
+    """Times at which frames are kept.
+
+    Raises
+    ------
+    SceneError
+        If they do not increase from 0 at least to the end at most.
+    """
+    end, given = float(scene.until_t or 0.0), scene.times
+    if isinstance(given, (int, np.integer)) and not isinstance(given, bool):
+        return np.linspace(0.0, end, int(given))
+    try:
+        times = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise SceneError("[output] times must be a count or a list of numbers") from None
+    good = times.ndim == 1 and len(times) and np.isfinite(times).all() and (np.diff(times) > 0).all()
+    if not good or times[0] < 0 or times[-1] > end:
+        raise SceneError(f"[output] times must increase, from 0 at least to the end of the run, {end:g}, at most")
+    return times
+
+
+def _carry(run: Run, progress: Progress | None, after: Callable[[], None] | None) -> None:
+    """Carry a run to its end."""
+    system, scene = run.system, run.system.scene
+    until, outputs = float(scene.until_t or 0.0), output_times(scene)
+    inert = scene.density == 0
+    stepping = Stepping(METHODS[scene.method], float(scene.rtol), None if scene.dt is None else float(scene.dt))
+
+    def done(solution: Solution, t: float, iterations: int) -> None:
+        if progress is not None:
+            progress(t, len(run.history), iterations, solution.measure)
+        if after is not None:
+            after()
+
+    def after_step(step: FlowStep) -> None:
+        assert run.state is not None
+        _tell(run, step.t, step.dt, step.solution, step.rate, step.past, step.error)
+        if step.t in goals:
+            run.frames.append(frame_of(system, step.t, step.solution.x))
+        done(step.solution, step.t, run.state.counts["iterations"])
+
+    goals = {float(t) for t in outputs}
+    if inert:
+        _stand_alone(run, sorted(goals | {until}), goals, done)
+        return
+    if run.state is None:
+        x = system.unknowns.all_of(np.zeros(system.unknowns.basis.shape[1]), system.given(0.0))
+        if scene.start is not None:
+            fields = fields_of(scene.start, system.dimension, scene.constants, "[start] velocity")
+            v, c = vectors_at(fields, system.velocity.at, 0.0), system.coefficients(0.0).get("c")
+            x[: system.velocities] = (v if c is None else c[:, None] * v).T.reshape(-1)
+        run.state = begun(system, run.solver, x, until, stepping)
+        if 0.0 in goals:
+            run.frames.append(frame_of(system, 0.0, run.state.xs[0]))
+    for goal in sorted(goals | {until}):
+        if goal > run.state.t:
+            march(system, run.solver, run.state, goal, until, stepping, after_step)
+
+
+def _stand_alone(run: Run, times: list[float], goals: set[float], done: Callable[[Solution, float, int], None]) -> None:
+    """Flow without inertia: at each output time what boundaries and forces make of it then."""
+    if run.state is None:
+        run.state = FlowState(-1.0, 0.0, [], [])
+    for t in times:
+        if t <= run.state.t:
+            continue
+        found, fluids = steady_flow(run.system, run.solver, t)
+        run.fluids += fluids
+        run.state.dt, run.state.t = t - max(run.state.t, 0.0), t
+        run.state.counts["steps"] += 1
+        run.state.counts["iterations"] += found.iterations
+        _tell(run, t, run.state.dt, found, 0.0, None, math.nan)
+        if t in goals:
+            run.frames.append(frame_of(run.system, t, found.x))
+        done(found, t, run.state.counts["iterations"])
+
+
+def _tell(run: Run, t: float, dt: float, solution: Solution, rate: float, past: Array | None, error: float) -> None:
+    """Keep what is told of a step."""
+    equations = run.system.equations(t, rate, past)
+    told = measured(run.system, run.measures, equations, solution.x, solution.residual)
+    run.history.append([t, dt, float(solution.iterations), solution.measure, error, *told.tolist()])
+
+
+def _result(run: Run, began: float) -> FluidResult:
+    system, state = run.system, run.state
+    counts = {} if state is None else state.counts
+    columns = (*HISTORY, *run.measures.columns)
+    rows = np.array(run.history, dtype=float).reshape(-1, len(columns))
+    worst = {
+        name: float(rows[:, columns.index(name)].max(initial=0.0))
+        for name in ("mass_imbalance", "momentum_imbalance", "energy_imbalance", "step_residual")
+    }
+    stats: dict[str, Any] = {
+        "method": _method(system.scene),
+        "elements": system.scene.elements,
+        "unknowns": len(system.unknowns.kinds),
+        "free": system.unknowns.basis.shape[1],
+        **counts,
+        **{f"linear_{name}": number for name, number in run.solver.counts.items()},
+        "linear_residual": run.solver.worst,
+        "residual": worst.pop("step_residual"),
+        **worst,
+        "wall_s": time.perf_counter() - began,
+        "kernel": system.kernel.key,
+    }
+    if run.fluids:
+        stats["fluids"] = run.fluids
+    stats["warnings"] = [f"{words} (first at t = {t:g})" for words, t in system.warnings.items()]
+    stats["warnings"] += [
+        f"the balance of {what} is off by {worst[f'{what}_imbalance']:.1e}"
+        for what in ("mass", "momentum")
+        if worst[f"{what}_imbalance"] > IMBALANCE
+    ]
+    return gather_flow(system, run.measures, run.frames, run.history, stats)
+
+
+def _method(scene: FluidScene) -> str:
+    if scene.steady:
+        return "steady"
+    return scene.method if scene.density else "each time by itself, without inertia"
+
+
+def fingerprint(system: FluidSystem) -> str:
+    """Digest of what a run depends on, but for when it ends and how much it tells."""
+    scene, total = system.scene, sha256(system.kernel.key.encode())
+    for array in (system.mesh.at, system.mesh.corners, *system.mesh.boundaries.values()):
+        total.update(np.ascontiguousarray(array).tobytes())
+    given = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name not in LEFT_OUT}
+    total.update(json.dumps(given, default=str, sort_keys=True).encode())
+    return total.hexdigest()
+
+
+def _now_and_then(run: Run, checkpoint: Path, key: str, let_go: Callable[[], None]) -> Callable[[], None]:
+    last = time.monotonic()
+
+    def after() -> None:
+        nonlocal last
+        if time.monotonic() - last > CHECKPOINT_EVERY:
+            _save(run, checkpoint, key)
+            last = time.monotonic()
+        let_go()
+
+    return after
+
+
+#: Numbers of a state, and of a solver.
+NUMBERS = ("t", "dt", "times", "largest", "rate", "size", "counts")
+
+
+def _save(run: Run, path: Path, key: str) -> None:
+    """Write a checkpoint: a run that goes on from it does, to the last bit, what this one does."""
+    state, solver = run.state, run.solver
+    assert state is not None
+    told = {name: getattr(state, name) for name in NUMBERS}
+    told |= {"frames": len(run.frames), "fluids": run.fluids, "warnings": run.system.warnings}
+    told |= {"solver": solver.counts, "worst": solver.worst}
+    told |= {"kept": solver.factor is not None, "scaled": state.scales is not None}
+    columns = len(HISTORY) + len(run.measures.columns)
+    arrays: dict[str, NDArray[Any]] = {
+        "xs": np.array(state.xs, dtype=float),
+        "history": np.array(run.history, dtype=float).reshape(-1, columns),
+    }
+    if state.scales is not None:
+        arrays["scales"] = state.scales
+    if solver.factor is not None and solver.matrix is not None:
+        arrays |= {f"factor_{part}": getattr(solver.matrix, part) for part in ("data", "indices", "indptr")}
+    write_state(path, key, told, arrays)
+
+
+def _load(run: Run, path: Path, key: str) -> None:
+    """Go on from a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        If the file is none, or belongs to another scene.
+    """
+    try:
+        told, arrays = read_state(path, key)
+        state = FlowState(
+            t=float(told["t"]),
+            dt=float(told["dt"]),
+            times=[float(one) for one in told["times"]],
+            xs=list(arrays["xs"]),
+            largest=float(told["largest"]),
+            scales=arrays["scales"] if told["scaled"] else None,
+            rate=float(told["rate"]),
+            size=float(told["size"]),
+            counts={name: int(number) for name, number in told["counts"].items()},
+        )
+        if told["kept"]:
+            free = run.system.unknowns.basis.shape[1]
+            parts = tuple(arrays[f"factor_{part}"] for part in ("data", "indices", "indptr"))
+            run.solver.factorise(csc_matrix(parts, shape=(free, free)))
+        run.solver.counts = {name: int(number) for name, number in told["solver"].items()}
+        run.solver.worst = float(told["worst"])
+        run.system.warnings.update({str(words): float(t) for words, t in told["warnings"].items()})
+        run.history = [list(row) for row in arrays["history"].tolist()]
+        run.fluids = int(told["fluids"])
+        run.state = state
+        run.frames = go_on(frames_beside(path), FlowFrame, key, int(told["frames"]))
+    except OSError as error:
+        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
+
+
+def load_flow_frames(path: Path) -> FluidResult:
+    """Return a result of the frames that a run has written so far.
+
+    Raises
+    ------
+    SceneError
+        If the file is no such file, holds no frame, or tells of a scene that cannot be made ready.
+    LawError, CompileError
+    """
+    content, beside, frames = read_frames(path, FlowFrame)
+    if not len(frames):
+        raise SceneError(f"{path} holds no frame yet")
+    try:
+        origin = origin_in(content, beside)
+        if origin is None:
+            raise ValueError("it does not tell of its scene")
+        system = prepared(scene_from(origin, FluidScene))
+    except (KeyError, ValueError) as error:
+        raise SceneError(f"{path} is no file of frames: {error}") from None
+    stats = {
+        "elements": system.scene.elements,
+        "warnings": [f"the run that wrote {path} has not ended: these are its frames up to t={frames[-1].t:.6g}"],
+    }
+    return gather_flow(system, measures_of(system), frames, [], stats)
