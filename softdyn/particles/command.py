@@ -8,17 +8,23 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from softdyn.errors import SceneError
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.integrate import Progress
+from softdyn.particles.names import is_number
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.particles.results import ParticleResult
+from softdyn.particles.results import Frame, ParticleResult
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
 from softdyn.results.state_file import remove
 from softdyn.results.writers import require_writer
 from softdyn.terminal import as_it_is
+
+#: Frames of a run that are told of as they come, about.
+LINES = 20
 
 
 def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) -> int:
@@ -39,7 +45,7 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     if resume and checkpoint is not None and not checkpoint.exists():
         print(f"softdyn: there is no {checkpoint}; starting anew", file=sys.stderr)
     with _progress_bar(scene) as progress:
-        result = simulate_particles(scene, progress, checkpoint, resume, True)
+        result = simulate_particles(scene, progress, checkpoint, resume, True, None if as_json else _told(scene))
     written = [] if output is None else list(dict.fromkeys((output.with_suffix(".npz"), output)))
     for path in written:
         _save(result, path, checkpoint)
@@ -80,6 +86,45 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
     if written:
         print(f"wrote {' and '.join(map(str, written))}")
     return 0
+
+
+def _told(scene: ParticleScene) -> Callable[[Frame], None] | None:
+    """What tells of frames as they come: stress, pressure and viscosity; None where there is no stress."""
+    box = () if scene.box is None else scene.box
+    if len(box) < 2 or any(length is None for length in box):
+        return None
+    given = scene.stress_viscosity if scene.stress_viscosity is not None else scene.parameters.get("eta")
+    eta = float(given) if is_number(given) else None  # type: ignore[arg-type]
+    count = int(scene.times) if isinstance(scene.times, (int, np.integer)) else len(scene.times)
+    every, told = max(1, count // LINES), 0
+
+    def tell(frame: Frame) -> None:
+        nonlocal told
+        told += 1
+        if told % every and told != count - 1:
+            return
+        text = stress_words(frame, eta)
+        if sys.stderr.isatty():
+            from tqdm import tqdm
+
+            tqdm.write(text, file=sys.stdout)
+        else:
+            print(text, flush=True)
+
+    return tell
+
+
+def stress_words(frame: Frame, eta: float | None) -> str:
+    """Stress, pressure and viscosity of a frame, in words."""
+    contacts, rate = float(frame.stress[0, 1] + frame.stress[1, 0]) / 2, float(frame.gradient[0, 1])
+    pressure = -float(np.trace(frame.stress)) / len(frame.stress)
+    fluid = eta * rate if eta is not None else 0.0
+    text = f"  t = {frame.t:.4g}: shear stress {contacts + fluid:.4g}"
+    text += f" ({contacts:.4g} of it by contacts)" if fluid else ""
+    text += f", pressure {pressure:.4g}"
+    if rate and eta is not None:
+        text += f", viscosity {(contacts + fluid) / rate:.4g}, {(contacts + fluid) / fluid:.4g} times the fluid's"
+    return text
 
 
 def _save(result: ParticleResult, path: Path, checkpoint: Path | None) -> None:

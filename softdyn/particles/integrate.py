@@ -50,8 +50,11 @@ def integrate(
     state: State,
     progress: Progress | None = None,
     after_step: Callable[[State], None] | None = None,
+    on_frame: Callable[[Frame], None] | None = None,
 ) -> None:
     """Carry a state on to the end of the scene, in place.
+
+    Each of the functions is called after every step; ``on_frame`` with each frame that the step made.
 
     Raises
     ------
@@ -75,6 +78,7 @@ def integrate(
     strained = ends_at_strain(system.scene)
     while state.t < until and not (strained and _has_strained(system, state)):
         step = None  # many numbers that the next one has no use for
+        told = len(state.frames)
         newton.whole = False
         if state.counts["steps"] + state.counts["rejected"] > MOST_STEPS:
             raise IntegrationError(f"{MOST_STEPS} steps were not enough: t={state.t:.6g} of {until:.6g} is reached")
@@ -115,6 +119,9 @@ def integrate(
             newton.whole = True
         if progress is not None:
             progress(state.t, state.counts["steps"], newton.counts["iterations"])
+        if on_frame is not None:
+            for frame in range(told, len(state.frames)):
+                on_frame(state.frames[frame])
         if after_step is not None:
             after_step(state)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ def simulate_particles(
     checkpoint: str | Path | None = None,
     resume: bool = False,
     keep: bool = False,
+    on_frame: Callable[[Frame], None] | None = None,
 ) -> ParticleResult:
     """Integrate a scene.
 
@@ -60,6 +62,8 @@ def simulate_particles(
         Whether to go on from that file, if it is there.
     keep : bool
         Whether to leave it at the end, for who saves the result to remove it then.
+    on_frame : function of a Frame, optional
+        Called with each frame behind the first, as it comes.
 
     Returns
     -------
@@ -98,10 +102,10 @@ def simulate_particles(
 
     try:
         if checkpoint is None:
-            integrate(system, newton, state, progress)
+            integrate(system, newton, state, progress, None, on_frame)
         else:
             with terminable(), held_back() as let_go:
-                integrate(system, newton, state, progress, now_and_then)
+                integrate(system, newton, state, progress, now_and_then, on_frame)
     except IntegrationError as error:
         error.partial = _result(system, newton, state, began)
         if checkpoint is None:

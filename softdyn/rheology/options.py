@@ -121,6 +121,34 @@ examples:
 """
 
 
+COMPRESSION = """
+
+The box is deformed in affine steps, with all particles and with the films as they are, and rests after each until the
+stress has settled: until it changes by less than 1 % of the pressure while all of the rest is doubled. Fractions are
+gone through in the order in which they are given, up and down; then, at the last, shear strains. What has not settled
+after 12 doublings is said so. At each fraction a small shear, from which nothing goes on, probes the shear modulus;
+fraction dp/dfraction is the bulk modulus. Where the pressure sets in is told: between which states, and where it
+extrapolates to 0. What the scene says of shear rate, end and outputs is left aside.
+
+examples:
+  softdyn compress emulsion --fractions 'linspace(0.8,0.95,16)' --rest 100 --vary packing.fraction=0.78 \\
+                            --vary packing.seed=1..5 -o jamming.csv
+  softdyn compress emulsion --fractions 0.9 --strains 'linspace(0.005,0.2,40)' --rest 100 -o yielding.csv
+"""
+
+
+def _add_compress(add: Add) -> None:
+    parser = add(
+        "compress", carried_out_by("compress:compress"), "quasi-static compression and shear: jamming", COMPRESSION
+    )
+    add_sweep_options(parser, required=False)
+    parser.add_argument("--fractions", metavar="VALUES", required=True, help="in their order, as the VALUES of --vary")
+    parser.add_argument("--strains", metavar="VALUES", help="of shear, at the last fraction, likewise (default: none)")
+    parser.add_argument("--rest", metavar="T", type=float, required=True, help="time of the first rest after a step")
+    parser.add_argument("--probe", metavar="STRAIN", type=float, default=1e-4, help="0 for none; default: %(default)s")
+    _add_plot(parser)
+
+
 def _add_flow_curve(add: Add) -> None:
     parser = add(
         "flow-curve",
@@ -165,4 +193,4 @@ def _add_plot(parser: argparse.ArgumentParser) -> None:
 
 
 #: Each adds a command.
-VERBS: tuple[Callable[[Add], None], ...] = (_add_flow_curve, _add_oscillate, _add_step)
+VERBS: tuple[Callable[[Add], None], ...] = (_add_flow_curve, _add_oscillate, _add_step, _add_compress)

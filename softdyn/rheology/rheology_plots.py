@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from softdyn.colours import AMBER, BLUE, GREEN, ORANGE, PURPLE, SKY
@@ -185,7 +186,7 @@ def _draw_loops(
     ax.set_ylabel("stress over its amplitude")
     ax.set_title("Lissajous curves of the last cycle")
     if len(shown) > 1:
-        ax.legend(loc="upper left", fontsize=6.5)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7)
 
 
 def draw_steps(curves: Curves, creeps: bool, time: float) -> Figure:
@@ -209,4 +210,41 @@ def draw_steps(curves: Curves, creeps: bool, time: float) -> Figure:
         left.set_xlabel("time since the step" if creeps else "time since the end of the ramp")
         right.set_xlabel(left.get_xlabel())
         left.legend()
+        return figure
+
+
+def draw_compressions(curves: Curves, compressed: int) -> Figure:
+    """Pressure, coordination and moduli over the fraction; and, where there was shear, stress over strain."""
+    with style.context(["default", STYLE]):
+        sheared = any(len(curve["fraction"]) > compressed for curve in curves.curves.values())
+        figure, axes = panels(3 + sheared)
+        for k, (number, curve) in enumerate(curves.curves.items()):
+            colour, phi = COLOURS[k % len(COLOURS)], curve["fraction"][:compressed]
+            axes[0].plot(phi, curve["pressure"][:compressed], "o-", color=colour, markersize=3, linewidth=0.8)
+            axes[1].plot(
+                phi, curve["coordination"][:compressed], "o-", color=colour, markersize=3, linewidth=0.8,
+                label=curves.words(number) or None,
+            )  # fmt: skip
+            for name, fill in (("bulk_modulus", colour), ("shear_modulus", "white")):
+                axes[2].plot(
+                    phi, curve[name][:compressed], "o-", color=colour, markerfacecolor=fill, markersize=3.5,
+                    linewidth=0.8,
+                )  # fmt: skip
+            if sheared:
+                first = curve["shear_stress"][compressed - 1]
+                strains = np.append(0.0, curve["strain"][compressed:])
+                axes[3].plot(
+                    strains, np.append(first, curve["shear_stress"][compressed:]), "o-", color=colour, markersize=3
+                )
+        for ax, title in zip(
+            axes, ("pressure", "coordination without rattlers", "bulk (filled) and shear modulus (open)"), strict=False
+        ):
+            ax.set_title(title)
+            ax.set_xlabel("fraction")
+        if sheared:
+            axes[3].set_title("shear stress")
+            axes[3].set_xlabel("strain")
+            axes[3].xaxis.set_major_locator(MaxNLocator(5))
+        if axes[1].get_legend_handles_labels()[1]:
+            axes[1].legend(fontsize=6.5)
         return figure

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import sha256
 from itertools import product
 from pathlib import Path
@@ -52,6 +52,8 @@ class Run:
         Paths in the content are relative to it.
     folder : Path
         Of the results.
+    protocol : mapping
+        What is done besides, in plain data; empty for a run of the scene alone.
     """
 
     number: int
@@ -59,6 +61,7 @@ class Run:
     content: Content
     home: Path
     folder: Path
+    protocol: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def result(self) -> Path:
@@ -88,6 +91,7 @@ def planned(
     folder: Path,
     vary: Mapping[str, Array],
     build: Callable[[Content, Mapping[str, float]], Content] | None = None,
+    protocol: Mapping[str, Any] | None = None,
 ) -> list[Run]:
     """All runs of a sweep: a scene for every combination of values, the last name fastest.
 
@@ -100,6 +104,8 @@ def planned(
         Names of numbers of the scene (see :mod:`softdyn.scene.varied_content`), and of those that ``build`` takes.
     build : function of a content and the values, optional
         Makes the content of a run's scene; by default the numbers are put into their places.
+    protocol : mapping, optional
+        Of all runs.
 
     Raises
     ------
@@ -113,7 +119,7 @@ def planned(
     runs = []
     for number, values in enumerate(product(*vary.values())):
         named = {name: float(value) for name, value in zip(vary, values, strict=True)}
-        runs.append(Run(number, named, made(dict(content), named), home, folder))
+        runs.append(Run(number, named, made(dict(content), named), home, folder, protocol or {}))
     return runs
 
 
@@ -139,7 +145,7 @@ def _identity(runs: Sequence[Run]) -> str:
         raise SceneError('law is missing: law = "NAME"')
     files = {name: _digest(runs[0].home / name) for name in sorted(set(_named(runs[0].content)))}
     found = law_hash(law_of(str(runs[0].home / law) if ".py" in law else law))
-    given = [found, tool_digest(), files, [[dict(run.values), run.content] for run in runs]]
+    given = [found, tool_digest(), files, [[dict(run.values), run.content, dict(run.protocol)] for run in runs]]
     return sha256(json.dumps(given, default=str, sort_keys=True).encode()).hexdigest()
 
 
@@ -159,7 +165,12 @@ def _digest(path: Path) -> str:
 
 
 def carry_out(
-    runs: Sequence[Run], *, scheduler: str | None = None, told: Told | None = None, only: int | None = None
+    runs: Sequence[Run],
+    *,
+    scheduler: str | None = None,
+    told: Told | None = None,
+    only: int | None = None,
+    work: Callable[[Run], str] | None = None,
 ) -> dict[int, str]:
     """Make the runs whose results are not there yet.
 
@@ -171,6 +182,8 @@ def carry_out(
     told : function, optional
     only : int, optional
         Number of the one run that is to be made.
+    work : function of a Run, optional
+        Makes one, and returns why it failed, or ""; :func:`make` by default.
 
     Returns
     -------
@@ -188,7 +201,7 @@ def carry_out(
     failed: dict[int, str] = {}
     if len(missing) > 1:
         _prepared(missing)
-    for run, words in carried_out(make, missing, scheduler):
+    for run, words in carried_out(work or make, missing, scheduler):
         done += 1
         if words:
             failed[run.number] = words

@@ -93,12 +93,13 @@ def _bare(content: Content, values: Mapping[str, float]) -> Content:
 def relaxation_of(result: ParticleResult, run: Run, rest: float, ramp: float) -> dict[str, Array]:
     """Time since the end of the ramp, strain, shear stress, and the relaxation modulus G(t).
 
-    G is the shear stress, less that before the step, over the strain of the step.
+    G is the shear stress of the contacts, less that before the step, over the strain of the step: after the ramp
+    nothing shears, and the fluid bears none.
     """
     found = _stress(result)
     begin = int(np.searchsorted(result.t, rest * (1 - 1e-12)))
     after = slice(begin + 1, None)
-    modulus = (found["shear_stress"][after] - found["contact_stress"][begin]) / run.values[STRAIN]
+    modulus = (found["contact_stress"][after] - found["contact_stress"][begin]) / run.values[STRAIN]
     return {
         "time": result.t[after] - (rest + ramp),
         "strain": sheared_by(result)[after] - sheared_by(result)[begin],

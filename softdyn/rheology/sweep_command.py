@@ -84,7 +84,11 @@ def varied_options(options: argparse.Namespace) -> list[str]:
 
 
 def many_runs(
-    options: argparse.Namespace, runs: Sequence[Run], command: Sequence[str], finish: Callable[[], int]
+    options: argparse.Namespace,
+    runs: Sequence[Run],
+    command: Sequence[str],
+    finish: Callable[[], int],
+    work: Callable[[Run], str] | None = None,
 ) -> int:
     """Print a script for SLURM, make one run, or make all and gather them, as the options say.
 
@@ -98,13 +102,13 @@ def many_runs(
     if options.task is not None:
         if not 0 <= options.task < len(runs):
             raise SceneError(f"--task {options.task}: there are the runs 0 to {len(runs) - 1}")
-        failed = carry_out(runs, only=options.task)
+        failed = carry_out(runs, only=options.task, work=work)
         run = runs[options.task]
         print(f"{run.words}: {failed.get(options.task) or f'wrote {run.result}'}")
         return 1 if failed else 0
     if not options.gather:
         print(f"softdyn: {len(runs)} runs", file=sys.stderr)
-        carry_out(runs, scheduler=options.scheduler, told=lambda *said: _tell(runs, *said))
+        carry_out(runs, scheduler=options.scheduler, work=work, told=lambda *said: _tell(runs, *said))
     return finish()
 
 
