@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from numbers import Number
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,9 @@ def scene_from(origin: Origin, kind: type[Any]) -> Any:
 def _fields(scene: Any, beside: dict[str, NDArray[Any]] | None) -> dict[str, Any]:
     """Fields of a dataclass that differ from their defaults."""
     given = {field.name: getattr(scene, field.name) for field in fields(scene) if not _is_default(field, scene)}
-    laws = {name: _law(value) for name, value in given.items() if name in LAWS and value is not None}
+    # of particles, drag is a number
+    named = {name: value for name, value in given.items() if name in LAWS and not isinstance(value, Number)}
+    laws = {name: _law(value) for name, value in named.items() if value is not None}
     return {name: laws[name] if name in laws else _plain(value, beside) for name, value in given.items()}
 
 
