@@ -164,7 +164,7 @@ def verdict_on(closure: Closure, order: Ordered, quantity: str, sides: tuple[Exp
     except UndecidedError as why:
         piece = Piece("undecided", None, str(why))
     ratio = None if piece.ratio is None else piece.ratio.xreplace(order.written)
-    looked = (_deviations(closure, order, path, sides) for path in _paths(order))
+    looked = (_deviations(closure, order, path, sides) for path in paths_of(order))
     off = [values for values in looked if values is not None]
     verdict, reason = piece.verdict, piece.reason
     if verdict == "proved" and any(not _falls(values) for values in off):
@@ -252,7 +252,7 @@ def _known_enough(found: Series, claim: Series) -> tuple[Series, Series]:
 # ------------------------------------------------------------------------------------------------------ in numbers
 
 
-def _paths(order: Ordered) -> list[dict[Symbol, Rational]]:
+def paths_of(order: Ordered) -> list[dict[Symbol, Rational]]:
     """Powers of eps on which every inequality sharpens, the same at every call."""
     draw = Random(0)
     found: list[dict[Symbol, Rational]] = []

@@ -14,7 +14,7 @@ are fixed, at any values.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -233,6 +233,18 @@ def applies(closure: Closure, condition: Boolean, number: Expr, fraction: Expr) 
     at = {Re: number, c: fraction}
     values = {symbol: at.get(symbol, value) for symbol, value in sample_values(closure).items()}
     return bool(condition.subs(values) == true)
+
+
+def points_on(closure: Closure, order: Ordered, path: Mapping[Symbol, Rational]) -> Iterator[tuple[Expr, Expr]]:
+    """Re and c far along a path into an ordering, at several values of a fraction that is fixed."""
+    far = {symbol: FAR**-power for symbol, power in path.items()}
+    number = far.get(Re, S.One)
+    if order.replaced:
+        yield from ((number, 1 - gone.xreplace(far).subs(sample_values(closure))) for gone in order.replaced.values())
+    elif phi in far or c in far:
+        yield number, far[c] if c in far else 1 - far[phi]
+    else:
+        yield from ((number, fraction) for fraction in LOOKED_AT)
 
 
 def _reaches(closure: Closure, condition: Boolean, end: str) -> bool:

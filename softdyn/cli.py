@@ -402,9 +402,9 @@ def _check_closure(closure: Any, options: argparse.Namespace) -> int:
     from softdyn.study.closure_text import signs_data, signs_of_closure_text
     from softdyn.study.findings_text import limits_data, limits_text
 
-    if options.certificates is not None or options.lemmas is not None:
-        raise SceneError("there are no certificates of what closures claim yet: leave out --certificates and --lemmas")
     findings, jumps, signs = check_closure_limits(closure), jumps_of(closure), signs_of_closure(closure)
+    if options.certificates is not None or options.lemmas is not None:
+        _write_certificates(closure, options.certificates, options.lemmas, findings)
     data = limits_data(closure.name, findings)
     if options.json:
         data["closure"] = data.pop("law")
@@ -541,7 +541,16 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    laws = [law_of(text) for text in (options.law, options.other)]
+    laws: list[Any] = [law_or_closure_of(text) for text in (options.law, options.other)]
+    closures = [law.name for law in laws if _is_closure(law)]
+    if len(closures) == 1:
+        raise SceneError(f"compare: {closures[0]} is a closure, and the other is a law; compare two of a kind")
+    if closures:
+        from softdyn.study.two_closures import compare_closures
+
+        with _patience(f"the regimes of {' and '.join(closures)}"):
+            print(compare_closures(*laws).text(), end="")
+        return 0
     from softdyn.study.two_laws import comparison_text
 
     print(comparison_text(*laws), end="")
