@@ -18,7 +18,7 @@ import softdyn
 from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
-from softdyn.laws import law_of, law_or_closure_of
+from softdyn.laws import law_or_closure_of
 from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
 from softdyn.targets import CHOICES, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
@@ -163,7 +163,7 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument("certificates", metavar="FILE", type=Path, help="as softdyn check --certificates writes it")
 
     regimes = add("regimes", _regimes, "find the asymptotic regimes of a law, and the crossovers between them")
-    regimes.add_argument("law", metavar="LAW", help=A_LAW)
+    regimes.add_argument("law", metavar="LAW", help=f"{A_LAW}; or a closure")
     regimes.add_argument(
         "--at",
         metavar="NAME=VALUE,...",
@@ -531,11 +531,16 @@ def _regimes_of_closure(closure: Any, options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace) -> int:
     with _patience(f"the report on {options.law}"):
-        law = law_of(options.law)
-        from softdyn.study.law_page import write_report
-
+        law: Any = law_or_closure_of(options.law)
         path: Path = options.output or Path(f"{law.name}.html")
-        write_report(law, path)
+        if _is_closure(law):
+            from softdyn.study.closure_page import write_closure_report
+
+            write_closure_report(law, path)
+        else:
+            from softdyn.study.law_page import write_report
+
+            write_report(law, path)
     print(f"wrote {path}")
     return 0
 

@@ -71,7 +71,7 @@ if TYPE_CHECKING:
 #: Sets LaTeX; the second argument says it in words.
 Show = Callable[[str, object], Markup]
 
-TEMPLATES = ("page.html.j2", "style.css.j2")
+TEMPLATES = ("page.html.j2", "closure.html.j2", "style.css.j2")
 MEANINGS = {R: "radius of the particles", E: "elastic modulus", eta: "viscosity of the fluid"}
 ARGUMENTS = {"a": r"(h, \delta)", "F_ela": r"(a, \delta)", "zeta": "(a, h)", "F_adh": "(a, h)"}
 GENERAL = {**ARGUMENTS, "F_ela": r"(a, \delta, h)", "F_adh": r"(a, h, \delta)"}
@@ -140,7 +140,7 @@ def write_report(law: ContactLaw, path: Path) -> None:
 def page(law: ContactLaw) -> str:
     """Return the page on a law."""
     glyphs: dict[str, str] = {}
-    show = partial(_shown, glyphs)
+    show = partial(shown, glyphs)
     findings = limits_of(law)
     diagram = regimes_of(law)
     films = films_of(diagram)
@@ -173,12 +173,13 @@ def page(law: ContactLaw) -> str:
         "parts": next((list(kernel["operations"]) for kernel in made if not kernel["reason"]), []),
         "kinds": KINDS,
     }
-    template = _environment().get_template("page.html.j2")
-    text = template.render(**about, style=_environment().get_template("style.css.j2").render())
+    template = environment().get_template("page.html.j2")
+    text = template.render(**about, style=environment().get_template("style.css.j2").render())
     return text.replace("<!-- outlines -->", definitions(glyphs), 1)
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Templates of pages."""
     folder = files("softdyn.templates").joinpath("report")
     texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in TEMPLATES}
     return Environment(
@@ -186,7 +187,8 @@ def _environment() -> Environment:
     )
 
 
-def _shown(glyphs: dict[str, str], latex: str, text: object) -> Markup:
+def shown(glyphs: dict[str, str], latex: str, text: object) -> Markup:
+    """A formula, whose outlines are added to those of the page."""
     return Markup(formula(latex, text if isinstance(text, str) else sstr(text), glyphs))
 
 
@@ -589,7 +591,7 @@ def figures(diagram: Diagram) -> list[dict[str, Any]]:
         try:
             figure = draw(diagram)
             tall = figure.get_figheight() > figure.get_figwidth()
-            drawn.append({"alt": alt, "source": _data_address(figure), "reason": "", "tall": tall})
+            drawn.append({"alt": alt, "source": data_address(figure), "reason": "", "tall": tall})
         except SoftdynError as reason:
             drawn.append({"alt": alt, "source": "", "reason": str(reason), "tall": False})
     return drawn
@@ -604,7 +606,7 @@ def film(law: ContactLaw) -> dict[str, Any] | None:
     off = ehd.deviation(law)
     low, high = (f"{x:g}".replace("-", "−") for x in ehd.INSIDE)
     return {
-        "source": _data_address(ehd.draw(law)),
+        "source": data_address(ehd.draw(law)),
         "between": f"w/h = {low} and {high}",
         "band": f"{100 * ehd.BAND:.0f} %",
         "off": f"{100 * (off - 1):.0f} %" if off < 1.5 else f"a factor of {decimal(off)}",
@@ -612,7 +614,7 @@ def film(law: ContactLaw) -> dict[str, Any] | None:
     }
 
 
-def _data_address(figure: Figure) -> str:
+def data_address(figure: Figure) -> str:
     """A figure as SVG within the page: in an image, its names and scripts, if any, cannot touch the page."""
     from softdyn.study.figures import paper_style
 
