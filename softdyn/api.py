@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.laws import law_of
+from softdyn.laws import law_of, law_or_closure_of
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.pair_run import simulate_pair
 from softdyn.results.pair_result import PairResult
@@ -25,6 +25,8 @@ from softdyn.words import suggestion
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
+    from softdyn.derive.closure import Closure
+    from softdyn.derive.closure_regimes import ClosureDiagram
     from softdyn.derive.films import Films
     from softdyn.derive.limits import Finding
     from softdyn.derive.regimes import Diagram
@@ -208,13 +210,13 @@ def _first(keywords: dict[str, Any]) -> dict[str, Any]:
     return {name: each(name, value) for name, value in keywords.items()}
 
 
-def check(law: ContactLaw | str | Path) -> list[Finding]:
-    """Prove or disprove the limits that a law claims.
+def check(law: ContactLaw | Closure | str | Path) -> list[Finding]:
+    """Prove or disprove the limits that a law, or a closure, claims.
 
     Parameters
     ----------
-    law : ContactLaw or str
-        Or a stock law's name, ``path/law.py``, or ``path/law.py:name``.
+    law : ContactLaw, Closure or str
+        Or a stock one's name, ``path/law.py``, or ``path/law.py:name``.
 
     Returns
     -------
@@ -226,21 +228,34 @@ def check(law: ContactLaw | str | Path) -> list[Finding]:
     LawError, SceneError
         If there is no such law, or if it is faulty.
     """
+    given: Any = law_or_closure_of(law)
+    if type(given).__name__ == "Closure":
+        from softdyn.derive.closure_limits import check_closure_limits
+
+        return check_closure_limits(given)
     from softdyn.findings import limits_of
 
-    return limits_of(law_of(law))
+    return limits_of(given)
 
 
-def regimes(law: ContactLaw | str | Path) -> Diagram:
-    """Find the asymptotic regimes of a law in the plane of gap and force, and the crossovers between them.
+@overload
+def regimes(law: ContactLaw | str | Path) -> Diagram: ...
+
+
+@overload
+def regimes(law: Closure) -> ClosureDiagram: ...
+
+
+def regimes(law: ContactLaw | Closure | str | Path) -> Diagram | ClosureDiagram:
+    """Find the asymptotic regimes of a law in the plane of gap and force, or of a closure in that of Re and fraction.
 
     Parameters
     ----------
-    law : ContactLaw or str
+    law : ContactLaw, Closure or str
 
     Returns
     -------
-    Diagram
+    Diagram, or ClosureDiagram of a closure
 
     Raises
     ------
@@ -253,9 +268,14 @@ def regimes(law: ContactLaw | str | Path) -> Diagram:
     >>> softdyn.regimes("rognon_gay").regime("Poiseuille").forms["zeta"].leading
     6*pi*R**2*eta/h
     """
+    given: Any = law_or_closure_of(law)
+    if type(given).__name__ == "Closure":
+        from softdyn.derive.closure_regimes import discover_closure
+
+        return discover_closure(given)
     from softdyn.findings import regimes_of
 
-    return regimes_of(law_of(law))
+    return regimes_of(given)
 
 
 def films(law: ContactLaw | str | Path) -> Films | None:
@@ -270,17 +290,17 @@ def films(law: ContactLaw | str | Path) -> Films | None:
     LawError, SceneError
         If there is no such law, or if it is faulty.
     """
-    from softdyn.findings import films_of
+    from softdyn.findings import films_of, regimes_of
 
-    return films_of(regimes(law))
+    return films_of(regimes_of(law_of(law)))
 
 
-def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
-    """Write all that is known of a law as one self-contained web page.
+def write_report(law: ContactLaw | Closure | str | Path, path: str | Path) -> None:
+    """Write all that is known of a law, or of a closure, as one self-contained web page.
 
     Parameters
     ----------
-    law : ContactLaw or str
+    law : ContactLaw, Closure or str
     path : path
         Of the page, .html.
 
@@ -289,6 +309,11 @@ def write_report(law: ContactLaw | str | Path, path: str | Path) -> None:
     LawError, SceneError
         If there is no such law, if it is faulty, or if the page cannot be written.
     """
+    given: Any = law_or_closure_of(law)
+    if type(given).__name__ == "Closure":
+        from softdyn.study.closure_page import write_closure_report
+
+        return write_closure_report(given, Path(path))
     from softdyn.study.law_page import write_report as write
 
-    write(law_of(law), Path(path))
+    return write(given, Path(path))

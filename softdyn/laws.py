@@ -183,8 +183,8 @@ def _chosen(reference: LawReference, declared: dict[str, Any], kind: type, word:
     return next(iter(found.values()))
 
 
-def law_or_closure_of(name: str) -> ContactLaw | Closure:
-    """Law, or closure, that the user wrote the name of.
+def law_or_closure_of(name: ContactLaw | Closure | str | Path) -> ContactLaw | Closure:
+    """Law, or closure, that the user wrote the name of, or handed over.
 
     A file that defines both is asked for the one that is named, or else for its law.
 
@@ -193,6 +193,8 @@ def law_or_closure_of(name: str) -> ContactLaw | Closure:
     LawError, SceneError
         If there is neither, or if it is faulty.
     """
+    if not isinstance(name, (str, Path)):
+        return name if type(name).__name__ == "Closure" else law_of(name)  # type: ignore[arg-type]
     if name in _stock_names(CLOSURES_FOLDER):
         closure: Closure = importlib.import_module(f"softdyn.derive.closures.{name}").closure
         return closure
