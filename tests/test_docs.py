@@ -11,10 +11,15 @@ from typing import Any
 import pytest
 
 from softdyn.cli import _parser
+from softdyn.fluid.boundary_keys import periodic_pairs
+from softdyn.fluid.conditions import conditions_of
+from softdyn.fluid.fluid_scene import check_fluid, fluid_scene_from
+from softdyn.fluid.mesh_section import made_mesh
+from softdyn.fluid.numbering import nodes_of
 from softdyn.particles.files import particle_scene_from
 from softdyn.particles.particle_scene import check
 from softdyn.scene.pair_scene import check_scene, scene_from
-from softdyn.scene.reading import is_particle_scene
+from softdyn.scene.reading import is_fluid_scene, is_particle_scene
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / ".docs").glob("*.md"))]
@@ -43,10 +48,10 @@ def test_the_python_of_a_page_runs_as_one_program(
 
 
 def scenes(page: str) -> list[dict[str, Any]]:
-    """Scenes of a page; a block without a law is what the scene before may say instead."""
+    """Scenes of a page; a block without a law or a fluid is what the scene before may say instead."""
     found: list[dict[str, Any]] = []
     for data in map(tomllib.loads, snippets(page, "toml")):
-        found.append(data if "law" in data else {**found[-1], **data})
+        found.append(data if "law" in data or is_fluid_scene(data) else {**found[-1], **data})
     return found
 
 
@@ -56,6 +61,11 @@ def test_the_scenes_of_a_page_are_read(page: str, tmp_path: Path) -> None:
         if is_particle_scene(data):
             packing = {**data["packing"], "count": min(100, data["packing"].get("count", 100))}
             check(particle_scene_from({**data, "packing": packing}, tmp_path))
+        elif is_fluid_scene(data):
+            scene = fluid_scene_from(data, tmp_path)
+            check_fluid(scene)
+            mesh, pairs = made_mesh(scene.mesh), periodic_pairs(scene.boundary)
+            conditions_of(scene.boundary, mesh, nodes_of(mesh, 2, pairs), nodes_of(mesh, 1, pairs), scene.constants)
         else:
             check_scene(scene_from(data, tmp_path))
 

@@ -88,6 +88,8 @@ class LinearSolver:
         That of the matrix.
     matrix, sizes : sparse matrix, optional
         The last one that was factorised, and the sizes of its entries.
+    balance : array, shape (unknowns,), optional
+        By which rows and columns are multiplied before a factor is taken.
     counts : dict
         Factorisations, solutions, refinements, and those made with all pivots free.
     worst : float
@@ -98,6 +100,7 @@ class LinearSolver:
     factor: Any = None
     matrix: csc_matrix | None = None
     sizes: csc_matrix | None = None
+    balance: Any = None
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("factorisations", "solutions", "refinements", "pivoted"), 0)
     )
@@ -115,7 +118,19 @@ class LinearSolver:
         self.counts["factorisations"] += 1
         if not np.isfinite(matrix.data).all():
             raise LinearFailed("the matrix of the flow holds entries that are no numbers")
-        self.factor = _factor(matrix, free=False)
+        self.balance = _balance(self.sizes, self.kinds)
+        self.factor = self._factor(free=False)
+
+    def _factor(self, free: bool) -> Any:
+        """Factor of the matrix in balanced units, or None."""
+        assert self.matrix is not None
+        scaled = self.matrix.copy()
+        scaled.data *= self.balance[scaled.indices] * np.repeat(self.balance, np.diff(scaled.indptr))
+        return _factor(csc_matrix(scaled), free)
+
+    def _by_factor(self, right: Array) -> Array:
+        found: Array = self.balance * self.factor.solve(self.balance * right)
+        return found
 
     def forget(self) -> None:
         """Leave the factor, so that the next system makes its own."""
@@ -134,7 +149,7 @@ class LinearSolver:
         x, left = (right, np.inf) if self.factor is None else self._refined(right)
         if not left <= LINEAR_RESIDUAL:
             self.counts["pivoted"] += 1
-            self.factor = _factor(self.matrix, free=True)
+            self.factor = self._factor(free=True)
             if self.factor is None:
                 raise LinearFailed("the matrix of the flow is singular")
             x, left = self._refined(right)
@@ -145,12 +160,12 @@ class LinearSolver:
 
     def _refined(self, right: Array) -> tuple[Array, float]:
         """Solution, and its residual."""
-        x = self.factor.solve(right)
+        x = self._by_factor(right)
         left, remainder = self._residual(x, right)
         for _ in range(MOST_REFINEMENTS):
             if not left > ROUNDING:
                 break
-            better = x + self.factor.solve(remainder)
+            better = x + self._by_factor(remainder)
             new, other = self._residual(better, right)
             if not new < 0.5 * left:
                 break
@@ -164,6 +179,21 @@ class LinearSolver:
         remainder = right - self.matrix @ x
         scales = scales_of(self.sizes, x, right, self.kinds)
         return float(np.max(np.abs(relative(remainder, scales, self.kinds)), initial=0.0)), remainder
+
+
+def _balance(sizes: csc_matrix, kinds: Indices) -> Array:
+    """Units of velocity and pressure in which their blocks are alike, whatever those of the scene: two numbers.
+
+    Powers of two, so that no digit changes.
+    """
+    entries = sizes.tocoo()
+    row, column = kinds[entries.row], kinds[entries.col]
+    forces = float(np.max(entries.data[(row == 0) & (column == 0)], initial=0.0))
+    mixed = float(np.max(entries.data[row != column], initial=0.0))
+    if not forces or not mixed:
+        return np.ones(len(kinds))
+    units = np.array([-np.log2(forces) / 2, np.log2(forces) / 2 - np.log2(mixed)])
+    return np.asarray(np.exp2(np.round(units))[kinds])
 
 
 def _factor(matrix: csc_matrix, free: bool) -> Any:
