@@ -126,9 +126,9 @@ COMPRESSION = """
 The box is deformed in affine steps, with all particles and with the films as they are, and rests after each until the
 stress has settled: until it changes by less than 1 % of the pressure while all of the rest is doubled. Fractions are
 gone through in the order in which they are given, up and down; then, at the last, shear strains. What has not settled
-after 12 doublings is said so. At each fraction a small shear, from which nothing goes on, probes the shear modulus;
-fraction dp/dfraction is the bulk modulus. Where the pressure sets in is told: between which states, and where it
-extrapolates to 0. What the scene says of shear rate, end and outputs is left aside.
+after 12 doublings is said so. At each fraction two small shears, one each way, from which nothing goes on, probe the
+shear modulus, after as long a rest; fraction dp/dfraction is the bulk modulus. Where the pressure sets in is told:
+between which states, and where it extrapolates to 0. What the scene says of shear rate, end and outputs is left aside.
 
 examples:
   softdyn compress emulsion --fractions 'linspace(0.8,0.95,16)' --rest 100 --vary packing.fraction=0.78 \\
@@ -145,7 +145,9 @@ def _add_compress(add: Add) -> None:
     parser.add_argument("--fractions", metavar="VALUES", required=True, help="in their order, as the VALUES of --vary")
     parser.add_argument("--strains", metavar="VALUES", help="of shear, at the last fraction, likewise (default: none)")
     parser.add_argument("--rest", metavar="T", type=float, required=True, help="time of the first rest after a step")
-    parser.add_argument("--probe", metavar="STRAIN", type=float, default=1e-4, help="0 for none; default: %(default)s")
+    parser.add_argument(
+        "--probe", metavar="STRAIN", type=float, default=1e-3, help="of the modulus, 0 for none; default: %(default)s"
+    )
     _add_plot(parser)
 
 

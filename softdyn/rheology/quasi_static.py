@@ -1,7 +1,8 @@
 """Quasi-static compression and shear: affine steps of the box, each followed by rest until the stress has settled.
 
 Fractions are gone through in the order that is given, up and down; then, at the last of them, shear strains. At each
-state a small shear may probe the shear modulus, from which nothing goes on.
+fraction two small shears, one each way, may probe the shear modulus: half the difference of their stresses, after as
+long a rest as the state itself had, is free of what still creeps in both. Nothing goes on from them.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 SETTLED = 0.01
 #: Below this part of the largest pressure that was met, right after steps too, there is none.
 NONE = 1e-4
+#: Files of the probes, and the sign of their strain.
+PROBES = {"_probe": 1.0, "_probe_back": -1.0}
 #: The rest is doubled so often at most.
 DOUBLINGS = 12
 #: Steps of the fraction and of the strain at most: beyond, surfaces are pushed into one another.
@@ -111,7 +114,7 @@ def deformed(start: Mapping[str, Any], gradient: Array) -> dict[str, Any]:
     return found | {"tilt": float(moved[0, 1])}
 
 
-def rested(scene: ParticleScene, rest: float, largest: float) -> tuple[ParticleResult, bool, float]:
+def rested(scene: ParticleScene, rest: float, largest: float) -> tuple[ParticleResult, bool, float, float]:
     """Let a scene rest until its stress has settled.
 
     Parameters
@@ -131,6 +134,8 @@ def rested(scene: ParticleScene, rest: float, largest: float) -> tuple[ParticleR
         Whether it has settled.
     float
         Largest pressure met.
+    float
+        Time of all rest.
     """
     result = simulate_particles(replace(scene, until_t=rest, until_strain=None, times=[0.0, rest]))
     spent = rest
@@ -143,10 +148,10 @@ def rested(scene: ParticleScene, rest: float, largest: float) -> tuple[ParticleR
         before, after = (np.array([found[name][k] for name in ("pressure", "shear_stress", "N1")]) for k in (0, -1))
         scale = max(abs(after[0]), NONE * largest)
         if np.abs(after - before).max() <= SETTLED * scale:
-            return result, True, largest
+            return result, True, largest, spent
         if max(abs(before[0]), abs(after[0])) <= NONE * largest:
-            return result, True, largest
-    return result, False, largest
+            return result, True, largest, spent
+    return result, False, largest, spent
 
 
 def _with(scene: ParticleScene, start: Mapping[str, Any], time: float) -> ParticleScene:
@@ -192,20 +197,23 @@ def _go_through(run: Run) -> None:
             if kind == "strain":
                 gradient[0, 1] = value - strain
             moved = _with(scene, deformed(start, gradient), protocol.rest)
-            result, settled, largest = rested(moved, protocol.rest, largest)
-            _save(result, file, {"settled": settled, "largest_pressure": largest})
+            result, settled, largest, spent = rested(moved, protocol.rest, largest)
+            result = _saved(result, file, {"settled": settled, "largest_pressure": largest, "rested": spent})
         strain = value if kind == "strain" else strain
         start = from_result(result)
-        if kind == "fraction" and protocol.probe and not state_file(run, state, "_probe").is_file():
-            gradient = np.eye(d)
-            gradient[0, 1] = protocol.probe
-            probed, settled, _ = rested(_with(scene, deformed(start, gradient), protocol.rest), protocol.rest, largest)
-            _save(probed, state_file(run, state, "_probe"), {"settled": settled, "largest_pressure": largest})
+        for part, probe in PROBES.items() if kind == "fraction" and protocol.probe else ():
+            if not state_file(run, state, part).is_file():
+                gradient = np.eye(d)
+                gradient[0, 1] = probe * protocol.probe
+                probed = _with(scene, deformed(start, gradient), float(result.stats["rested"]))
+                simulate_particles(probed).save(state_file(run, state, part))
     result.save(run.result)
 
 
-def _save(result: ParticleResult, file: Path, stats: Mapping[str, Any]) -> None:
-    replace(result, stats={**result.stats, **stats}).save(file)
+def _saved(result: ParticleResult, file: Path, stats: Mapping[str, Any]) -> ParticleResult:
+    result = replace(result, stats={**result.stats, **stats})
+    result.save(file)
+    return result
 
 
 def _filled(scene: ParticleScene) -> float:
@@ -239,9 +247,9 @@ def protocol_curve(result: ParticleResult, run: Run) -> dict[str, Array]:
         row |= {"rattlers": float(rattlers(here).mean()), "settled": float(here.stats["settled"])}
         row["shear_modulus"] = math.nan
         if state < len(protocol.fractions) and protocol.probe:
-            probe = load_particles(state_file(run, state, "_probe"))
-            change = float(series(probe)["shear_stress"][-1]) - row["shear_stress"]
-            row["shear_modulus"] = change / protocol.probe
+            probed = [load_particles(state_file(run, state, part)) for part in PROBES]
+            forth, back = (float(series(probe)["shear_stress"][-1]) for probe in probed)
+            row["shear_modulus"] = (forth - back) / (2 * protocol.probe)
         rows.append(row)
     curve = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     compressed = len(protocol.fractions)
