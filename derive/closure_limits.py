@@ -63,6 +63,8 @@ from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.scalings import Part, SeveralLogarithmsError, settled, whole
 from softdyn.derive.witness import FAR, LASTING
 
+#: Why nothing is known of an ordering that contradicts itself.
+NO_SCALING = "no scaling has this ordering"
 #: Decades by which ratios have fallen along a path; paths that are drawn, and at most looked at.
 LEVELS, DRAWN, PATHS = (10, 20, 40), 400, 12
 #: Powers of eps that a symbol may go with, and digits that are enough for them.
@@ -203,7 +205,7 @@ def judged(closure: Closure, order: Ordered, quantity: str, value: Expr, claimed
             inside = settled(parts, compared, units)
             parts = [part for part, holds in inside if holds]
         if not parts:
-            raise UndecidedError("no scaling has this ordering")
+            raise UndecidedError(NO_SCALING)
         return [piece for _, piece in settled(parts, lambda part: _judge(part, quantity, value, claimed), units)]
 
     try:

@@ -24,11 +24,14 @@ from sympy import (
     Dummy,
     Eq,
     Expr,
+    Mul,
     Not,
     Piecewise,
+    Pow,
     Rational,
     S,
     Symbol,
+    expand_mul,
     log,
     piecewise_fold,
     powsimp,
@@ -54,12 +57,14 @@ from softdyn.derive.closure import (
     c,
     densest,
     dimensions_for,
+    eta,
     in_fractions,
     phi,
+    r,
     ranges_of,
     sample_values,
 )
-from softdyn.derive.closure_limits import Jump, Ordered, jumps_of, ordered, verdict_on
+from softdyn.derive.closure_limits import NO_SCALING, Jump, Ordered, jumps_of, ordered, verdict_on
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.limits import EFFORT, MORE_TERMS, Verdict, with_more_terms
 from softdyn.derive.patience import within
@@ -197,11 +202,12 @@ def discover_closure(closure: Closure, effort: int = EFFORT) -> ClosureDiagram:
     crossovers: list[ClosureCrossover] = []
     for case in cases_of(closure):
         with within(effort, OutOfEffortError), knowing_ranges(ranges_of(closure)):
-            regimes, line = _of_case(closure, case)
+            regimes, lines = _of_case(closure, case)
             regimes = [replace(regime, ends=_ends_of(closure, case, regime)) for regime in regimes]
+        for one, other, line in lines:
+            names = (str(len(found) + one), str(len(found) + other))
+            crossovers.append(ClosureCrossover(*names, case.condition, line))
         found += regimes
-        if len(regimes) == 2:
-            crossovers.append(ClosureCrossover(str(len(found) - 2), str(len(found) - 1), case.condition, line))
     named = _named(closure, found)
     crossovers = [replace(x, first=named[int(x.first)].name, second=named[int(x.second)].name) for x in crossovers]
     return ClosureDiagram(closure, tuple(named), tuple(crossovers), tuple(jumps_of(closure)), densest(closure))
@@ -257,18 +263,22 @@ def _reaches(closure: Closure, condition: Boolean, end: str) -> bool:
 # ------------------------------------------------------------------------------------------------------------ regimes
 
 
-def _of_case(closure: Closure, case: Case) -> tuple[list[ClosureRegime], Eq | None]:
-    """Regimes of one case, from small to large Re, and the line between two of them."""
+#: Regimes of one case, and for each pair that meets its places among these, and the line.
+OfCase = tuple[list[ClosureRegime], list[tuple[int, int, Eq | None]]]
+
+
+def _of_case(closure: Closure, case: Case) -> OfCase:
+    """Regimes of one case, from small to large Re, and the lines between them."""
     expr = case.expression
     nothing = ClosureRegime("", 0, case.condition, (), None, False, {}, "")
     whole_case = replace(nothing, form=Form(in_words(expr), expr), exact=True)
     if not expr.has(Re):
-        return [whole_case], None
+        return [whole_case], []
     reached = {
         side: any(applies(closure, case.condition, FAR**-side, fraction) for fraction in LOOKED_AT) for side in (1, -1)
     }
     if not any(reached.values()):
-        return [replace(whole_case, between=True)], None  # Re is of order one throughout
+        return [replace(whole_case, between=True)], []  # Re is of order one throughout
     forms: dict[int, Form | str] = {}
     for side in (1, -1):
         try:
@@ -282,11 +292,15 @@ def _of_case(closure: Closure, case: Case) -> tuple[list[ClosureRegime], Eq | No
             corrections = tuple(dict.fromkeys((*low.corrections, *high.corrections)))
             form = replace(low, corrections=corrections, resolved=low.resolved and high.resolved)
             towards = 0 if all(reached.values()) else 1 if reached[1] else -1
-            return [replace(nothing, towards=towards, form=form, exact=exact)], None
+            return [replace(nothing, towards=towards, form=form, exact=exact)], []
         line = _line(low.state / high.state)
     else:
         line = None
     kept = [side for side in (1, -1) if reached[side] or (line is not None and _lies_in(closure, case, line, side))]
+    if line is not None and len(kept) == 2 and isinstance(low, Form) and isinstance(high, Form):
+        middle = _between(closure, expr)
+        if middle:
+            return _in_a_row(nothing, [low, *middle, high])
     found = []
     for side in kept:
         form_ = forms[side]
@@ -303,7 +317,64 @@ def _of_case(closure: Closure, case: Case) -> tuple[list[ClosureRegime], Eq | No
                 undecided="" if isinstance(form_, Form) else form_,
             )
         )
-    return found, line
+    return found, [(0, 1, line)] if len(found) == 2 else []
+
+
+#: By how much the lines beside a regime between two others must differ somewhere, for it to be one.
+WIDE = 100
+
+
+def _between(closure: Closure, expr: Expr) -> list[Form]:
+    """Forms that hold between those at small and at large Re: terms of a sum of powers of Re that are the largest."""
+    powers: dict[Expr, Expr] = {}
+    for term in Add.make_args(expand_mul(expr)):
+        rest, dependent = powsimp(term).as_independent(Re, as_Add=False)
+        base, power = dependent.as_base_exp() if dependent != 1 else (Re, S.Zero)
+        if base != Re or not power.is_Rational:
+            return []
+        powers[power] = powers.get(power, S.Zero) + rest
+    values, ordered_powers = sample_values(closure), sorted(powers)
+    found = []
+    for power in ordered_powers[1:-1]:
+        for fraction in LOOKED_AT:
+            at = {**values, c: fraction, phi: 1 - fraction}
+            sizes = {p: rest.subs(at) for p, rest in powers.items()}
+            if not all(size.is_positive for size in sizes.values()):
+                return []
+            # where this term equals another one
+            lines = {p: float(sizes[p] / sizes[power]) ** (1 / float(power - p)) for p in powers if p != power}
+            low = max(line for p, line in lines.items() if p < power)
+            high = min(line for p, line in lines.items() if p > power)
+            if high > WIDE * low:
+                form = powers[power] * Re**power
+                others = tuple(in_words(_short(rest * Re**p / form)) for p, rest in powers.items() if p != power)
+                found.append(Form(in_words(form), form, others))
+                break
+    return found
+
+
+def _in_a_row(nothing: ClosureRegime, forms: Sequence[Form]) -> OfCase:
+    """Regimes of forms in the order of their powers of Re: each where it is larger than any other."""
+    lines = {(i, j): _line(forms[i].state / forms[j].state) for j in range(len(forms)) for i in range(j)}
+    regimes = []
+    for i, form in enumerate(forms):
+        beyond = [_sides(line.rhs, 1 if i == one else -1)[0] for (one, other), line in lines.items()
+                  if line is not None and i in (one, other)]  # fmt: skip
+        towards = 1 if i == 0 else -1 if i == len(forms) - 1 else 0
+        regimes.append(replace(nothing, towards=towards, conditions=tuple(beyond), form=form, between=not towards))
+    return regimes, [(i, j, line) for (i, j), line in lines.items() if j == i + 1 or _meets(forms, line, i)]
+
+
+def _meets(forms: Sequence[Form], line: Eq | None, one: int) -> bool:
+    """Whether two forms that are equal on a line are the largest ones there, no denser than spheres can be."""
+    for fraction in () if line is None else (x for x in LOOKED_AT if x >= Rational(1, 4)):
+        assert line is not None
+        at = {c: fraction, phi: 1 - fraction}
+        number = line.rhs.subs(at).evalf()
+        values = [form.state.subs({**at, Re: number, eta: 1, r: 1}).evalf() for form in forms]
+        if number.is_number and all(v.is_number and v <= values[one] * (1 + Rational(1, 10**9)) for v in values):
+            return True
+    return False
 
 
 def _sides(line: Expr, side: int) -> tuple[Condition, ...]:
@@ -326,7 +397,15 @@ def _line(ratio: Expr) -> Eq | None:
     base, power = dependent.as_base_exp()
     if base != Re or not power.is_Rational:
         return None
-    return Eq(Re, in_words((1 / rest) ** (1 / power)), evaluate=False)
+    number, others = (1 / rest).as_coeff_Mul()
+    root = in_words(others ** (1 / power))
+    # a number to a power of many digits is kept as it is
+    return Eq(Re, root if number == 1 else _times(Pow(number, 1 / power, evaluate=False), root), evaluate=False)
+
+
+def _times(number: Expr, root: Expr) -> Expr:
+    exact = number.exp.is_integer or number.exp.q == 2
+    return number.doit() * root if exact else Mul(number, root, evaluate=False) if root != 1 else number
 
 
 def _leading_form(closure: Closure, expr: Expr, symbol: Symbol, side: int) -> Form:
@@ -422,6 +501,8 @@ def _ends_of(closure: Closure, case: Case, regime: ClosureRegime) -> dict[str, E
             found[end] = End(end, small, None, "undecided", str(reason))
             continue
         verdict, reason_ = _uniform(closure, case, regime, (symbol, small, fraction), there)
+        if reason_ == NO_SCALING:
+            continue  # it does not go on to that end
         shown = Form(
             there.state.xreplace(written),
             there.state.xreplace(written),
@@ -465,7 +546,7 @@ def _named(closure: Closure, regimes: Sequence[ClosureRegime]) -> list[ClosureRe
         at = [
             i
             for i, regime in enumerate(regimes)
-            if regime.towards in (towards, 0) and (not end or end in regime.ends)
+            if regime.towards in (towards, 0) and (not end or end in regime.ends) and not (towards and regime.between)
             if towards != 0 or regime.towards == 0
         ]
         at = [i for i in at if not towards or _reached(closure, regimes[i], towards)]

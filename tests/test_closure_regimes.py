@@ -90,11 +90,25 @@ def test_where_re_is_of_order_one_a_case_stands_as_it_is():
     assert all(regime.exact for regime in between)
 
 
+def test_a_term_that_is_the_largest_between_is_a_regime():
+    # dilute, between Re = 16 and phi^-9.6, 0.15 Re^0.687 is the largest term of Tenneti's drag
+    diagram = diagram_of("tenneti")
+    viscous, between, _ = diagram.regimes
+    assert same(between.form.leading, 6 * pi * eta * r / c * Rational(15, 100) * (c * Re) ** Rational(687, 1000))
+    assert all(one.verdict == "proved" for regime in diagram.regimes for one in regime.ends.values())
+    assert viscous.ends["dilute"].name == "Stokes"
+    # in dense packings it is the largest nowhere
+    pairs = [("viscous", "between"), ("viscous", "inertial"), ("between", "inertial")]
+    assert [(x.first, x.second) for x in diagram.crossovers] == pairs
+    first = diagram.crossovers[0].line.rhs.subs({c: 1 - phi})
+    assert float(first.subs(phi, Rational(1, 10**15))) == pytest.approx((1 / 0.15) ** (1 / 0.687), rel=1e-4)
+
+
 def test_a_form_that_fails_at_an_end_is_told():
-    # dilute, between Re = 1 and phi^-3, 0.15 Re^0.687 is the largest term of Tenneti's drag
-    dilute = diagram_of("tenneti").regime("viscous").ends["dilute"]
-    assert dilute.verdict == "disproved"
-    assert "3*Re**(687/1000)/20" in dilute.reason
+    # where c vanishes, for 1 << Re << 1/c, Beetstra's denominator is large
+    dense = diagram_of("beetstra").regime("inertial").ends["dense"]
+    assert dense.verdict == "disproved"
+    assert "Re**(5/2)*c**(5/2)/1000" in dense.reason
 
 
 def test_viscosities_have_ends_dilute_and_dense():

@@ -24,6 +24,7 @@ from softdyn.mathtext import literal
 from softdyn.study.closure_plane import (
     DECADES,
     MOST,
+    NEAR,
     Array,
     Flags,
     errors_of,
@@ -198,6 +199,9 @@ def _lines(diagram: ClosureDiagram) -> Iterator[tuple[Array, Array, str]]:
         numbers = in_numbers(closure, one.line.rhs)(np.ones(FINE), grains)
         X = np.log10(np.asarray(numbers, float))
         shown = in_numbers(closure, one.case)(numbers, grains).astype(bool) & (DECADES[0] < X) & (DECADES[1] > X)
+        # where a third form is larger, the two do not meet
+        for name in (one.first, one.second):
+            shown &= margins(closure, diagram.regime(name), np.asarray(numbers, float), grains) > -NEAR
         written = to_latex(one.line.rhs)
         text = rf"$\mathrm{{Re}} = {written}$" if len(written) <= MOST_WRITTEN else ""
         yield X[shown], grains[shown], text
