@@ -21,10 +21,11 @@ the gradient of the pressure's test function, and along the flow (Brooks & Hughe
 (1982) 199; Hughes, Franca & Balestra, ibid. 59 (1986) 85):
 
     integral of tau (rho v . grad of the test velocity + grad of the test pressure) . R
-    1/tau^2 = (rho rate)^2 + 2 rho^2 v . G v + (eta* tr G + k)^2 ,     G = sum of grad lambda_i grad lambda_i ,
+    1/tau^2 = (rho rate)^2 + 2 rho^2 v . G v + (3 eta* tr G + k)^2 ,     G = sum of grad lambda_i grad lambda_i ,
 
-with lambda_i the linear shape functions, tr G = 4/h^2 of an equilateral triangle of side h, and k v = phi/V K v/c the
-drag. It is part of tau: without, a bed loses mass, for tau then exceeds what the drag lets the flow do.
+with lambda_i the linear shape functions, tr G = 4/h^2 of an equilateral triangle of side h, and k u = phi/V K u/c the
+drag of grains at rest. The 3 is that of Shakib, Hughes & Johan (ibid. 89 (1991) 141). Drag is part of tau: without, a
+bed loses mass, for tau then exceeds what the drag lets the flow do.
 """
 
 from __future__ import annotations
@@ -339,7 +340,7 @@ def averaged_flow(
         rest = Matrix([Symbol(f"rest{k}", real=True) for k in range(d)])
         tau = Symbol("tau", positive=True)
         along = 2 * (rho / c.value) ** 2 * dot(u.value, metric(d) * u.value)
-        quantities[tau] = 1 / sqrt((rho * rate) ** 2 + along + (viscosity * FINENESS + resistance) ** 2)
+        quantities[tau] = 1 / sqrt((rho * rate) ** 2 + along + (3 * viscosity * FINENESS + resistance) ** 2)
         quantities |= dict(zip(rest, balance, strict=True))
         terms["stabilisation"] = tau * dot(q.gradient + rho / c.value * v.gradient * u.value, rest)
     return WeakForm(

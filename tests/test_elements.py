@@ -186,7 +186,7 @@ class ByScikitFem:
         def time(w: Any) -> Any:
             eta, _, k, _ = closed(w)
             along = sum(dot(w.u / w.c, gradients[i]) ** 2 for i in range(self.d + 1))
-            return ((n["rho"] * n["rate"]) ** 2 + 2 * n["rho"] ** 2 * along + (eta * stiff + k) ** 2) ** -0.5
+            return ((n["rho"] * n["rate"]) ** 2 + 2 * n["rho"] ** 2 * along + (3 * eta * stiff + k) ** 2) ** -0.5
 
         def momentum(v: Any, w: Any) -> Any:
             eta, _, _, pull = closed(w)
