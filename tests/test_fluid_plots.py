@@ -88,6 +88,15 @@ def test_forces_are_drawn_over_time_on_what_nothing_flows_through() -> None:
     assert "t = 2" in figure.get_suptitle()
 
 
+def test_frames_of_a_run_that_has_not_ended_have_a_picture_without_forces() -> None:
+    result = flow(cylinder_mesh(around=16), 1, [0.0, 1.0])
+    for name in [name for name in result.arrays if name.startswith(("step_", "force_", "flux_"))]:
+        result.arrays[name] = result.arrays[name][:0]
+    figure = plot_fluid(result)
+    assert [axes.get_title(loc="left") for axes in figure.axes][:2] == ["speed $|u|$", "pressure"]
+    assert figure.get_suptitle() == f"{len(result.corners)} triangles, t = 1"
+
+
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_flow_in_space_is_drawn_as_a_slice_through_its_middle(order: int) -> None:
     mesh = box_mesh((2, 1, 0.5), (4, 4, 2))

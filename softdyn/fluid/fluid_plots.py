@@ -95,7 +95,7 @@ def plot_fluid(result: Result) -> Figure:
         ("pressure", result.p[-1], "RdBu_r"),
     ]
     panels += [("porosity", result.c[-1], "cividis")] if "c" in result.arrays else []
-    history = "step_t" in result.arrays and len(result.step_t) > 1
+    history = len(result.step_t) > 1
     walls = tight_boundaries(result) if history else []
     wide, high = picture.high - picture.low
     width = float(np.clip(4.4 * wide / high, 6.0, 11.0))
@@ -257,8 +257,9 @@ def draw_streamlines(axes: Axes, picture: Picture, u: Array) -> list[Artist]:
 
 
 def tight_boundaries(result: Result) -> list[str]:
-    """Names of the parts of the boundary that nothing flows through, at any time."""
-    names = [name for name in result.boundary_names.tolist() if f"flux_{name}" in result.arrays]  # not the periodic
+    """Names of the parts of the boundary that nothing flows through, at any time; none without a history."""
+    names = result.boundary_names.tolist() if len(result.step_t) else []
+    names = [name for name in names if f"flux_{name}" in result.arrays]  # not the periodic
     flows = {name: float(np.abs(result.arrays[f"flux_{name}"]).max()) for name in names}
     largest = max(flows.values(), default=0.0)
     return [name for name, flow in flows.items() if flow <= TIGHT * largest or largest == 0]
@@ -303,9 +304,9 @@ def _told(result: Result, picture: Picture) -> str:
     """Title of a picture: which flow, when, and forces on walls of one that is steady."""
     count, d = len(result.corners), result.at.shape[1]
     kind = "triangles" if d == 2 else "tetrahedra"
-    when = f"t = {result.t[-1]:.4g}" if "step_t" in result.arrays and len(result.step_t) > 1 else "steady"
+    when = "steady" if len(result) == len(result.step_t) == 1 else f"t = {result.t[-1]:.4g}"
     lines = [", ".join(part for part in (f"{count} {kind}", when, picture.where) if part)]
-    if when == "steady" and "boundary_names" in result.arrays:
+    if when == "steady":
         told = {name: result.arrays[f"force_{name}"][-1] for name in tight_boundaries(result)[:3]}
         least = STILL * max((float(np.abs(force).max()) for force in told.values()), default=0.0)
         forces = [
