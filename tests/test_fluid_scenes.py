@@ -139,10 +139,10 @@ def test_what_seeps_through_sand_is_the_same_in_each_section_and_follows_darcys_
 
 @pytest.mark.slow
 def test_vortices_part_from_the_cylinder_at_re_100_as_often_as_in_the_benchmark() -> None:
-    """Strouhal number and largest drag of 2D-2, on half of the cells of the stock scene."""
+    """Strouhal number, largest drag and lift of 2D-2, on fewer cells than the stock scene has."""
     scene = stock("cylinder_shedding")
-    result = simulate(replace(scene, mesh=replace(scene.mesh, around=48)))
-    late = result.step_t > 6
+    result = simulate(replace(scene, mesh=replace(scene.mesh, around=40), rtol=1e-3))
+    late = result.step_t > 4.5
     t, lift, drag = result.step_t[late], 20 * result.force_cylinder[late, 1], 20 * result.force_cylinder[late, 0]
     up = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
     crossings = t[up] - lift[up] * (t[up + 1] - t[up]) / (lift[up + 1] - lift[up])
