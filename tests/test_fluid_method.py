@@ -329,3 +329,24 @@ def test_a_step_that_cannot_be_made_is_an_error_that_tells_when() -> None:
     state = begun(growing, solver, np.array([1.0]), 2.0, stepping)
     with pytest.raises(IntegrationError, match=r"cannot go on at t=(1|0\.99\d*|1\.0\d*), however short"):
         march(growing, solver, state, 2.0, 2.0, stepping, lambda step: None)
+
+
+def test_blocks_solve_what_factors_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cavity in three dimensions, in time, whatever the units: and the same twice, to the last bit."""
+    pytest.importorskip("pyamg")
+    from softdyn.fluid import Boundary, FluidScene, MeshSection, krylov, simulate
+
+    walls = Boundary(["left", "right", "bottom", "front", "back"], velocity=[0.0] * 3)
+    scene = FluidScene(
+        density=1.0, viscosity=0.01, mesh=MeshSection(box=[1.0] * 3, cells=[3] * 3), until_t=0.1, dt=0.05, times=2,
+        boundary=[Boundary("top", velocity=[1.0, 0.0, 0.0]), walls],
+    )  # fmt: skip
+    by_factors = simulate(scene)
+    monkeypatch.setitem(krylov.LARGE, 3, 0)
+    one, other = simulate(scene), simulate(scene)
+    assert one.stats["linear_solver"] == "GMRES, by blocks"
+    assert one.stats["linear_pivoted"] == 0
+    assert one.u == pytest.approx(by_factors.u, abs=1e-9)
+    assert np.array_equal(one.u, other.u)
+    assert np.array_equal(one.p, other.p)
+    assert one.momentum_imbalance.max() < 1e-10

@@ -21,6 +21,7 @@ from softdyn.fluid.fields import fields_of, vectors_at
 from softdyn.fluid.flow_system import FluidSystem, prepared
 from softdyn.fluid.fluid_result import HISTORY, FlowFrame, FluidResult, frame_of, gather_flow
 from softdyn.fluid.fluid_scene import FluidScene
+from softdyn.fluid.krylov import LARGE, is_there
 from softdyn.fluid.linear_solvers import LinearSolver
 from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march
 from softdyn.fluid.newton import Solution
@@ -88,7 +89,7 @@ def simulate_fluid(
     """
     began = time.perf_counter()
     system = prepared(scene)
-    run = Run(system, measures_of(system), LinearSolver(system.unknowns.free_kinds), [])
+    run = Run(system, measures_of(system), solver_of(system), [])
     if scene.steady:
         return _steady(run, progress, began)
     checkpoint = None if checkpoint is None else Path(checkpoint)
@@ -123,6 +124,17 @@ def simulate_fluid(
     if checkpoint is not None and not keep:
         remove(checkpoint)
     return result
+
+
+def solver_of(system: FluidSystem) -> LinearSolver:
+    """Solver of the linear systems: factors, or from where these cost more, blocks, if pyamg is there for them.
+
+    Blocks are for elements of Taylor and Hood, and for velocities along axes alone.
+    """
+    kinds, basis, by_blocks = system.unknowns.free_kinds, system.unknowns.basis, system.velocity.order == 2
+    if len(kinds) < LARGE[system.dimension] or len(system.conditions.slipping) or not by_blocks or not is_there():
+        return LinearSolver(kinds)
+    return LinearSolver(kinds, basis.tocsc().indices // system.velocity.count)
 
 
 def _steady(run: Run, progress: Progress | None, began: float) -> FluidResult:
@@ -243,6 +255,7 @@ def _result(run: Run, began: float) -> FluidResult:
         **counts,
         **{f"linear_{name}": number for name, number in run.solver.counts.items()},
         "linear_residual": run.solver.worst,
+        "linear_solver": "SuperLU" if run.solver.axes is None else "GMRES, by blocks",
         "residual": worst.pop("step_residual"),
         **worst,
         "wall_s": time.perf_counter() - began,

@@ -84,6 +84,8 @@ class LinearSolver:
     ----------
     kinds : array of int, shape (unknowns,)
         0 of velocities, whose rows are forces; 1 of pressures, whose rows are fluxes.
+    axes : array of int, shape (unknowns,), optional
+        Along which axis each velocity is: with it, matrices are not factorised but solved by blocks.
     factor : object, optional
         That of the matrix.
     matrix, sizes : sparse matrix, optional
@@ -97,6 +99,7 @@ class LinearSolver:
     """
 
     kinds: Indices
+    axes: Indices | None = None
     factor: Any = None
     matrix: csc_matrix | None = None
     sizes: csc_matrix | None = None
@@ -119,14 +122,19 @@ class LinearSolver:
         if not np.isfinite(matrix.data).all():
             raise LinearFailed("the matrix of the flow holds entries that are no numbers")
         self.balance = _balance(self.sizes, self.kinds)
-        self.factor = self._factor(free=False)
+        self.factor = self._factor(free=False, by_blocks=self.axes is not None)
 
-    def _factor(self, free: bool) -> Any:
-        """Factor of the matrix in balanced units, or None."""
+    def _factor(self, free: bool, by_blocks: bool) -> Any:
+        """Factor of the matrix in balanced units, or what solves by blocks; None if there is none."""
         assert self.matrix is not None
         scaled = self.matrix.copy()
         scaled.data *= self.balance[scaled.indices] * np.repeat(self.balance, np.diff(scaled.indptr))
-        return _factor(csc_matrix(scaled), free)
+        if not by_blocks:
+            return _factor(csc_matrix(scaled), free)
+        from softdyn.fluid.krylov import block_solver
+
+        assert self.axes is not None
+        return block_solver(csc_matrix(scaled), self.kinds, self.axes)
 
     def _by_factor(self, right: Array) -> Array:
         found: Array = self.balance * self.factor.solve(self.balance * right)
@@ -149,7 +157,8 @@ class LinearSolver:
         x, left = (right, np.inf) if self.factor is None else self._refined(right)
         if not left <= LINEAR_RESIDUAL:
             self.counts["pivoted"] += 1
-            self.factor = self._factor(free=True)
+            # by blocks it is the direct solution that is left, in the order that there is
+            self.factor = self._factor(free=self.axes is None, by_blocks=False)
             if self.factor is None:
                 raise LinearFailed("the matrix of the flow is singular")
             x, left = self._refined(right)
@@ -163,7 +172,7 @@ class LinearSolver:
         x = self._by_factor(right)
         left, remainder = self._residual(x, right)
         for _ in range(MOST_REFINEMENTS):
-            if not left > ROUNDING:
+            if not left > (ROUNDING if self.axes is None else 0.1 * LINEAR_RESIDUAL):
                 break
             better = x + self._by_factor(remainder)
             new, other = self._residual(better, right)
