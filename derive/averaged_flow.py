@@ -7,25 +7,25 @@ of the two, v and v^s their velocities, and
     rho (du/dt + div(u u/c)) = -c grad p + div(2 eta* D(u + us)) + phi/V K (v^s - v) + c f .
 
 eta* is the viscosity of the mixture, K (v^s - v) the drag on the fluid of each grain, of volume V, f a force per volume
-of fluid: rho g and what else there is. The pressure is shared: grains feel -V grad p (Anderson & Jackson, Ind. Eng.
-Chem. Fundam. 6 (1967) 527; Jackson, The Dynamics of Fluidized Particles, 2000). D is that of the mixture, for it is
-sheared as a whole. Without grains, c = 1, these are the equations of Navier and Stokes.
+of fluid: rho g and what else there is. The pressure is shared: grains feel -V grad p (Anderson & Jackson, 1967;
+Jackson, The Dynamics of Fluidized Particles, 2000). D is that of the mixture, for it is sheared as a whole. Without
+grains, c = 1, these are the equations of Navier and Stokes.
 
 In the weak form all of the flux of momentum is integrated by parts, so that the residual of a node at a boundary is the
 force on the fluid there, and the momentum that it carries in; residuals add up to the balance of momentum exactly.
 Where fluid leaves, :func:`outlet` is integrated over the facets.
 
-Elements: velocity of order 2 and pressure of order 1 (Taylor & Hood, Comput. Fluids 1 (1973) 73), or both of order 1,
-which alone is unstable. Then the residual of the momentum balance, R, in which second derivatives vanish, is tested by
-the gradient of the pressure's test function, and along the flow (Brooks & Hughes, Comput. Methods Appl. Mech. Eng. 32
-(1982) 199; Hughes, Franca & Balestra, ibid. 59 (1986) 85):
+Elements: velocity of order 2 and pressure of order 1 (Taylor & Hood, 1973), or both of order 1, which alone is
+unstable. Then the residual of the momentum balance, R, in which second derivatives vanish, is tested by the gradient of
+the pressure's test function, and along the flow (Brooks & Hughes, 1982; Hughes, Franca & Balestra, Comput. Methods
+Appl. Mech. Eng. 59 (1986) 85):
 
     integral of tau (rho v . grad of the test velocity + grad of the test pressure) . R
     1/tau^2 = (rho rate)^2 + 2 rho^2 v . G v + (3 eta* tr G + k)^2 ,     G = sum of grad lambda_i grad lambda_i ,
 
 with lambda_i the linear shape functions, tr G = 4/h^2 of an equilateral triangle of side h, and k u = phi/V K u/c the
-drag of grains at rest. The 3 is that of Shakib, Hughes & Johan (ibid. 89 (1991) 141). Drag is part of tau: without, a
-bed loses mass, for tau then exceeds what the drag lets the flow do.
+drag of grains at rest. The 3 is that of Shakib, Hughes & Johan (1991). Drag is part of tau: without, a bed loses
+mass, for tau then exceeds what the drag lets the flow do.
 """
 
 from __future__ import annotations
@@ -363,7 +363,7 @@ def outlet(dimension: int, order: int, *, mixture: Closure | None = None) -> Wea
 
     The traction is that of developed flow, -pressure n + eta* d(u + us)/dn. Fluid that leaves carries its momentum out.
     Where it comes in, it brings half of it, so that no kinetic energy is made there: then p + rho v^2/2 is given
-    (Bruneau & Fabrie, Int. J. Numer. Methods Fluids 19 (1994) 693; Braack & Mucha, J. Comput. Math. 32 (2014) 507).
+    (Bruneau & Fabrie, 1994; Braack & Mucha, 2014).
 
     Its coefficients are c, us and pressure, its parameters rho and eta, and those of the closure.
     """

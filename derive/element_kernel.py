@@ -88,12 +88,11 @@ def element_ir(form: WeakForm, needs: ElementNeeds, rules: tuple[Rule, ...] = RU
     kept = [flux_of(*place) for place in fluxes]
     whole = [*kept, *(entry_of(*place) for place in slopes)]
     left = _used(whole, equations)
-    varying = [
-        one
-        for one in form.coefficients
-        if left & {s for row in one.slots for s in row} and one.name not in needs.uniform
-    ]
-    uniform = [s for one in form.coefficients if one.name in needs.uniform for s in one.values if s in left]
+    # one number stands for all nodes where no gradient is left, as the rule for what is uniform sees to
+    sloping = {one.name for one in form.coefficients if left & {s for row in one.gradients for s in row}}
+    constant = [one for one in form.coefficients if one.name in needs.uniform and one.name not in sloping]
+    varying = [one for one in form.coefficients if one not in constant and left & {s for row in one.slots for s in row}]
+    uniform = [s for one in constant for s in one.values if s in left]
     numbers = [*uniform, *(own_symbol(symbol) for symbol in form.parameters if own_symbol(symbol) in left)]
     arrays = {
         "fields": [s.name for slots in slots_of(form.fields) for s in slots],

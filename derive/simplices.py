@@ -4,10 +4,9 @@ Places in a simplex are told by barycentric coordinates lambda_0 ... lambda_d. W
 the measure, all positive. Up to degree 6 rules are symmetric in the corners, so that nothing depends on how these are
 numbered; beyond there are products of Gauss and Jacobi, on the simplex as a collapsed cube.
 
-Sources: Cowper, Int. J. Numer. Methods Eng. 7 (1973) 405 (triangles, degrees 2 and 4); Radon, Monatsh. Math. 52 (1948)
-286 (5); Dunavant, Int. J. Numer. Methods Eng. 21 (1985) 1129 (6); Keast, Comput. Methods Appl. Mech. Eng. 55
-(1986) 339 (tetrahedra, 2, 5 and 6); Zienkiewicz & Taylor, The Finite Element Method (tetrahedra, 3). The digits of
-those of degree 6 were found by Newton's method on the moments.
+Sources: Cowper, 1973 (triangles, degrees 2 and 4); Radon, 1948 (5); Dunavant, 1985 (6); Keast, 1986 (tetrahedra, 2, 5
+and 6); Zienkiewicz & Taylor, The Finite Element Method (tetrahedra, 3). All are held to the moments that they claim by
+tests; the digits of those of degree 6 were found by Newton's method on these.
 """
 
 from __future__ import annotations
