@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from typing import NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import softdyn
-from softdyn import templates
+from softdyn import pair_layout, templates
 from softdyn.derive import bessel, special, splines
 from softdyn.derive.elementary import constants, nested, used_functions
 from softdyn.derive.kernel_form import KernelIR, Provenance, operations_of, total_operations
@@ -44,6 +45,30 @@ def write(ir: KernelIR, target: str) -> Written:
     safe = header(ir).replace("*/", "* /").replace("\\", "\\\\").replace('"""', "'''")
     values = {"ir": ir, "header": safe, "body": with_functions(body, target)}
     return Written(render_part(f"{target}/{ir.kind}{ending}.j2", values), ending, signatures(body, ir.name))
+
+
+def companions(ir: KernelIR, target: str, stem: str, values: Mapping[str, str]) -> dict[str, str]:
+    """Files beside a kernel's source, by what follows ``stem`` in their names: in C a header and an example.
+
+    Parameters
+    ----------
+    ir : KernelIR
+    target : str
+    stem : str
+        Name of the source file, without its ending.
+    values : mapping from str to str
+        Of the kernel's parameters, as the example has them.
+    """
+    own = f"{target}/{ir.kind}"
+    names = [name for name in _environment().list_templates() if name.startswith((f"{own}_", f"{own}."))]
+    names.remove(f"{own}{suffix(target)}.j2")
+    if not names:
+        return {}
+    heads = rf"^(?:void|int64_t|double) {ir.name}_\w+\(.*\)$"
+    prototypes = [line.replace("restrict ", "") for line in re.findall(heads, emit(ir, target), flags=re.MULTILINE)]
+    given = {"ir": ir, "stem": stem, "header": header(ir).replace("*/", "* /"), "values": values}
+    given |= {"prototypes": prototypes, "layout": pair_layout}
+    return {name.removeprefix(own).removesuffix(".j2"): render_part(name, given) for name in names}
 
 
 def write_enclosures(target: str) -> Written:

@@ -219,6 +219,9 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
     static = "static inline " if node.name.startswith("_") else ""
     lines.append(f"{static}{returns} {node.name}({', '.join(arguments)})")
     lines.append("{")
+    read = {child.id for child in ast.walk(node) if isinstance(child, ast.Name)}
+    # what only some kernels of a kind use
+    lines += [f"    (void){argument.arg};" for argument in node.args.args if argument.arg not in read]
     hoisted = _hoisted(body, state)
     for name, kind in hoisted.items():
         lines.append(f"    {C_TYPES[kind]} {name};")

@@ -8,11 +8,12 @@ import math
 import re
 import signal
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import softdyn
 from softdyn.citation import citation
@@ -22,6 +23,9 @@ from softdyn.laws import law_or_closure_of
 from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
 from softdyn.targets import CHOICES, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
+
+if TYPE_CHECKING:
+    from softdyn.derive.kernel_form import KernelIR
 
 EXAMPLES = """
 LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Python, and is run.
@@ -598,21 +602,27 @@ def _generate(options: argparse.Namespace) -> int:
         return _generate_stock(options)
     if options.law is None or options.target is None or options.check:
         raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
+    from softdyn.derive.emit import companions, write
     from softdyn.results.whole_files import written_whole
 
-    manifest, kind = _manifest(options)
+    ir, values = _kernel(options)
+    written = write(ir, options.target)
     text = sys.stderr if options.folder is None else sys.stdout
-    for rule, before, after in manifest["savings"]:
-        print(f"{rule}: {before} -> {after} operations, {before - after} saved", file=text)
-    if not manifest["savings"]:
+    for saving in ir.savings:
+        saved = f"{saving.before} -> {saving.after} operations, {saving.before - saving.after} saved"
+        print(f"{saving.rule}: {saved}", file=text)
+    if not ir.savings:
         print("nothing left out", file=text)
     if options.folder is None:
-        print(manifest["source"], end="")
+        print(written.text, end="")
         return 0
-    path = options.folder / f"{_kernel_name(manifest['name'], kind, options)}{manifest['suffix']}"
-    with written_whole(path) as temporary:
-        temporary.write_text(manifest["source"], encoding="utf-8")
-    print(f"wrote {path}")
+    stem = _kernel_name(ir.name, "contacts" if ir.kind == "contacts" else "", options)
+    beside = companions(ir, options.target, stem, values)
+    for ending, content in {written.suffix: written.text, **beside}.items():
+        path = options.folder / f"{stem}{ending}"
+        with written_whole(path) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+        print(f"wrote {path}")
     return 0
 
 
@@ -624,25 +634,25 @@ def _kernel_name(law: str, kind: str, options: argparse.Namespace) -> str:
     return re.sub(r"\W", "_", "_".join([law, *scene, *fixed, *([kind] if kind else [])]))
 
 
-def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    """The kernel that ``generate`` asks for, and "contacts" if it is that of many particles."""
+def _kernel(options: argparse.Namespace) -> tuple[KernelIR, dict[str, str]]:
+    """The kernel that ``generate`` asks for, and values of its parameters: the scene's, or typical ones."""
     from softdyn.api import read_scene
-    from softdyn.kernels import make_manifest
-    from softdyn.laws import find
+    from softdyn.derive.contact_equations import ContactNeeds
+    from softdyn.derive.contact_kernel import contact_ir
+    from softdyn.derive.law import typical_values
+    from softdyn.derive.pair_equations import Needs
+    from softdyn.derive.pair_kernel import kernel_ir
+    from softdyn.laws import find, load
     from softdyn.scene.pair_scene import Scene
 
-    scene = None if options.scene is None else read_scene(options.scene)
-    needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
-    if isinstance(scene, Scene):
-        from softdyn.pair.pair_run import kernel_needs as pair_needs
-        from softdyn.scene.pair_drive import drive_of
-        from softdyn.scene.pair_scene import check_scene
-
-        check_scene(scene)
-        needs = pair_needs(scene, drive_of(scene))
-    elif scene is not None:
+    scene = None if options.scene is None else read_scene(_scene_file(options.scene))
+    law, _ = load(find(options.law))
+    values = defaultdict(lambda: "1.0", nu="0.5", size_ratio="0.25")
+    values |= {symbol.name: repr(float(value)) for symbol, value in typical_values(law).items()}
+    given = {} if scene is None else getattr(scene, "parameters", {})
+    values |= {name: repr(float(value)) for name, value in given.items() if isinstance(value, (int, float))}
+    if scene is not None and not isinstance(scene, Scene):
         from softdyn.particles import ParticleScene
-        from softdyn.particles.contact_kernels import contact_manifest
         from softdyn.particles.particle_run import kernel_needs
         from softdyn.particles.particle_scene import check
 
@@ -650,8 +660,16 @@ def _manifest(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
             raise SceneError("a fluid has no law: its kernels are of elements, and are made where it runs")
         if options.fix:
             raise SceneError("--fix is for kernels of two particles: of many, parameters are given as numbers anyway")
-        return contact_manifest(find(options.law), options.target, kernel_needs(check(scene))), "contacts"
-    return make_manifest(find(options.law), options.target, {**needs, "fixed": _fixed(options.fix)}), ""
+        return contact_ir(law, ContactNeeds(**kernel_needs(check(scene)))), values
+    needs: dict[str, Any] = {"drive": "table", "deflection": "either", "outputs": None}
+    if scene is not None:
+        from softdyn.pair.pair_run import kernel_needs as pair_needs
+        from softdyn.scene.pair_drive import drive_of
+        from softdyn.scene.pair_scene import check_scene
+
+        check_scene(scene)
+        needs = pair_needs(scene, drive_of(scene))
+    return kernel_ir(law, Needs(**{**needs, "fixed": _fixed(options.fix)})), values
 
 
 def _fixed(pairs: Sequence[str]) -> dict[str, str]:

@@ -274,6 +274,7 @@ static inline void _newton(int64_t i, int64_t n, double delta, double F, const d
 /* w[i] = d(ln h)/dt (eq. 7). */
 static inline void _gap_rate(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict w, const double *restrict out)
 {
+    (void)out;
     const double R = p[0];
     const double eta = p[2];
     const double x0 = R + h;
@@ -405,6 +406,7 @@ static inline double _solve_delta(double h, double F, double guess, const double
 /* What is given, and its rate of change, at the time t: w[0] and w[1]. */
 static inline void _drive(double t, const double *restrict c, double *restrict w)
 {
+    (void)t;
     w[0] = c[0];
     w[1] = 0.0;
 }
@@ -412,6 +414,7 @@ static inline void _drive(double t, const double *restrict c, double *restrict w
 /* What the integration needs of the drive at the time t: its value. */
 static inline double _given(double t, const double *restrict c)
 {
+    (void)t;
     return c[0];
 }
 

@@ -114,6 +114,7 @@ static inline void _newton(int64_t i, int64_t n, double delta, double F, const d
 /* w[i] = d(ln h)/dt (eq. 7). */
 static inline void _gap_rate(int64_t i, double h, double delta, double F, const double *restrict p, double *restrict w, const double *restrict out)
 {
+    (void)out;
     const double R = p[0];
     const double eta = p[2];
     const double x0 = R + h;

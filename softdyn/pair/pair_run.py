@@ -22,6 +22,7 @@ from softdyn.expression import pieces
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.quadrature import integrate_constant_force
 from softdyn.pair.states import deflection, drive_at, evaluate, initial_deflection
+from softdyn.pair_layout import AT, STATE
 from softdyn.results.origin import origin_now
 from softdyn.results.pair_result import Event, PairResult
 from softdyn.scene.pair_drive import Drive, drive_of
@@ -347,15 +348,15 @@ def _integrate(
     if status not in (0, 1):
         raise IntegrationError(_what_happened(status, scene, rtol, state, kernel))
     stats = {
-        "method": _method(drive, int(state[4]), int(state[14])),
-        "steps": int(state[4]),
-        "rejected": int(state[5]),
-        "evaluations": int(8 * state[6] + state[7]),
-        "stiffness": float(state[10]),
+        "method": _method(drive, int(state[AT["accepted"]]), int(state[AT["steps_in_gap"]])),
+        "steps": int(state[AT["accepted"]]),
+        "rejected": int(state[AT["rejected"]]),
+        "evaluations": int(8 * state[AT["iterations"]] + state[AT["single_rates"]]),
+        "stiffness": float(state[AT["fastest"]]),
         "rtol": rtol,
     }
-    if state[17] > 0:
-        stats |= {"unresolved": int(state[17]), "unresolved_from": float(state[18])}
+    if state[AT["unresolved"]] > 0:
+        stats |= {"unresolved": int(state[AT["unresolved"]]), "unresolved_from": float(state[AT["unresolved_from"]])}
     return steps, "h" if status == 1 else "t", stats
 
 
@@ -376,13 +377,14 @@ def integrate_steps(
     -------
     steps : array, shape (steps, numbers of a step)
     state : array, shape (21,)
-        As the kernel left it, and last its status: 0 at the time, 1 past ln h, else why it ended.
+        As the kernel left it (:data:`softdyn.pair_layout.STATE`), and last its status: 0 at the time, 1 past ln h,
+        else why it ended.
     """
     t_end, u_stop = ends
-    state = np.zeros(20)
+    state = np.zeros(len(STATE))
     state[:3] = drive.start, math.log(start[0]), start[1]
-    state[12] = math.inf
-    state[13] = float(method == "auto")
+    state[AT["longest"]] = math.inf
+    state[AT["in_gap"]] = float(method == "auto")
     width = kernel.width
     recorded: list[Array] = []
     for interval in _intervals(drive, t_end):
@@ -391,9 +393,9 @@ def integrate_steps(
         while status == 2:
             chunk = np.empty(capacity * width)
             status = kernel.functions.integrate(interval.end, u_stop, rtol, p, *arguments, capacity, state, chunk)
-            recorded.append(chunk[: int(state[9]) * width].reshape(-1, width))
+            recorded.append(chunk[: int(state[AT["recorded"]]) * width].reshape(-1, width))
             if progress is not None:
-                progress(float(state[0]), math.exp(min(state[1], 700.0)))
+                progress(float(state[AT["t"]]), math.exp(min(state[AT["u"]], 700.0)))
             if status == 2:
                 status, capacity = _stuck(state, most), CHUNK
         if status != 0:
@@ -401,8 +403,10 @@ def integrate_steps(
         if interval.kink and len(recorded[-1]):
             recorded[-1][-1, 2] = KINK
         if interval.doubtful:
-            state[18] = state[0] if state[17] == 0 else state[18]
-            state[17] += 1
+            state[AT["unresolved_from"]] = (
+                state[AT["t"]] if state[AT["unresolved"]] == 0 else state[AT["unresolved_from"]]
+            )
+            state[AT["unresolved"]] += 1
     return recorded[0] if len(recorded) == 1 else np.concatenate(recorded), np.append(state, status)
 
 
@@ -427,10 +431,10 @@ TOO_MANY, RUNAWAY = -10, -11
 
 def _stuck(state: Array, most: float) -> int:
     """Status of a run that has not ended: 2 to go on."""
-    if state[4] + state[5] > most:
+    if state[AT["accepted"]] + state[AT["rejected"]] > most:
         return TOO_MANY
     # ln h at which h overflows, or vanishes, in double precision
-    return 2 if abs(state[1]) < 690 else RUNAWAY
+    return 2 if abs(state[AT["u"]]) < 690 else RUNAWAY
 
 
 def _what_happened(status: int, scene: Scene, rtol: float, state: Array, kernel: Kernel) -> str:
@@ -452,7 +456,7 @@ def _what_happened(status: int, scene: Scene, rtol: float, state: Array, kernel:
     else:
         long = "the equation is stiff there, or the force varies fast; ask for a shorter time or a larger rtol"
     slow = "the gap hardly moves, since the force vanishes or is balanced, or the friction diverges"
-    slow = "the gap settles on a film, where F_adh balances the force" if state[11] else slow
+    slow = "the gap settles on a film, where F_adh balances the force" if state[AT["settled"]] else slow
     why = f"{'the force moves the gap the other way' if away else slow}; {end_by_time}"
     reasons = {
         3: f"the table ends {where}{toward}; extend it, or end the run earlier",
