@@ -73,7 +73,7 @@ def test_the_scenes_of_a_page_are_read(page: str, tmp_path: Path) -> None:
 def commands(page: str) -> list[str]:
     text = "\n".join(snippets(page, "sh")).replace("\\\n", " ")
     # what stands after && or ; is a command of its own
-    lines = [part.strip() for line in text.splitlines() for part in re.split(r"&&|;", line.split("  #")[0])]
+    lines = [part.strip() for line in text.splitlines() for part in re.split(r"&&|;", re.split(r"\s#", line)[0])]
     return [line.split(" > ")[0] for line in lines if line.startswith("softdyn ")]
 
 
