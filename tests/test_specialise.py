@@ -100,7 +100,7 @@ def test_each_rule_saves_operations() -> None:
         ir_of("rognon_gay", control="velocity"),
         contact_ir(rognon_gay, ContactNeeds()),
         contact_ir(equal_spheres, ContactNeeds(tangential=True)),
-        element_ir(averaged_flow(2, 1), ElementNeeds(("us",), ("past",), ("c",))),
+        element_ir(averaged_flow(2, 1), ElementNeeds(("us",), ("rho",), ("c",))),
     ]
     assert {rule for ir in made for rule in rules_of(ir)} == {rule.name for rule in RULES}
     for saving in (saving for ir in made for saving in ir.savings):
