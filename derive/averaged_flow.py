@@ -24,8 +24,9 @@ Appl. Mech. Eng. 59 (1986) 85):
     1/tau^2 = (rho rate)^2 + 2 rho^2 v . G v + (3 eta* tr G + k)^2 ,     G = sum of grad lambda_i grad lambda_i ,
 
 with lambda_i the linear shape functions, tr G = 4/h^2 of an equilateral triangle of side h, and k u = phi/V K u/c the
-drag of grains at rest. The 3 is that of Shakib, Hughes & Johan (1991). Drag is part of tau: without, a bed loses
-mass, for tau then exceeds what the drag lets the flow do.
+drag of grains at rest. With the 3, flows with known solutions reach the order of linear elements; with 1 they do not
+(tests/test_flow_orders.py). Drag is part of tau: without, a bed loses mass, for tau then exceeds what the drag lets the
+flow do.
 """
 
 from __future__ import annotations

@@ -51,12 +51,13 @@ def scenes(page: str) -> list[dict[str, Any]]:
     """Scenes of a page; a block without a law or a fluid is what the scene before may say instead."""
     found: list[dict[str, Any]] = []
     for data in map(tomllib.loads, snippets(page, "toml")):
-        found.append(data if "law" in data or is_fluid_scene(data) else {**found[-1], **data})
+        found.append(data if {"law", "mesh"} & set(data) else {**found[-1], **data})
     return found
 
 
 @pytest.mark.parametrize("page", [name for name in NAMES if snippets(name, "toml")])
 def test_the_scenes_of_a_page_are_read(page: str, tmp_path: Path) -> None:
+    (tmp_path / "forces.py").write_text("\n".join(snippets(page, "python")))  # as a page may call its file
     for data in scenes(page):
         if is_particle_scene(data):
             packing = {**data["packing"], "count": min(100, data["packing"].get("count", 100))}
