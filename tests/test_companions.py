@@ -40,9 +40,9 @@ def printed(folder: Path, stem: str, compiler: str) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_the_example_of_a_law_gives_what_the_kernel_gives_here(compiler: str, tmp_path: Path) -> None:
-    stem = lifted(tmp_path, "dlvo")
+    stem = lifted(tmp_path, "rognon_gay")
     found = printed(tmp_path, stem, compiler)
-    kernel = get_kernel("dlvo", "c", drive="table")
+    kernel = get_kernel("rognon_gay", "c", drive="table")
     text = (tmp_path / f"{stem}_example.c").read_text()
     p = np.array([float(re.search(rf"\.{name} = ([^,}}]+)", text)[1]) for name in kernel.parameters])  # type: ignore[index]
     F, still = np.full(3, 1e-3), np.zeros(3)

@@ -47,8 +47,11 @@ def test_all_points_of_the_mesh_are_inside_and_those_outside_in_no_element(mesh:
 
 
 def test_a_point_within_the_cylinder_is_in_no_element() -> None:
+    """It is a polygon of the circle's area, with corners a little outside of the circle, and sides inside."""
     mesh = MESHES["cylinder"]
-    element, _ = located(locator(mesh.at, mesh.corners), np.array([[0.2, 0.2], [0.2, 0.249], [0.2, 0.2501]]))
+    radius = max(np.linalg.norm(mesh.at[np.unique(mesh.boundaries["cylinder"])] - 0.2, axis=1))
+    points = np.array([[0.2, 0.2], [0.2, 0.249], [0.2, 0.2 + 1.001 * radius]])
+    element, _ = located(locator(mesh.at, mesh.corners), points)
     assert list(element >= 0) == [False, False, True]
 
 

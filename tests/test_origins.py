@@ -116,7 +116,7 @@ def test_a_law_that_was_an_object_cannot_be_found_again(tmp_path: Path) -> None:
     ("change", "words"),
     [
         (lambda about: about.update(format=2), "of version 2, which a later softdyn writes: this one reads up to 1"),
-        (lambda about: about.update(kind="fluid"), "of the kind 'fluid', which a later softdyn writes"),
+        (lambda about: about.update(kind="plasma"), "of the kind 'plasma', which a later softdyn writes"),
         (lambda about: about.update(origin=3), "what it says of the scene that made it is none"),
         (lambda about: about["origin"]["scene"].update(colour=1), "has 'colour', which this version does not know"),
         (
