@@ -90,7 +90,7 @@ Command = Callable[[argparse.Namespace], int]
 def _goes_on(options: argparse.Namespace) -> str:
     """How an interrupted command goes on, if it left something to go on from."""
     if getattr(options, "command", None) is _bench:
-        kept = options.folder / f"{'particles' if options.what == 'particles' else 'bench'}.partial.txt"
+        kept = options.folder / f"{'bench' if options.what == 'pair' else options.what}.partial.txt"
         return f"; what it has measured is in {kept}" if kept.exists() else ""
     output = getattr(options, "output", None)
     if output is None:
@@ -290,7 +290,11 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
     bench.add_argument(
-        "what", nargs="?", choices=("pair", "particles"), default="pair", help="what to measure (default: %(default)s)"
+        "what",
+        nargs="?",
+        choices=("pair", "particles", "fluid"),
+        default="pair",
+        help="what to measure (default: %(default)s)",
     )
     bench.add_argument(
         "-o",
@@ -918,6 +922,10 @@ def _bench(options: argparse.Namespace) -> int:
         from softdyn.particles.step_times import bench_particles
 
         return bench_particles(options.folder)
+    if options.what == "fluid":
+        from softdyn.bench.fluid_bench import bench_fluid
+
+        return bench_fluid(options.folder)
     from softdyn.bench.pair_bench import main
 
     return main(options.folder)

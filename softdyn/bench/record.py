@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import softdyn
-from softdyn.results.whole_files import written_whole
+from softdyn.results.whole_files import require_folder, written_whole
 
 
 def heading(command: str, versions: dict[str, str]) -> dict[str, Any]:
@@ -29,6 +30,35 @@ def _processor() -> str:
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or "unknown processor"
+
+
+@contextmanager
+def told(folder: Path, name: str) -> Iterator[Callable[[str], None]]:
+    """Tell line by line what ``softdyn bench NAME`` measures, on stdout and in ``NAME.txt`` in a folder.
+
+    Until all is there the file is ``NAME.partial.txt``.
+
+    Raises
+    ------
+    SceneError
+        If the folder cannot be written to, which is seen before anything is measured.
+    """
+    require_folder(folder)
+    partial = folder / f"{name}.partial.txt"
+    command = f"softdyn bench {name}"
+    lines = [f"{command}, {{made}}, {{machine}}".format(**heading(command, {}))]
+
+    def tell(line: str) -> None:
+        print(line, flush=True)
+        lines.append(line)
+        with written_whole(partial) as temporary:
+            text = "\n".join([lines[0], "PARTIAL: not all is measured", *lines[1:]])
+            temporary.write_text(text + "\n", encoding="utf-8")
+
+    yield tell
+    with written_whole(folder / f"{name}.txt") as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    partial.unlink(missing_ok=True)
 
 
 def partial_record(folder: Path, name: str) -> Path:

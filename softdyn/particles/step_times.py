@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
-from softdyn.bench.record import heading
+from softdyn.bench.record import told
 from softdyn.particles import linear
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.force_balance import Newton, contact_forces
@@ -30,7 +30,6 @@ from softdyn.particles.particle_run import prepare
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import contact_state
-from softdyn.results.whole_files import require_folder, written_whole
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
@@ -281,26 +280,19 @@ def time_solvers(matrix: bsr_array, d: int) -> dict[str, float]:
 
 
 def bench_particles(folder: Path) -> int:
-    """Measure, and tell one line for each figure, on stdout and in ``particles.txt`` in a folder.
-
-    Until all is there the file is ``particles.partial.txt``.
+    """Measure, and tell one line for each figure; see :func:`softdyn.bench.record.told`.
 
     Raises
     ------
     SceneError
-        If the folder cannot be written to, which is seen before anything is measured.
+        If the folder cannot be written to.
     """
-    require_folder(folder)
-    partial = folder / "particles.partial.txt"
-    lines = ["softdyn bench particles, {made}, {machine}".format(**heading("softdyn bench particles", {}))]
+    with told(folder, "particles") as tell:
+        _measure(tell)
+    return 0
 
-    def tell(line: str) -> None:
-        print(line, flush=True)
-        lines.append(line)
-        with written_whole(partial) as temporary:
-            text = "\n".join([lines[0], "PARTIAL: not all is measured", *lines[1:]])
-            temporary.write_text(text + "\n", encoding="utf-8")
 
+def _measure(tell: Callable[[str], None]) -> None:
     rows = []  # first, since the memory that compilers take would hide theirs
     for cells in (6, 14, 29):
         row = time_step(cells)
@@ -341,7 +333,3 @@ def bench_particles(folder: Path) -> int:
                 for name, run in runs.items()
             )
         )
-    with written_whole(folder / "particles.txt") as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    partial.unlink()
-    return 0
