@@ -189,11 +189,13 @@ class ByScikitFem:
             return ((n["rho"] * n["rate"]) ** 2 + 2 * n["rho"] ** 2 * along + (3 * eta * stiff + k) ** 2) ** -0.5
 
         def momentum(v: Any, w: Any) -> Any:
-            eta, _, _, pull = closed(w)
+            eta, _, k, pull = closed(w)
             found = n["rho"] * dot(n["rate"] * w.u + w.past, v) + dot(pull, v) - w.c * dot(w.force, v)
             found = found - n["rho"] / w.c * dot(w.u, mul(grad(v), w.u)) - w.p * (w.c * div(v) + dot(grad(w.c), v))
             found = found + 2 * eta * ddot(sym_grad(w.u) + sym_grad(w.us), sym_grad(v))
-            return found + (time(w) * n["rho"] / w.c * dot(mul(grad(v), w.u), rest(w)) if order == 1 else 0)
+            if order == 2:
+                return found + 16 * k / stiff * (div(w.u) + div(w.us)) * div(v)
+            return found + time(w) * n["rho"] / w.c * dot(mul(grad(v), w.u), rest(w))
 
         def mass(q: Any, w: Any) -> Any:
             return q * (div(w.u) + div(w.us)) + (time(w) * dot(grad(q), rest(w)) if order == 1 else 0)
