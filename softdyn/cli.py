@@ -21,6 +21,7 @@ from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.laws import law_or_closure_of
 from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
+from softdyn.scene.stock_scenes import found_scene
 from softdyn.targets import CHOICES, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
 
@@ -33,6 +34,7 @@ LAW is a stock law's name, path/law.py, or path/law.py:name. A law file is Pytho
 examples:
   softdyn reproduce                          the paper's figures 3 and 4, into softdyn-results/
   softdyn laws                               the stock laws
+  softdyn scenes                             scenes that come with softdyn; softdyn scenes emulsion > mine.toml
   softdyn closures                           the stock closures: drag, viscosity, permeability, settling
   softdyn derive rognon_gay                  C, D, dh/dt, dX/dt and the Jacobians, for any law and for this one
   softdyn check my_law.py                    prove or disprove the limits that a law claims
@@ -144,6 +146,8 @@ def _parser() -> argparse.ArgumentParser:
         return added
 
     add("laws", _laws, "list the stock laws")
+    scenes = add("scenes", _scenes, "list the scenes that come with softdyn, or print one, to start your own from")
+    scenes.add_argument("name", metavar="NAME", nargs="?", help="print the file of this one")
     add("closures", _closures, "list the stock closures: drag, viscosity, permeability, settling")
 
     derive = add("derive", _derive, "derive a law's dynamics")
@@ -349,6 +353,16 @@ def _closures(options: argparse.Namespace) -> int:
     from softdyn.laws import stock_closures
 
     _print_names(stock_closures())
+    return 0
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    from softdyn.scene.stock_scenes import about, stock_scenes
+
+    if options.name is None:
+        _print_names({name: about(path) for name, path in stock_scenes().items()})
+        return 0
+    print(found_scene(Path(options.name)).read_text(encoding="utf-8"), end="")
     return 0
 
 
@@ -649,7 +663,7 @@ def _kernel(options: argparse.Namespace) -> tuple[KernelIR, dict[str, str]]:
     from softdyn.laws import find, load
     from softdyn.scene.pair_scene import Scene
 
-    scene = None if options.scene is None else read_scene(_scene_file(options.scene))
+    scene = None if options.scene is None else read_scene(found_scene(options.scene))
     law, _ = load(find(options.law))
     values = defaultdict(lambda: "1.0", nu="0.5", size_ratio="0.25")
     values |= {symbol.name: repr(float(value)) for symbol, value in typical_values(law).items()}
@@ -712,15 +726,6 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
         raise SceneError(f"cannot save to {output}: the ending must be one of {', '.join(endings)}")
 
 
-def _scene_file(given: Path) -> Path:
-    """The file of a scene, which may be given by the name of one that comes with softdyn."""
-    if given.suffix or given.is_file():
-        return given
-    from softdyn.particles.files import found_scene  # with all that scenes of many particles need
-
-    return found_scene(given)
-
-
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.pair_run import simulate_pair
     from softdyn.results.pair_result import ENDINGS, SUFFIXES
@@ -729,7 +734,7 @@ def _run(options: argparse.Namespace) -> int:
     from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
-    file = _scene_file(options.scene)
+    file = found_scene(options.scene)
     content = read_toml(file)
     if is_fluid_scene(content):
         from softdyn.fluid.fluid_command import run_fluid
@@ -788,7 +793,7 @@ def _keys(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from softdyn.scene.reading import is_particle_scene, read_toml
 
-    file = _scene_file(options.scene)
+    file = found_scene(options.scene)
     if is_particle_scene(read_toml(file)):
         from softdyn.rheology.sweep_command import sweep_particles
 

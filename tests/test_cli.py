@@ -12,7 +12,7 @@ import pytest
 
 import softdyn
 from softdyn.cli import main
-from softdyn.particles.files import stock_scenes
+from softdyn.scene.stock_scenes import particle_scenes, stock_scenes
 
 SCENE = """
 law = "rognon_gay"
@@ -380,6 +380,18 @@ def test_importing_softdyn_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_scenes_are_listed_and_printed_to_start_from(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenes"]) == 0
+    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert listed.keys() == stock_scenes().keys()
+    assert listed["two"] == "Two particles pushed together"
+    for name, path in stock_scenes().items():
+        assert main(["scenes", name]) == 0
+        assert capsys.readouterr().out == path.read_text(encoding="utf-8")
+    assert main(["scenes", "cylinde"]) == 2
+    assert "did you mean 'cylinder'?" in capsys.readouterr().err
+
+
 def test_a_new_law_is_ready_in_some_seconds(tmp_path: Path) -> None:
     """From a cold cache, C target: derive, emit, compile, run; in at most twenty times what importing sympy takes."""
     from softdyn.targets import c
@@ -416,7 +428,7 @@ def test_help_shows_every_command_with_examples() -> None:
         assert word in done.stdout
     of_run = shell("run", "--help")
     assert of_run.returncode == 0
-    assert all(name in of_run.stdout for name in stock_scenes())
+    assert all(name in of_run.stdout for name in particle_scenes())
     assert shell("--version").stdout == f"softdyn {softdyn.__version__}\n"
     cited = shell("--cite").stdout
     assert f"version = {{{softdyn.__version__}}}" in cited
@@ -428,9 +440,9 @@ def test_help_shows_every_command_with_examples() -> None:
 @pytest.mark.slow
 def test_generate_writes_the_contact_kernel_of_a_scene_of_many(capsys: pytest.CaptureFixture[str]) -> None:
     """With what the scene needs: droplets of two sizes, with drag, that do not slide."""
-    from softdyn.particles.files import stock_scenes
+    from softdyn.scene.stock_scenes import particle_scenes
 
-    assert main(["generate", "equal_spheres", "--target", "c", "--scene", str(stock_scenes()["emulsion"])]) == 0
+    assert main(["generate", "equal_spheres", "--target", "c", "--scene", str(particle_scenes()["emulsion"])]) == 0
     text = capsys.readouterr().out
     assert "equal_spheres_contacts(n, s, reach, overlaps" in text
     assert "drag translation = 6*pi*R*eta" in text

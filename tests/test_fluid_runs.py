@@ -19,9 +19,10 @@ from softdyn.derive import closure as arguments
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.fluid import Bed, Boundary, FluidResult, FluidScene, MeshSection, simulate
 from softdyn.fluid.fluid_run import simulate_fluid
-from softdyn.fluid.fluid_scene import fluid_scene_from, stock_fluid_scenes
+from softdyn.fluid.fluid_scene import fluid_scene_from
 from softdyn.laws import law_or_closure_of
 from softdyn.results.rerun import differences, run_again
+from softdyn.scene.stock_scenes import fluid_scenes
 
 Array = NDArray[np.float64]
 
@@ -381,6 +382,6 @@ def test_a_term_of_ones_own_acts_on_the_fluid(tmp_path: Path) -> None:
 
 
 def test_stock_scenes_can_be_read() -> None:
-    assert set(stock_fluid_scenes()) == {"bed", "cavity", "channel", "cylinder", "cylinder_shedding", "darcy"}
-    for path in stock_fluid_scenes().values():
+    assert set(fluid_scenes()) == {"bed", "cavity", "channel", "cylinder", "cylinder_shedding", "darcy"}
+    for path in fluid_scenes().values():
         assert isinstance(softdyn.read_scene(path), FluidScene)

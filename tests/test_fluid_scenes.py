@@ -12,15 +12,16 @@ import pytest
 
 from softdyn.cli import main
 from softdyn.fluid import FluidResult, FluidScene, simulate
-from softdyn.fluid.fluid_scene import read_fluid_scene, stock_fluid_scenes
+from softdyn.fluid.fluid_scene import read_fluid_scene
 from softdyn.fluid.locate import located, locator, sampled
+from softdyn.scene.stock_scenes import fluid_scenes
 
 #: Of the benchmark 2D-1: drag, lift, and difference of pressure before and behind the cylinder.
 DRAG, LIFT, DROP = 5.57953523384, 0.010618948146, 0.11752016697
 
 
 def stock(name: str) -> FluidScene:
-    return read_fluid_scene(stock_fluid_scenes()[name])
+    return read_fluid_scene(fluid_scenes()[name])
 
 
 @cache
@@ -44,7 +45,7 @@ def coarser(scene: FluidScene) -> FluidScene:
 
 
 def test_there_are_those_that_the_page_names() -> None:
-    assert set(stock_fluid_scenes()) == {"cavity", "cylinder", "cylinder_shedding", "bed", "channel", "darcy"}
+    assert set(fluid_scenes()) == {"cavity", "cylinder", "cylinder_shedding", "bed", "channel", "darcy"}
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 import softdyn
 from softdyn.fluid import Boundary, FluidResult, FluidScene, MeshSection, simulate
-from softdyn.fluid.fluid_scene import stock_fluid_scenes
+from softdyn.scene.stock_scenes import fluid_scenes
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def test_a_cavity_is_that_of_ghia(number: int, Re: int, within: float) -> None:
 @pytest.mark.slow
 def test_a_cylinder_in_a_channel_has_the_drag_and_lift_of_the_benchmark() -> None:
     """Schäfer & Turek 1996, 2D-1, in the digits of Nabh 1998 (featflow.de, DFG benchmark 2D-1), each within 0.1 %."""
-    scene = softdyn.read_scene(stock_fluid_scenes()["cylinder"])
+    scene = softdyn.read_scene(fluid_scenes()["cylinder"])
     assert isinstance(scene, FluidScene)
     result = simulate(replace(scene, mesh=replace(scene.mesh, around=128)))
     # 2 F/(rho U^2 D), U = 0.2, D = 0.1

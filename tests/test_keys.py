@@ -20,10 +20,11 @@ from softdyn import particles
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles.driven import require_used
-from softdyn.particles.files import particle_scene_from, stock_scenes
+from softdyn.particles.files import particle_scene_from
 from softdyn.scene.key_words import entries, page, schema, told
 from softdyn.scene.keys import Key, all_keys, driven_values, rows
 from softdyn.scene.pair_scene import Scene, scene_from
+from softdyn.scene.stock_scenes import particle_scenes
 
 ROOT = Path(softdyn.__file__).parents[1]
 PAIR = {"law": "rognon_gay", "parameters": {"R": 1.0, "E": 1.0, "eta": 1.0}, "pair": {"h": 1.0}}
@@ -98,7 +99,7 @@ def test_the_reference_page_is_what_the_declarations_say(capsys: pytest.CaptureF
 
 def scene_files() -> dict[str, dict[str, Any]]:
     """Content of the stock scenes and of those of the pages."""
-    found = {name: tomllib.loads(path.read_text()) for name, path in stock_scenes().items()}
+    found = {name: tomllib.loads(path.read_text()) for name, path in particle_scenes().items()}
     for path in sorted((ROOT / ".docs").glob("*.md")):
         for number, text in enumerate(re.findall(r"```toml\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)):
             content = tomllib.loads(text)

@@ -17,10 +17,10 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles import ParticleScene, load
-from softdyn.particles.files import stock_scenes
 from softdyn.rheology import runs as module
 from softdyn.rheology.run_table import gathered, measured_run
 from softdyn.rheology.runs import carry_out, planned, states
+from softdyn.scene.stock_scenes import particle_scenes
 from softdyn.scene.varied_content import with_values
 
 SCENE = """
@@ -81,7 +81,7 @@ def test_numbers_have_the_names_of_their_keys(name: str, section: str, key: str)
 
 
 def test_whole_numbers_stay_whole() -> None:
-    given = tomllib.loads(stock_scenes()["emulsion"].read_text())
+    given = tomllib.loads(particle_scenes()["emulsion"].read_text())
     found = with_values(ParticleScene, given, {"packing.seed": 3.0, "output.times": 20.0})
     assert found["packing"]["seed"] == 3
     assert isinstance(found["packing"]["seed"], int)
@@ -198,7 +198,7 @@ def test_a_sweep_that_is_killed_goes_on(how: signal.Signals, scene: Path, tmp_pa
     """Results that are there are kept to the byte, and the end is that of a sweep that nobody stopped."""
     command = [sys.executable, "-m", "softdyn", "sweep", "scene.toml", "--vary", "packing.seed=1..4"]
     text = (
-        stock_scenes()["emulsion"]
+        particle_scenes()["emulsion"]
         .read_text()
         .replace("count = 1000", "count = 20")
         .replace("2.0\n", "0.2\n")

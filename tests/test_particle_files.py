@@ -21,7 +21,7 @@ from softdyn import particles
 from softdyn.cli import main
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles import integrate
-from softdyn.particles.files import particle_scene_from, read_particle_scene, stock_scenes
+from softdyn.particles.files import particle_scene_from, read_particle_scene
 from softdyn.particles.observables import coordination, normal_stress_differences, relative_viscosity
 from softdyn.particles.packing import BALL, lattice_packing, random_packing
 from softdyn.particles.particle_run import prepare, simulate_particles
@@ -30,6 +30,7 @@ from softdyn.particles.placing import read_particles
 from softdyn.particles.results import SHAPES, ParticleResult, load_particles
 from softdyn.results.registry import load_result
 from softdyn.results.rerun import differences
+from softdyn.scene.stock_scenes import particle_scenes
 
 EMULSION = """
 law = "rognon_gay"
@@ -370,7 +371,7 @@ def test_the_help_names_the_stock_scenes(capsys: pytest.CaptureFixture[str]) -> 
     with pytest.raises(SystemExit):
         main(["run", "--help"])
     words = capsys.readouterr().out.replace(",", " ").split()
-    assert set(stock_scenes()) <= set(words)
+    assert set(particle_scenes()) <= set(words)
 
 
 @pytest.mark.slow
@@ -562,8 +563,8 @@ def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict
 @pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion", pytest.param("spheres", marks=pytest.mark.slow)])
 def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each with its forces and its energy in balance."""
-    assert name in stock_scenes()
-    text = stock_scenes()[name].read_text()
+    assert name in particle_scenes()
+    text = particle_scenes()[name].read_text()
     if name in ("emulsion", "spheres"):  # a part of them: the whole takes some seconds
         text = text.replace("count = 1000", "count = 100").replace("strain = 2.0", "strain = 0.1")
         text = text.replace("count = 200", "count = 30").replace("strain = 3.0", "strain = 0.1")
@@ -582,7 +583,7 @@ def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pyte
 )
 def test_each_of_a_few_contacts_is_drawn_over_time(name: str, lines: list[str]) -> None:
     """Those that are alike by symmetry are one line, which names them all."""
-    result = simulate_particles(read_particle_scene(stock_scenes()[name]))
+    result = simulate_particles(read_particle_scene(particle_scenes()[name]))
     gaps = next(axes for axes in result.plot().axes if axes.get_title(loc="left") == "gaps")
     assert [str(line.get_label()).replace("\n", " ") for line in gaps.get_lines()] == lines
     first = gaps.get_lines()[0]

@@ -13,8 +13,9 @@ import pytest
 import softdyn
 from softdyn.errors import IntegrationError
 from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, integrate, pressure, simulate
-from softdyn.particles.files import particle_scene_from, stock_scenes
+from softdyn.particles.files import particle_scene_from
 from softdyn.particles.pulled_films import Pulled, look, pulled_films
+from softdyn.scene.stock_scenes import particle_scenes
 from softdyn.stress.particles import verdicts as compare
 from softdyn.stress.particles.sampling import random_case
 
@@ -37,7 +38,7 @@ def kinds(result: ParticleResult) -> list[str]:
 
 def stock(name: str, **changes: Any) -> ParticleResult:
     """Run a stock scene, with changes such as ``flow__shear_rate``."""
-    data = tomllib.loads(stock_scenes()[name].read_text())
+    data = tomllib.loads(particle_scenes()[name].read_text())
     for place, value in changes.items():
         section, _, key = place.partition("__")
         if key:

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from softdyn.particles.files import read_particle_scene, stock_scenes
+from softdyn.particles.files import read_particle_scene
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.until import run_end
 from softdyn.results.rerun import differences
+from softdyn.scene.stock_scenes import particle_scenes
 from softdyn.stress.particles.sampling import random_case
 
 
@@ -54,8 +55,8 @@ def test_random_scenes_resume_to_the_bit(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(stock_scenes()))
+@pytest.mark.parametrize("name", sorted(particle_scenes()))
 def test_stock_scenes_resume_to_the_bit(name: str, tmp_path: Path) -> None:
     """Their beginnings: many contacts, solved for with the factor of an earlier matrix."""
-    scene = read_particle_scene(stock_scenes()[name])
+    scene = read_particle_scene(particle_scenes()[name])
     check(replace(scene, until_t=0.02 * run_end(scene), until_strain=None, times=3), 10, tmp_path)

@@ -27,7 +27,7 @@ from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.errors import IntegrationError, LawError, SceneError
 from softdyn.particles import linear
 from softdyn.particles.checkpoint import fingerprint
-from softdyn.particles.files import particle_scene_from, stock_scenes
+from softdyn.particles.files import particle_scene_from
 from softdyn.particles.force_balance import Newton
 from softdyn.particles.geometry import Wall, curvatures, directions, lattice, rotations
 from softdyn.particles.mechanisms import sliding
@@ -39,6 +39,7 @@ from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import System, image_velocities
+from softdyn.scene.stock_scenes import particle_scenes
 
 Array = NDArray[np.float64]
 UNIT = {"E": 1.0, "eta": 1.0, "nu": 0.5}
@@ -837,7 +838,7 @@ def test_the_viscosity_of_a_dense_suspension_lies_within_the_envelope_of_known_l
 
     Films and Stokes' drag make all of it but for what each sphere does by itself, Einstein's 5/2 phi.
     """
-    text = stock_scenes()["spheres"].read_text().replace("fraction = 0.4", f"fraction = {phi}")
+    text = particle_scenes()["spheres"].read_text().replace("fraction = 0.4", f"fraction = {phi}")
     result = simulate_particles(particle_scene_from(tomllib.loads(text), Path()))
     steady = result.t >= 0.75  # the first transient is over
     found = float(relative_viscosity(result)[steady].mean()) + 2.5 * phi

@@ -24,7 +24,7 @@ from softdyn.errors import SceneError
 from softdyn.laws import find, load
 from softdyn.particles import observables
 from softdyn.particles.checkpoint import load as load_checkpoint
-from softdyn.particles.files import particle_scene_from, stock_scenes
+from softdyn.particles.files import particle_scene_from
 from softdyn.particles.geometry import Wall
 from softdyn.particles.packing import random_packing
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
@@ -32,6 +32,7 @@ from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.placing import read_particles
 from softdyn.particles.results import ParticleResult, load_particles
 from softdyn.particles.until import run_end
+from softdyn.scene.stock_scenes import particle_scenes
 
 Array = NDArray[np.float64]
 #: Units of length, time and force, in those of a scene as it is written.
@@ -192,11 +193,11 @@ def channel() -> ParticleScene:
 @cache
 def scenes() -> dict[str, ParticleScene]:
     """Every stock scene, and some with what these do not have."""
-    stock = {name: shortened(path) for name, path in stock_scenes().items()}
+    stock = {name: shortened(path) for name, path in particle_scenes().items()}
     return {**stock, "column": column(), "layer": layer(), "channel": channel()}
 
 
-SCENES = (*stock_scenes(), "column", "layer", "channel")
+SCENES = (*particle_scenes(), "column", "layer", "channel")
 
 
 @cache
@@ -342,7 +343,7 @@ def test_a_depth_without_a_meaning_is_refused(changes: dict[str, Any], message: 
 
 @pytest.mark.slow
 def test_a_packing_takes_a_depth_and_nothing_else_of_a_box() -> None:
-    data = tomllib.loads(stock_scenes()["emulsion"].read_text())
+    data = tomllib.loads(particle_scenes()["emulsion"].read_text())
     assert particle_scene_from({**data, "box": {"depth": 2.5}}, Path()).depth == 2.5
     with pytest.raises(SceneError, match="but for its depth"):
         particle_scene_from({**data, "box": {"lengths": [1, 1]}}, Path())

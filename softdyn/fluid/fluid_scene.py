@@ -165,11 +165,6 @@ class FluidScene:
     ] = "auto"
 
 
-def stock_fluid_scenes() -> dict[str, Path]:
-    """Scene files of a fluid that come with softdyn, by name."""
-    return {path.stem: path for path in sorted((Path(__file__).parent / "scenes").glob("*.toml"))}
-
-
 def check_fluid(scene: FluidScene) -> None:
     """Refuse what is wrong with a scene whatever its mesh; as many faults at once as can be told.
 

@@ -9,33 +9,6 @@ from typing import Any
 from softdyn.errors import SceneError
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.scene.reading import fields_from, is_particle_scene, read_toml
-from softdyn.words import suggestion
-
-
-def stock_scenes() -> dict[str, Path]:
-    """Scene files that come with softdyn, by name."""
-    return {path.stem: path for path in sorted((Path(__file__).parent / "scenes").glob("*.toml"))}
-
-
-def found_scene(path: Path) -> Path:
-    """The file of a scene, which may be given by the name of one that comes with softdyn.
-
-    Raises
-    ------
-    SceneError
-        If there is neither.
-    """
-    if path.suffix or path.is_file():  # a folder may be the one of a .pvd of that scene
-        return path
-    from softdyn.fluid.fluid_scene import stock_fluid_scenes
-
-    stock = {**stock_scenes(), **stock_fluid_scenes()}
-    if str(path) not in stock:
-        raise SceneError(
-            f"there is no scene {path}, neither a file nor one that comes with softdyn"
-            f"{suggestion(str(path), list(stock))}"
-        )
-    return stock[str(path)]
 
 
 def read_particle_scene(path: str | Path) -> ParticleScene:

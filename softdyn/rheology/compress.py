@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from softdyn.errors import SceneError
-from softdyn.particles.files import found_scene
 from softdyn.rheology.curves import Curves, gathered_curves
 from softdyn.rheology.options import runs_folder
 from softdyn.rheology.quasi_static import Protocol, check_protocol, jamming_point, make_protocol, protocol_curve
@@ -21,6 +20,7 @@ from softdyn.rheology.sweep_command import (
     tell_failures,
     varied_options,
 )
+from softdyn.scene.stock_scenes import found_scene
 from softdyn.varied import read_named, read_varied
 
 

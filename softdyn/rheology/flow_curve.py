@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.files import found_scene
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.results.whole_files import written_whole
 from softdyn.rheology.flow_laws import FLOW_LAWS, FlowFit, fit_flow_law
@@ -30,6 +29,7 @@ from softdyn.rheology.sweep_command import (
     tell_steadiness,
     varied_options,
 )
+from softdyn.scene.stock_scenes import found_scene
 from softdyn.scene.varied_content import places, with_values
 from softdyn.varied import read_named, read_varied
 

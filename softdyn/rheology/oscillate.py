@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.particles.files import found_scene
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.results import ParticleResult
 from softdyn.rheology.measures import fluid_viscosity, series
@@ -33,6 +32,7 @@ from softdyn.rheology.sweep_command import (
     varied_options,
 )
 from softdyn.scene.numbers import SMALLEST_RTOL
+from softdyn.scene.stock_scenes import found_scene
 from softdyn.scene.varied_content import with_values
 from softdyn.varied import read_named, read_varied
 
