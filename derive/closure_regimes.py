@@ -71,6 +71,7 @@ from softdyn.derive.patience import within
 from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.regimes import Condition, Form
 from softdyn.derive.scalings import Part, SeveralLogarithmsError, pieces_of, settled, whole
+from softdyn.words import in_columns
 
 #: Fractions of the fluid, of those that there are, and numbers that Re is set to, to see where a case applies.
 LOOKED_AT = tuple(Rational(k, 100) for k in (1, 5, 15, 25, 35, 45, 55, 65, 75, 85, 95, 99))
@@ -183,6 +184,19 @@ class ClosureDiagram:
     crossovers: tuple[ClosureCrossover, ...]
     jumps: tuple[Jump, ...]
     densest: Expr
+
+    def __str__(self) -> str:
+        """One line for each regime: where it is, and its leading form."""
+        given = self.closure.gives
+        rows = [
+            (
+                one.name,
+                ", ".join(map(str, one.conditions)),
+                f"{given} = {one.form.leading}" if one.form else one.undecided,
+            )
+            for one in self.regimes
+        ]
+        return in_columns(rows)
 
     def regime(self, name: str) -> ClosureRegime:
         """Return a regime by its name."""

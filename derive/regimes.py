@@ -70,6 +70,7 @@ from softdyn.derive.patience import within
 from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, eta, h
 from softdyn.derive.witness import inequalities, side_of
+from softdyn.words import in_columns
 
 if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw, Limit
@@ -255,8 +256,7 @@ class Diagram:
         for one in self.regimes:
             forms = (f"{name} = {one.forms[name].leading}" for name in ("delta", "dh_dt") if name in one.forms)
             rows.append((f"{one.side}: {one.name}", ", ".join(map(str, one.conditions)), ", ".join(forms)))
-        widths = [max((len(row[k]) for row in rows), default=0) for k in range(2)]
-        return "\n".join("  ".join(map(str.ljust, row, (*widths, 0))) for row in rows)
+        return in_columns(rows)
 
     def _repr_html_(self) -> str:
         from softdyn.derive.typeset import diagram_html

@@ -15,3 +15,9 @@ def suggestion(word: object, known: Sequence[str]) -> str:
 def listed(faults: Sequence[str]) -> str:
     """One fault as it is, more than one a line each."""
     return faults[0] if len(faults) == 1 else "\n" + "\n".join(f"  - {fault}" for fault in faults)
+
+
+def in_columns(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of words as lines, in columns; the last is as wide as it likes."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    return "\n".join("  ".join(map(str.ljust, row, (*widths, 0))) for row in rows)

@@ -47,3 +47,14 @@ def test_scenes_of_either_kind_are_read_and_run_from_one_place(tmp_path: Path) -
         softdyn.particles.read_scene(path)
     with pytest.raises(softdyn.SceneError, match="simulate takes a scene, or the path of a scene file"):
         softdyn.simulate({"law": "rognon_gay"})  # type: ignore[arg-type]
+
+
+def test_regimes_print_as_a_line_each() -> None:
+    """Of a law, and of a closure: where each is, and its leading forms."""
+    lines = str(softdyn.regimes("rognon_gay")).splitlines()
+    assert len(lines) == len(softdyn.regimes("rognon_gay").regimes)
+    assert any("Poiseuille" in line and "dh_dt = -F*h/(6*pi*R**2*eta)" in line for line in lines)
+    assert str(softdyn.regimes("ergun")).splitlines() == [
+        "Blake-Kozeny   Re << 600*phi/(7*c)  drag = 50*pi*eta*phi*r/c",
+        "Burke-Plummer  600*phi/(7*c) << Re  drag = 7*pi*Re*eta*r/12",
+    ]
