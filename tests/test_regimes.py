@@ -12,7 +12,7 @@ from typing import Any
 import mpmath
 import pytest
 from exactly import deflection, gap_energy_slope, quantities
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from sympy import (
     Abs,
@@ -422,6 +422,8 @@ def posynomial_laws(draw: st.DrawFn) -> ContactLaw:
 def check_random(law: ContactLaw) -> None:
     """See that forms are approached, that regimes cover the plane once, and that they agree where they meet."""
     found = discover(law)
+    # a law that takes more operations than are allowed is given up, and says so
+    assume(not any("operations" in why for regime in found.regimes for why in regime.undecided.values()))
     assert all(regime.forms for regime in found.regimes)
     assert compare(found, central=True, largest_ray=60) > 0
     for side in SIDES:
