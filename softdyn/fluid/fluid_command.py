@@ -12,7 +12,7 @@ from softdyn.errors import SceneError
 from softdyn.fluid.fluid_result import FluidResult
 from softdyn.fluid.fluid_run import Progress, simulate_fluid
 from softdyn.fluid.fluid_scene import FluidScene, read_fluid_scene
-from softdyn.results.state_file import remove
+from softdyn.results.state_file import remove, save_result
 from softdyn.terminal import as_it_is
 
 #: Formats that results of a fluid are saved in.
@@ -42,7 +42,7 @@ def run_fluid(path: Path, output: Path | None, resume: bool, as_json: bool) -> i
         result = simulate_fluid(scene, progress, checkpoint, resume, True)
     written = [] if output is None else list(dict.fromkeys((output.with_suffix(".npz"), output)))
     for file in written:
-        _save(result, file, checkpoint)
+        save_result(result, file, checkpoint)
     if checkpoint is not None:
         remove(checkpoint)
     for warning in result.warnings:
@@ -87,7 +87,8 @@ def _tell(result: FluidResult) -> None:
             f"{stats['iterations']} Newton iterations, {stats['linear_factorisations']} factors"
         )
     else:
-        print(f"  {int(result.step_newton[-1])} Newton iterations, over {stats['fluids']} fluids")
+        thicker = f", by way of {stats['fluids'] - 1} thicker fluids" if stats["fluids"] > 1 else ""
+        print(f"  {int(result.step_newton[-1])} Newton iterations{thicker}")
     for name in _boundaries(result):
         force = ", ".join(f"{part: .6e}" for part in result.arrays[f"force_{name}"][-1])
         print(f"  {name:12} force ({force}), flux out {result.arrays[f'flux_{name}'][-1]: .6e}")
@@ -95,18 +96,6 @@ def _tell(result: FluidResult) -> None:
         f"  residual {stats['residual']:.1e}; mass closes to {stats['mass_imbalance']:.1e}, momentum to "
         f"{stats['momentum_imbalance']:.1e}; run {stats['wall_s']:.3g} s"
     )
-
-
-def _save(result: FluidResult, path: Path, checkpoint: Path | None) -> None:
-    """Save a result; where that fails, the checkpoint stays, and is named."""
-    try:
-        result.save(path)
-    except SceneError as error:
-        if checkpoint is None or not checkpoint.exists():
-            raise
-        raise SceneError(
-            f"{error}; a state of the run is in {checkpoint}: the same command with --resume goes on from it"
-        ) from None
 
 
 @contextmanager

@@ -27,8 +27,8 @@ from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march
 from softdyn.fluid.newton import Solution
 from softdyn.fluid.steady import steady_flow
 from softdyn.fluid.time_steps import METHODS
-from softdyn.results.frame_file import FrameFile, begin, go_on, read_frames
-from softdyn.results.origin import about, origin_in, origin_now, scene_from
+from softdyn.results.frame_file import FrameFile, begin, go_on, unended
+from softdyn.results.origin import about, origin_now, scene_from
 from softdyn.results.state_file import frames_beside, plain, read_state, remove, write_state
 from softdyn.signals import held_back, terminable
 
@@ -372,18 +372,6 @@ def load_flow_frames(path: Path) -> FluidResult:
         If the file is no such file, holds no frame, or tells of a scene that cannot be made ready.
     LawError, CompileError
     """
-    content, beside, frames = read_frames(path, FlowFrame)
-    if not len(frames):
-        raise SceneError(f"{path} holds no frame yet")
-    try:
-        origin = origin_in(content, beside)
-        if origin is None:
-            raise ValueError("it does not tell of its scene")
-        system = prepared(scene_from(origin, FluidScene))
-    except (KeyError, ValueError) as error:
-        raise SceneError(f"{path} is no file of frames: {error}") from None
-    stats = {
-        "elements": system.scene.elements,
-        "warnings": [f"the run that wrote {path} has not ended: these are its frames up to t={frames[-1].t:.6g}"],
-    }
+    system, frames, words = unended(path, FlowFrame, lambda origin: prepared(scene_from(origin, FluidScene)))
+    stats = {"elements": system.scene.elements, "warnings": [words]}
     return gather_flow(system, measures_of(system), frames, [], stats)

@@ -16,10 +16,10 @@ from softdyn.particles.integrate import Progress
 from softdyn.particles.names import is_number
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.particles.results import Frame, ParticleResult
+from softdyn.particles.results import Frame
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
-from softdyn.results.state_file import remove
+from softdyn.results.state_file import remove, save_result
 from softdyn.results.writers import require_writer
 from softdyn.terminal import as_it_is
 
@@ -48,7 +48,7 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
         result = simulate_particles(scene, progress, checkpoint, resume, True, None if as_json else _told(scene))
     written = [] if output is None else list(dict.fromkeys((output.with_suffix(".npz"), output)))
     for path in written:
-        _save(result, path, checkpoint)
+        save_result(result, path, checkpoint)
     if checkpoint is not None:
         remove(checkpoint)
     summary = {
@@ -125,18 +125,6 @@ def stress_words(frame: Frame, eta: float | None) -> str:
     if rate and eta is not None:
         text += f", viscosity {(contacts + fluid) / rate:.4g}, {(contacts + fluid) / fluid:.4g} times the fluid's"
     return text
-
-
-def _save(result: ParticleResult, path: Path, checkpoint: Path | None) -> None:
-    """Save a result; where that fails, the checkpoint stays, and is named."""
-    try:
-        result.save(path)
-    except SceneError as error:
-        if checkpoint is None or not checkpoint.exists():
-            raise
-        raise SceneError(
-            f"{error}; a state of the run is in {checkpoint}: the same command with --resume goes on from it"
-        ) from None
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from hashlib import sha256
 from io import BytesIO
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from softdyn.archive import arrays_in, read_json
 from softdyn.errors import SceneError
+from softdyn.results.origin import Origin, origin_in
 
 #: Of the file's name.
 ENDING = ".frames"
@@ -34,8 +35,13 @@ class FrameLike(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
+    @property
+    def t(self) -> float:
+        """The time."""
+
 
 Frame = TypeVar("Frame", bound=FrameLike)
+System = TypeVar("System")
 
 
 class FrameFile(Generic[Frame]):
@@ -135,6 +141,37 @@ def read_frames(path: Path, kind: type[Frame]) -> tuple[dict[str, Any], dict[str
     """
     about, beside, ends = _told(path)
     return about, beside, FrameFile(path, kind, ends)
+
+
+def unended(path: Path, kind: type[Frame], made: Callable[[Origin], System]) -> tuple[System, FrameFile[Frame], str]:
+    """Return what a run was prepared to, the frames that there are, and words that it has not ended.
+
+    Parameters
+    ----------
+    path : Path
+    kind : type
+        Of its frames.
+    made : function
+        Of the origin of the run: what it was prepared to.
+
+    Raises
+    ------
+    SceneError
+        If the file is no such file, holds no frame, or tells of a scene that cannot be made ready.
+    LawError, CompileError
+    """
+    content, beside, frames = read_frames(path, kind)
+    if not len(frames):
+        raise SceneError(f"{path} holds no frame yet")
+    try:
+        origin = origin_in(content, beside)
+        if origin is None:
+            raise ValueError("it does not tell of its scene")
+        system = made(origin)
+    except (KeyError, ValueError) as error:
+        raise SceneError(f"{path} is no file of frames: {error}") from None
+    until = f"the run that wrote {path} has not ended: these are its frames up to t={frames[-1].t:.6g}"
+    return system, frames, until
 
 
 def kind_of_run(path: Path) -> str:

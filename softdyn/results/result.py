@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -42,6 +43,10 @@ class Result:
 
     def plot(self) -> Figure:
         """Draw the run."""
+        raise NotImplementedError
+
+    def save(self, path: str | Path) -> Path:
+        """Write to a file."""
         raise NotImplementedError
 
     def _repr_png_(self) -> bytes | None:

@@ -16,6 +16,7 @@ import softdyn
 from softdyn.archive import read_arrays, read_json
 from softdyn.errors import SceneError
 from softdyn.results.frame_file import ENDING
+from softdyn.results.result import Result
 from softdyn.results.whole_files import written_whole
 
 #: Version of these files; no other is read.
@@ -104,3 +105,20 @@ def read_state(path: Path, key: str) -> tuple[dict[str, Any], dict[str, NDArray[
     if digest != _digest(arrays):
         raise ValueError("it is damaged: its content is not what was written")
     return about, arrays
+
+
+def save_result(result: Result, path: Path, checkpoint: Path | None) -> None:
+    """Save a result; where that fails, the checkpoint stays, and is named.
+
+    Raises
+    ------
+    SceneError
+    """
+    try:
+        result.save(path)
+    except SceneError as error:
+        if checkpoint is None or not checkpoint.exists():
+            raise
+        raise SceneError(
+            f"{error}; a state of the run is in {checkpoint}: the same command with --resume goes on from it"
+        ) from None
