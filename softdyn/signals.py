@@ -55,9 +55,10 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def held_back() -> Iterator[Callable[[], None]]:
-    """Within it the first of both signals waits until the function that it gives is called; a second one does not.
+    """Within it both signals wait until the function that it gives is called; a second SIGINT does not.
 
-    So what is in the middle of something comes to its end, but a user who insists is heard.
+    So what is in the middle of something comes to its end, but a user who insists is heard. SIGTERM may come twice
+    from one cause, as from a pool of processes that ends: what sends it and cannot wait sends SIGKILL.
     """
     mine = threading.current_thread() is threading.main_thread()
     usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)} if mine else {}
@@ -66,22 +67,25 @@ def held_back() -> Iterator[Callable[[], None]]:
 
     def let_go() -> None:
         if came:
+            number = came[-1]
             restore()
-            signal.raise_signal(came.pop())
+            signal.raise_signal(number)
 
     def restore() -> None:
         for number, handler in usual.items():
             signal.signal(number, handler)
+        usual.clear()  # what they do from then on may change
+        came.clear()
 
     def wait(number: int, _: object) -> None:
         came.append(number)
-        if len(came) > 1:
+        if came.count(signal.SIGINT) > 1:
             let_go()
 
     for number in usual:
         signal.signal(number, wait)
     try:
         yield let_go
+        let_go()
     finally:
         restore()
-    let_go()

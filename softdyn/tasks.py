@@ -61,7 +61,7 @@ def carried_out(
     others = set(active_children())
     # a fresh process knows nothing of threads that the caller may have
     with ProcessPoolExecutor(max_workers=min(os.cpu_count() or 1, len(tasks)), mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(work, task): task for task in tasks}
+        waiting = {pool.submit(_in_worker, work, task): task for task in tasks}
         try:
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
@@ -72,6 +72,21 @@ def carried_out(
                 for child in set(active_children()) - others:
                     child.terminate()
             raise
+
+
+_interrupted = False
+
+
+def _in_worker(work: Callable[[Task], Found], task: Task) -> Found:
+    """Carry out a task in a process of the pool; one that was interrupted takes no other, though some may wait."""
+    global _interrupted
+    if _interrupted:
+        raise KeyboardInterrupt
+    try:
+        return work(task)
+    except KeyboardInterrupt:
+        _interrupted = True
+        raise
 
 
 def is_begun(folder: Path, identity: str) -> bool:

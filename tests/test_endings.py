@@ -434,6 +434,41 @@ def test_a_handler_of_somebody_elses_is_left_alone() -> None:
         signal.signal(signal.SIGTERM, before)
 
 
+def test_what_is_in_the_middle_comes_to_its_end_however_often_it_is_asked_to_terminate() -> None:
+    """A pool of processes that ends may ask twice; and once a checkpoint is being written nothing breaks that off."""
+    done = []
+
+    def work() -> None:
+        with signals.held_back() as let_go:
+            for _ in range(3):
+                os.kill(os.getpid(), signal.SIGTERM)
+                done.append("part")
+            let_go()
+
+    with signals.terminable():
+        with pytest.raises(signals.Terminated):
+            work()
+        os.kill(os.getpid(), signal.SIGTERM)
+        done.append("checkpoint")
+    assert done == [*["part"] * 3, "checkpoint"]
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_user_who_insists_is_heard() -> None:
+    done = []
+
+    def work() -> None:
+        with signals.held_back():
+            for _ in range(3):
+                os.kill(os.getpid(), signal.SIGINT)
+                done.append("part")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["part"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_other_threads_run_commands_too() -> None:
     found: list[int] = []
     thread = threading.Thread(target=lambda: found.append(endings.ended(lambda: 0, [], lambda: "")))

@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from hashlib import sha256
 from pathlib import Path
@@ -101,25 +102,27 @@ def simulate_fluid(
         made = about(origin_now(scene, system.kernel.key), beside)
         head = {"kind": FluidResult.kind, "key": key, **made}
         run.frames = begin(frames_beside(checkpoint), FlowFrame, head, beside)
-    try:
-        if checkpoint is None:
-            _carry(run, progress, None)
-        else:
-            with terminable(), held_back() as let_go:
-                _carry(run, progress, _now_and_then(run, checkpoint, key, let_go))
-    except IntegrationError as error:
-        if isinstance(run.state, FlowState):
+    with terminable() if checkpoint is not None else nullcontext():
+        try:
+            if checkpoint is None:
+                _carry(run, progress, None)
+            else:
+                with held_back() as let_go:
+                    _carry(run, progress, _now_and_then(run, checkpoint, key, let_go))
+        except IntegrationError as error:
+            if not isinstance(run.state, FlowState):
+                raise
             error.partial = _result(run, began)
-            if checkpoint is not None:
-                _save(run, checkpoint, key)
-                stopped = IntegrationError(f"{error}; the last good state, at t={run.state.t:.6g}, is in {checkpoint}")
-                stopped.partial = error.partial
-                raise stopped from None
-        raise
-    except KeyboardInterrupt:
-        if checkpoint is not None and run.state is not None:
+            if checkpoint is None:
+                raise
             _save(run, checkpoint, key)
-        raise
+            stopped = IntegrationError(f"{error}; the last good state, at t={run.state.t:.6g}, is in {checkpoint}")
+            stopped.partial = error.partial
+            raise stopped from None
+        except KeyboardInterrupt:
+            if checkpoint is not None and run.state is not None:
+                _save(run, checkpoint, key)
+            raise
     result = _result(run, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -100,24 +101,25 @@ def simulate_particles(
             last = time.monotonic()
         let_go()
 
-    try:
-        if checkpoint is None:
-            integrate(system, newton, state, progress, None, on_frame)
-        else:
-            with terminable(), held_back() as let_go:
-                integrate(system, newton, state, progress, now_and_then, on_frame)
-    except IntegrationError as error:
-        error.partial = _result(system, newton, state, began)
-        if checkpoint is None:
-            raise
-        checkpoints.save(checkpoint, state, newton, key)
-        stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
-        stopped.partial = error.partial
-        raise stopped from None
-    except KeyboardInterrupt:
-        if checkpoint is not None:
+    with terminable() if checkpoint is not None else nullcontext():
+        try:
+            if checkpoint is None:
+                integrate(system, newton, state, progress, None, on_frame)
+            else:
+                with held_back() as let_go:
+                    integrate(system, newton, state, progress, now_and_then, on_frame)
+        except IntegrationError as error:
+            error.partial = _result(system, newton, state, began)
+            if checkpoint is None:
+                raise
             checkpoints.save(checkpoint, state, newton, key)
-        raise
+            stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
+            stopped.partial = error.partial
+            raise stopped from None
+        except KeyboardInterrupt:
+            if checkpoint is not None:
+                checkpoints.save(checkpoint, state, newton, key)
+            raise
     result = _result(system, newton, state, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)
