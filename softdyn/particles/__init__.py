@@ -20,7 +20,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from softdyn.particles.files import read_particle_scene as read_scene
     from softdyn.particles.geometry import Wall
+    from softdyn.particles.mechanisms.coulomb import Friction
     from softdyn.particles.mechanisms.gravity import Gravity
+    from softdyn.particles.mechanisms.inertia import Inertia
     from softdyn.particles.observables import (
         coordination,
         fabric,
@@ -43,8 +45,10 @@ if TYPE_CHECKING:
     from softdyn.particles.results import load_particles as load
 
 __all__ = [
+    "Friction",
     "Gravity",
     "Hold",
+    "Inertia",
     "Packing",
     "ParticleResult",
     "ParticleScene",
@@ -74,8 +78,10 @@ __all__ = [
 
 #: The module of each, and its name there.
 _HOME = {
+    "Friction": ("mechanisms.coulomb", "Friction"),
     "Gravity": ("mechanisms.gravity", "Gravity"),
     "Hold": ("particle_keys", "Hold"),
+    "Inertia": ("mechanisms.inertia", "Inertia"),
     "Packing": ("packing", "Packing"),
     "ParticleResult": ("results", "ParticleResult"),
     "ParticleScene": ("particle_keys", "ParticleScene"),

@@ -158,8 +158,10 @@ def terms_of(
 
 def turn_labels(scene: ParticleScene, name: str, values: Any, where: str, d: int) -> list[str]:
     """Names of the components of a torque or an angular velocity, for errors; refuse what is none."""
-    if not scene.tangential:
-        raise SceneError(f"{where}: {name} has no meaning without tangential motion, [contacts] tangential = true")
+    if not scene.turns:
+        raise SceneError(
+            f"{where}: {name} has no meaning without tangential motion, [contacts] tangential = true, or [friction]"
+        )
     m = rotations(d)
     if not is_list(values, m):
         raise SceneError(f"{where}: {name} needs {components(m)} in {d} dimensions")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
+from softdyn.particles.method_names import METHODS
 from softdyn.particles.names import ALL
 from softdyn.scene.keys import Key, Section, with_keys
 from softdyn.scene.kinds import (
@@ -35,7 +36,9 @@ from softdyn.scene.time_tables import OverTime
 from softdyn.targets import CHOICES
 
 if TYPE_CHECKING:
+    from softdyn.particles.mechanisms.coulomb import Friction
     from softdyn.particles.mechanisms.gravity import Gravity
+    from softdyn.particles.mechanisms.inertia import Inertia
     from softdyn.particles.packing import Packing
 
 #: What a scene without particles, or with too many, is told.
@@ -146,7 +149,7 @@ class Stress(TypedDict, total=False):
 class ParticleScene:
     """Many particles; all numbers in one consistent set of units."""
 
-    law: Annotated[Any, Key("law", LAW, "The contact law.")]
+    law: Annotated[Any, Key("law", LAW, "The contact law; rigid grains have none.")] = None
     parameters: Annotated[
         Mapping[str, float | Mapping[str, float]],
         Key(
@@ -155,7 +158,7 @@ class ParticleScene:
             "A value for each parameter of the law but R, which follows from the radii. Where it depends on the "
             "species, a value for each of them.",
         ),
-    ]
+    ] = field(default_factory=dict)
     positions: Annotated[
         Any,
         Key(
@@ -173,6 +176,26 @@ class ParticleScene:
     species: Annotated[
         Sequence[str] | None,
         Key("[particles] species", NAMES, "One name for each particle; needed where a parameter depends on it."),
+    ] = None
+    velocities: Annotated[
+        Any,
+        Key(
+            "[particles] velocities",
+            POSITIONS,
+            "Velocities at the start, of grains with inertia: one number for each axis, for each particle. At rest "
+            "without; in a sheared box, with the flow.",
+            "length/time",
+        ),
+    ] = None
+    spins: Annotated[
+        Any,
+        Key(
+            "[particles] spins",
+            POSITIONS,
+            "Angular velocities at the start, of grains with inertia that turn: for each particle a list of one number "
+            "in two dimensions, of three in three.",
+            "1/time",
+        ),
     ] = None
     file: InitVar[
         Annotated[
@@ -320,6 +343,20 @@ class ParticleScene:
             "The weight of the particles, less their buoyancy.",
         ),
     ] = None
+    inertia: Annotated[
+        "Inertia | None",
+        Section(
+            "[inertia]", "softdyn.particles.mechanisms.inertia:Inertia", "The mass of the particles: they have inertia."
+        ),
+    ] = None
+    friction: Annotated[
+        "Friction | None",
+        Section(
+            "[friction]",
+            "softdyn.particles.mechanisms.coulomb:Friction",
+            "Coulomb friction of surfaces that touch, and what resists rolling and twisting.",
+        ),
+    ] = None
     push: Annotated[
         Sequence[Push],
         Section(
@@ -362,9 +399,24 @@ class ParticleScene:
             "Relative error of the gaps allowed in one step.",
         ),
     ] = 1e-4
+    method: Annotated[
+        str | None,
+        Key(
+            "[method] name",
+            choice("method", METHODS),
+            "Method of integration; without it the one that costs least of those that can do the scene, which the "
+            "result tells. Implicit: long steps of soft contacts. Explicit: short steps of grains with inertia, in "
+            "dry contact. Contact dynamics: rigid grains.",
+        ),
+    ] = None
     target: Annotated[
         str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
     ] = "auto"
+
+    @property
+    def turns(self) -> bool:
+        """Whether particles have rotations: with tangential motion, or with friction."""
+        return bool(self.tangential) or self.friction is not None
 
     def __post_init__(self, file: str | Path | None, packing: "Packing | None") -> None:
         if file is not None or packing is not None:

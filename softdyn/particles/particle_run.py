@@ -18,18 +18,20 @@ from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.force_balance import Newton
 from softdyn.particles.integrate import Progress, integrate
+from softdyn.particles.methods import method_of, module_of
 from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
 from softdyn.particles.particle_keys import ParticleScene
-from softdyn.particles.particle_scene import check
+from softdyn.particles.particle_scene import check, range_faults
 from softdyn.particles.pulled_films import pulled_films
 from softdyn.particles.results import Frame, ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
-from softdyn.particles.system import System, ValidatedScene, turns_freely, with_mechanisms
+from softdyn.particles.system import PreparedScene, System, ValidatedScene, turns_freely, with_mechanisms
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
 from softdyn.signals import held_back, terminable
+from softdyn.words import listed
 
 Array = NDArray[np.float64]
 #: Seconds between two checkpoints.
@@ -80,7 +82,12 @@ def simulate_particles(
     """
     began = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
-    system = prepare(scene)
+    facts = check(scene)
+    method = method_of(facts)
+    if method != "implicit":
+        result: ParticleResult = module_of(method).simulate(facts, progress, checkpoint, resume, keep, on_frame)
+        return result
+    system = ready(facts)
     newton = Newton(recalls=checkpoint is not None)
     key = "" if checkpoint is None else checkpoints.fingerprint(system)
     if resume and checkpoint is not None and checkpoint.exists():
@@ -143,7 +150,34 @@ def prepare(scene: ParticleScene) -> System:
     ------
     SceneError, LawError, CompileError
     """
+    return ready(check(scene))
+
+
+def prepare_any(scene: ParticleScene) -> PreparedScene:
+    """Check a scene, whatever its method, and make all ready that a run of it needs.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError
+    """
     facts = check(scene)
+    method = method_of(facts)
+    if method == "implicit":
+        return ready(facts)
+    made: PreparedScene = module_of(method).prepare(facts)
+    return made
+
+
+def ready(facts: ValidatedScene) -> System:
+    """Get the kernel of soft contacts, and make the mechanisms ready.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError
+    """
+    scene = facts.scene
+    if faults := range_faults(scene, facts.radii):
+        raise SceneError(listed(faults))
     kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(facts))
     require_rest(facts)
     if scene.range is None and not kernel.bounded:

@@ -82,13 +82,11 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
-    if scene.range is None and scene.box is not None and any(length is not None for length in scene.box):
-        faults.append("in a periodic box contacts need a range, beyond which there are none: [contacts] range")
-    elif scene.range is None and count > MOST_WITHOUT_RANGE:
-        faults.append(
-            f"{count} particles need a range of their contacts, beyond which there are none: [contacts] range, half of "
-            f"the smallest radius or so ({radii.min() / 2:g})"
-        )
+    if scene.law is not None and scene.inertia is None:  # of grains with inertia their method knows what they need
+        faults += range_faults(scene, radii)
+    for name in ("velocities", "spins") if scene.inertia is None else ():
+        if getattr(scene, name) is not None:
+            faults.append(f"[particles] {name}: without inertia forces make the velocities; give [inertia] density")
     box = _box(scene, radii, d, faults)
     if scene.tilt and not (d > 1 and box.periodic[:2].all()):
         faults.append("[box] tilt: only a box that is periodic along x and y leans")
@@ -122,6 +120,20 @@ def check(scene: ParticleScene) -> ValidatedScene:
     if scene.constants:
         require_used(scene)
     return replace(facts, walls=walls, mechanisms=mechanisms, times=_times(scene, end))
+
+
+def range_faults(scene: ParticleScene, radii: Array) -> list[str]:
+    """Faults of soft contacts without a range, where they need one."""
+    if scene.range is not None:
+        return []
+    if scene.box is not None and any(length is not None for length in scene.box):
+        return ["in a periodic box contacts need a range, beyond which there are none: [contacts] range"]
+    if len(radii) > MOST_WITHOUT_RANGE:
+        return [
+            f"{len(radii)} particles need a range of their contacts, beyond which there are none: [contacts] range, "
+            f"half of the smallest radius or so ({radii.min() / 2:g})"
+        ]
+    return []
 
 
 def _mechanisms(facts: ValidatedScene, faults: list[str]) -> tuple[Mechanism, ...]:
@@ -192,7 +204,7 @@ def _box(scene: ParticleScene, radii: Array, d: int, faults: list[str]) -> Box:
     if scene.depth is not None:
         if d == 3:
             faults.append("[box] depth: spheres in three dimensions are no layer that has a depth; leave it out")
-        elif not np.isfinite(lengths).all():
+        elif not np.isfinite(lengths).all() and (scene.inertia is None or scene.inertia.shape != "disc"):
             faults.append(
                 "[box] depth makes a stress of the forces in a box that is periodic along all axes; elsewhere there is "
                 "none, and nothing takes a depth: leave it out, or give all lengths"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import GIVEN, TAKEN, System, contact_state
+from softdyn.particles.system import GIVEN, TAKEN, PreparedScene, System, contact_state
 from softdyn.results.origin import Origin, about, origin_in, origin_now
 from softdyn.results.registry import load_result
 from softdyn.results.result import Result, dataset, table
@@ -118,7 +118,7 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
     )
 
 
-def _geometry(frame: Frame, system: System) -> tuple[Array, Array]:
+def _geometry(frame: Frame, system: PreparedScene) -> tuple[Array, Array]:
     """Direction of each contact of a frame, and the deflection of its surfaces."""
     contacts = bare_contacts(frame.i, frame.j, frame.shift, system.radii)
     walls = tuple(replace(wall, point=point) for wall, point in zip(system.walls, frame.walls, strict=True))
@@ -284,7 +284,7 @@ class ParticleResult(Result):
 
 
 def gather(
-    system: System,
+    system: PreparedScene,
     frames: list[Frame],
     history: list[tuple[float, float, float, float, int]],
     energy: Mapping[str, float],
@@ -325,13 +325,13 @@ def gather(
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))
     arrays |= {name: columns[:, k] for k, name in enumerate(HISTORY)}
     return ParticleResult(
-        law=system.kernel.law,
-        target=system.kernel.target,
+        law=system.law,
+        target=system.target,
         parameters={k: dict(v) if isinstance(v, Mapping) else float(v) for k, v in system.scene.parameters.items()},
         arrays=arrays,
         energy={name: float(value) for name, value in energy.items()},
         stats=stats,
-        origin=origin_now(system.scene, system.kernel.fingerprint),
+        origin=origin_now(system.scene, system.fingerprint),
     )
 
 
@@ -390,8 +390,8 @@ def result_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) 
     for name in ("t", "x", "radii", "cell", "wall_point", "wall_normal", "contact_h"):
         if not np.isfinite(arrays[name]).all():
             raise ValueError(f"{name} is not finite everywhere")
-    if not (arrays["radii"] > 0).all() or not (arrays["contact_h"] > 0).all():
-        raise ValueError("not all radii and gaps are positive")
+    if not (arrays["radii"] > 0).all() or not (arrays["contact_h"] >= 0).all():
+        raise ValueError("not all radii are positive, or a gap is negative")
     law, target = str(content["law"]), str(content["target"])
     parameters, energy, stats = (dict(content[name]) for name in ("parameters", "energy", "stats"))
     return ParticleResult(law, target, parameters, arrays, energy, stats, origin)

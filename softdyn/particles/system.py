@@ -62,9 +62,9 @@ class ValidatedScene:
 
     @property
     def width(self) -> int:
-        """Coordinates of a particle: its position, and with tangential motion its rotation."""
+        """Coordinates of a particle: its position, and with tangential motion or friction its rotation."""
         d = self.x.shape[1]
-        return d + rotations(d) if self.scene.tangential else d
+        return d + rotations(d) if self.scene.turns else d
 
     def coordinates_scale(self, power: int) -> Array:
         """Factor of each coordinate of the particles: 1, and that power of the radius for rotations."""
@@ -74,14 +74,13 @@ class ValidatedScene:
 
 
 @dataclass(frozen=True)
-class System(ValidatedScene):
-    """What a run has: the facts of its scene, the kernel of its contacts, and what the mechanisms give together.
+class PreparedScene(ValidatedScene):
+    """What every run has, whatever its method: the facts of its scene, and what the mechanisms give together.
 
     Attributes
     ----------
-    kernel : ContactKernel
-    p : array
-        Uniform parameters of the law.
+    law, target, fingerprint : str
+        What the result tells of its kernel: the law, what it is compiled by, and the digest of its equations.
     force : Driven
         External forces, shape (N, d + rotations).
     fixed : array of bool, shape (N, d + rotations)
@@ -92,14 +91,8 @@ class System(ValidatedScene):
         A point of each at the start.
     wall_velocity : Driven, optional
         Velocities of the walls, shape (walls, d).
-    resistance : array, shape (N, d + rotations)
-        What resists the motion of each coordinate by itself, where nothing moves yet: force/velocity.
     functions : tuple of TimeFunction
         All that is given as a function of time.
-    integrated : array of bool, shape (N,)
-        Particles whose positions follow from rates, since something resists them by itself.
-    dragged : bool
-        Whether there are any; if not, positions are in elastic equilibrium.
     given, works : tuple of str
         Kinds of energy that are put in, and of all that is exchanged.
     having : mapping from str to tuple of Mechanism
@@ -113,17 +106,15 @@ class System(ValidatedScene):
         start.
     """
 
-    kernel: ContactKernel
-    p: Array
+    law: str
+    target: str
+    fingerprint: str
     force: Driven
     fixed: Flags
     velocity: Driven
     walls0: Array
     wall_velocity: Driven | None
-    resistance: Array
     functions: tuple[TimeFunction, ...]
-    integrated: Flags
-    dragged: bool
     given: tuple[str, ...]
     works: tuple[str, ...]
     having: Mapping[str, tuple[Mechanism, ...]]
@@ -158,44 +149,65 @@ class System(ValidatedScene):
         """Of space."""
         return len(self.box.lengths)
 
+
+@dataclass(frozen=True)
+class System(PreparedScene):
+    """What a run of soft contacts has besides: their kernel, and what resists the particles.
+
+    Attributes
+    ----------
+    kernel : ContactKernel
+    p : array
+        Uniform parameters of the law.
+    resistance : array, shape (N, d + rotations)
+        What resists the motion of each coordinate by itself, where nothing moves yet: force/velocity.
+    integrated : array of bool, shape (N,)
+        Particles whose positions follow from rates, since something resists them by itself.
+    dragged : bool
+        Whether there are any; if not, positions are in elastic equilibrium.
+    """
+
+    kernel: ContactKernel
+    p: Array
+    resistance: Array
+    integrated: Flags
+    dragged: bool
+
     @property
     def force_tolerance(self) -> float:
         """Residual of the force balance, relative to the largest force, at which Newton's iteration ends."""
         return 1e-3 * self.rtol
 
 
-def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mechanisms: Sequence[Mechanism]) -> System:
-    """Put a run together: the facts of a scene, its kernel, and what the mechanisms give together."""
-    ready = tuple(mechanism.ready(facts, kernel, p) for mechanism in mechanisms)
+def prepared(
+    facts: ValidatedScene, mechanisms: Sequence[Mechanism], law: str, target: str, fingerprint: str
+) -> PreparedScene:
+    """Put together what the mechanisms give, once they are ready."""
+    ready = tuple(mechanisms)
     shape, d = (len(facts.x), facts.width), facts.x.shape[1]
     held = [mechanism.held for mechanism in ready if mechanism.held is not None]
     driven_walls = [mechanism.wall_velocity for mechanism in ready if mechanism.wall_velocity is not None]
     leaders = [mechanism for mechanism in ready if mechanism.leads]
     gradients = [one.gradient(0.0, np.empty(0)) for one in having(ready, "gradient") if not one.leads]
     shear_rate = sum(float(gradient[0, 1]) for gradient in gradients if gradient is not None)
-    resisting = [mechanism.resistance(shape) for mechanism in having(ready, "resistance")]
     box, lean0 = replace(facts.box, shear_rate=shear_rate), None
     if d > 1 and box.periodic[:2].all() and all(mechanism.keeps_shape for mechanism in ready):
         lean0 = np.array([box.tilt, box.lengths[1]]) / box.lengths[0]
     known = {field.name: getattr(facts, field.name) for field in fields(ValidatedScene)}
     box_moves = any(mechanism.moves_box for mechanism in ready)
-    resistance = sum((each for each in resisting if each is not None), np.zeros(shape))
-    integrated = (resistance[:, 0] > 0) | any(mechanism.moves_freely for mechanism in ready)
     given = dict.fromkeys([*GIVEN, *(kind for mechanism in ready for kind in mechanism.gives)])
     taken = [*TAKEN, *(kind for mechanism in ready for kind in mechanism.takes)]
-    return System(
+    return PreparedScene(
         **{**known, "box": box, "mechanisms": ready},
-        kernel=kernel,
-        p=p,
+        law=law,
+        target=target,
+        fingerprint=fingerprint,
         force=sum_of([mechanism.load for mechanism in ready if mechanism.load is not None], shape),
         fixed=np.any([which for which, _ in held] or [np.zeros(shape, dtype=bool)], axis=0),
         velocity=sum_of([velocity for _, velocity in held], shape),
         walls0=np.array([wall.point for wall in facts.walls]).reshape(len(facts.walls), d),
         wall_velocity=driven_walls[0] if driven_walls else None,
-        resistance=resistance,
         functions=tuple(function for each in having(ready, "driven") for function, _ in each.driven()),
-        integrated=integrated,
-        dragged=bool(integrated.any()),
         given=tuple(given),
         works=tuple(dict.fromkeys([*given, *taken])),
         having={name: having(ready, name) for name in ASKED},
@@ -203,6 +215,24 @@ def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mech
         box_moves=box_moves,
         surrounded=box_moves or bool(driven_walls),
         lean0=lean0,
+    )
+
+
+def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mechanisms: Sequence[Mechanism]) -> System:
+    """Put a run of soft contacts together: the facts of a scene, its kernel, and what the mechanisms give together."""
+    ready = tuple(mechanism.ready(facts, kernel, p) for mechanism in mechanisms)
+    shape = (len(facts.x), facts.width)
+    resisting = [mechanism.resistance(shape) for mechanism in having(ready, "resistance")]
+    resistance = sum((each for each in resisting if each is not None), np.zeros(shape))
+    integrated = (resistance[:, 0] > 0) | any(mechanism.moves_freely for mechanism in ready)
+    whole = prepared(facts, ready, kernel.law, kernel.target, kernel.fingerprint)
+    return System(
+        **{field.name: getattr(whole, field.name) for field in fields(PreparedScene)},
+        kernel=kernel,
+        p=p,
+        resistance=resistance,
+        integrated=integrated,
+        dragged=bool(integrated.any()),
     )
 
 

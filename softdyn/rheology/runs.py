@@ -212,11 +212,11 @@ def carry_out(
 
 def _prepared(runs: Sequence[Run]) -> None:
     """Derive and compile once, before all workers want to."""
-    from softdyn.particles.particle_run import prepare
+    from softdyn.particles.particle_run import prepare_any
 
     for run in runs:
         try:
-            prepare(particle_scene_from(run.content, run.home))
+            prepare_any(particle_scene_from(run.content, run.home))
             return
         except SoftdynError:
             continue  # it says so itself, by name

@@ -38,6 +38,8 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "drag": ("drag",),
     "pushes": ("push",),
     "gravity": ("gravity",),
+    "inertia": ("inertia",),
+    "coulomb": ("friction",),
     "holds": ("hold",),
     "walls": ("wall",),
     "shear": ("shear_rate",),

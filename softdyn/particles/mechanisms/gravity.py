@@ -1,24 +1,24 @@
-"""Gravity: the weight of each sphere less its buoyancy, (density - fluid_density) 4/3 pi R^3 times the acceleration.
+"""Gravity: the weight of each particle less its buoyancy, (density - fluid_density) volume times the acceleration.
 
-In two dimensions, too, particles are spheres. The fluid is at rest under gravity.
+In two dimensions, too, particles are spheres, unless their inertia says that they are discs. The fluid is at rest.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.particles.densities import DENSITY, densities, volumes
 from softdyn.particles.driven import Driven
 from softdyn.particles.energy import power_of
 from softdyn.particles.mechanisms import Mechanism
 from softdyn.particles.names import components, is_list, is_number, which
 from softdyn.scene.keys import Key, with_keys
-from softdyn.scene.kinds import COORDINATES, NOT_NEGATIVE, Kind
+from softdyn.scene.kinds import COORDINATES, NOT_NEGATIVE
 
 if TYPE_CHECKING:
     from softdyn.particles.energy import Rates
@@ -27,17 +27,6 @@ if TYPE_CHECKING:
     from softdyn.particles.system import System, ValidatedScene
 
 Array = NDArray[np.float64]
-
-
-DENSITY = Kind(
-    "a number, or one for each species",
-    {
-        "anyOf": [
-            {"type": "number", "minimum": 0},
-            {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
-        ]
-    },
-)
 
 
 @with_keys
@@ -50,9 +39,14 @@ class Gravity:
         Key("[gravity] acceleration", COORDINATES, "Acceleration, one number for each axis.", "length/time^2"),
     ]
     density: Annotated[
-        float | Mapping[str, float],
-        Key("[gravity] density", DENSITY, "Density of the particles.", "force time^2/length^4"),
-    ]
+        float | Mapping[str, float] | None,
+        Key(
+            "[gravity] density",
+            DENSITY,
+            "Density of the particles; with inertia it is that of [inertia], and may be left out.",
+            "force time^2/length^4",
+        ),
+    ] = None
     fluid_density: Annotated[
         float,
         Key(
@@ -84,31 +78,21 @@ def check(facts: ValidatedScene, faults: list[str]) -> Weights | None:
     before = len(faults)
     if not is_list(given.acceleration, d) or not all(is_number(part) for part in given.acceleration):
         faults.append(f"[gravity] acceleration needs {components(d)}, finite numbers, not {given.acceleration!r}")
-    density = _densities(facts, given.density, faults)
+    inertia = facts.scene.inertia
+    said = given.density if inertia is None or given.density is not None else inertia.density
+    if inertia is not None and said != inertia.density:
+        faults.append(
+            f"[gravity] density = {said!r} and [inertia] density = {inertia.density!r} are of the same particles: "
+            "leave the first out"
+        )
+    density = densities(facts, said, "[gravity] density", faults)
     if len(faults) > before:
         return None
     weight = np.zeros((count, facts.width))
     with np.errstate(over="ignore", invalid="ignore"):
-        mass = (density - float(given.fluid_density)) * (4 / 3 * math.pi * facts.radii**3)
+        mass = (density - float(given.fluid_density)) * volumes(facts)
         weight[:, :d] = mass[:, None] * np.array(given.acceleration, dtype=float)
     beyond = np.asarray(~np.isfinite(weight).all(axis=1))
     if beyond.any():
         faults.append(f"[gravity] the weight of {which(beyond)} is beyond the largest number: choose other units")
     return Weights(Driven([], facts.coordinates_scale(-1), weight))
-
-
-def _densities(facts: ValidatedScene, given: Any, faults: list[str]) -> Array:
-    """Density of each particle: one for all, or one for each species."""
-    values = given if isinstance(given, Mapping) else dict.fromkeys(facts.names, given)
-    unknown = [name for name in values if name not in facts.names]
-    missing = [name for name in facts.names if name not in values]
-    if unknown:
-        faults.append(f"[gravity] density: there is no species {', '.join(map(repr, unknown))}")
-    if missing:
-        faults.append(f"[gravity] density has no value for species {', '.join(map(repr, missing))}")
-    wrong = [value for value in values.values() if not (is_number(value) and value >= 0)]
-    if wrong:
-        faults.append(f"[gravity] density must be 0 or a positive number, not {wrong[0]!r}")
-    if missing or wrong:
-        return np.zeros(len(facts.x))
-    return np.array([float(values[name]) for name in facts.names])[facts.species]

@@ -68,10 +68,10 @@ def check(facts: ValidatedScene, faults: list[str]) -> Walls:
             faults.append(f"wall {number}: velocity needs {components(d)}, one for each axis")
             continue
         numbers = _coordinates(wall.velocity, d) if wall.velocity is not None else None
-        if numbers is not None and numbers.any() and not numbers @ normal and not scene.tangential:
+        if numbers is not None and numbers.any() and not numbers @ normal and not scene.turns:
             faults.append(
                 f"wall {number} moves along itself, which nothing feels where contacts are normal only: give "
-                "[contacts] tangential = true, or a velocity along its normal"
+                "[contacts] tangential = true, [friction], or a velocity along its normal"
             )
         walls.append(Wall(point, normal / size, bool(wall.rigid), wall.velocity))
     for number, wall in enumerate(walls):

@@ -1,0 +1,98 @@
+"""Which method integrates a scene: the one that it names, or the one that costs least of those that can.
+
+Grains without a law are rigid: contact dynamics. A dry contact of grains with inertia is fast, as stiff as the grains,
+and has nothing that could be followed in longer steps than its own: explicit steps, which cost least each. All others
+are implicit: films are stiffer the thinner they get, and without inertia no step can be explicit.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from softdyn.errors import SceneError
+from softdyn.laws import law_of
+from softdyn.particles.method_names import MODULES
+from softdyn.words import listed
+
+if TYPE_CHECKING:
+    from softdyn.particles.system import ValidatedScene
+
+#: Fields of a scene that the implicit method does not know yet.
+NOT_YET = {"inertia": "[inertia]", "friction": "[friction]"}
+
+
+def method_of(facts: ValidatedScene) -> str:
+    """Name of the method of a scene.
+
+    Raises
+    ------
+    SceneError
+        If the method that it asks for cannot integrate it.
+    """
+    scene = facts.scene
+    name, faults = scene.method or _cheapest(facts), []
+    rigid, inert = scene.law is None, scene.inertia is not None
+    if name == "contact_dynamics":
+        if not rigid:
+            faults.append("[method] name: contact dynamics is for rigid grains, which have no law: leave law out")
+        if not inert:
+            faults.append("[inertia] density is missing: rigid grains move as their mass makes them")
+    elif rigid:
+        faults.append('law is missing: law = "NAME"; without one grains are rigid, [method] name = "contact_dynamics"')
+    elif name == "explicit":
+        if not inert:
+            faults.append("[method] name: explicit steps are those of grains with inertia: give [inertia] density")
+        if not _is_dry(scene.law):
+            faults.append(
+                "[method] name: explicit steps are for dry contacts, and the law has a film with a gap of its own: "
+                "give a dry law, as hertz_dry, or the implicit method"
+            )
+        faults += _unknown_to_explicit(facts)
+    else:
+        faults += [f"{place} is not known to the implicit method yet" for place in _not_yet(facts)]
+    if not faults and name in MODULES and not _is_there(MODULES[name]):
+        faults.append(f"[method] name: {name!r} is not there yet")
+    if faults:
+        raise SceneError(listed(faults))
+    return name
+
+
+def module_of(name: str) -> Any:
+    """Module of a method."""
+    return import_module(MODULES[name])
+
+
+def _cheapest(facts: ValidatedScene) -> str:
+    scene = facts.scene
+    if scene.law is None:
+        return "contact_dynamics" if scene.inertia is not None else "implicit"
+    return "explicit" if scene.inertia is not None and _is_dry(scene.law) else "implicit"
+
+
+def _not_yet(facts: ValidatedScene) -> list[str]:
+    return [place for field, place in NOT_YET.items() if getattr(facts.scene, field) is not None]
+
+
+def _unknown_to_explicit(facts: ValidatedScene) -> list[str]:
+    scene = facts.scene
+    given = {
+        "[flow] drag": bool(scene.drag),
+        "[stress]": bool(scene.stress) or scene.stress_viscosity is not None,
+        "[contacts] gap": scene.gap is not None,
+    }
+    return [f"{place} is not known to the explicit method: leave it out" for place, there in given.items() if there]
+
+
+def _is_dry(law: Any) -> bool:
+    from softdyn.derive.law import is_dry
+
+    return is_dry(law_of(law))
+
+
+def _is_there(module: str) -> bool:
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
