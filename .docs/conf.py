@@ -11,7 +11,8 @@ from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
 import softdyn
-from softdyn.laws import stock_closures, stock_laws
+from softdyn.derive.typeset import to_latex
+from softdyn.laws import stock_closures, stock_laws, stock_potentials
 
 project, author, version = "softdyn", "the softdyn developers", softdyn.__version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
@@ -38,8 +39,13 @@ def _formula(display: str) -> Callable[[Any, Any], None]:
 
 
 def _stock_page() -> str:
-    """All stock laws and closures, as they declare themselves."""
-    lines = ["# Stock laws and closures", "", "Their limits are proved anew at every change: `softdyn check NAME`.", ""]
+    """All stock laws, closures and potentials, as they declare themselves."""
+    lines = [
+        "# Stock laws, closures and potentials",
+        "",
+        "Their limits are proved anew at every change: `softdyn check NAME`.",
+        "",
+    ]
     lines += ["## Laws", ""]
     for name in stock_laws():
         law = import_module(f"softdyn.derive.laws.{name}").law
@@ -52,6 +58,13 @@ def _stock_page() -> str:
         lines += [f"### {name}", "", f"{closure.description} Gives: {closure.gives}.", ""]
         lines += [f"Source: {closure.source}", ""] if closure.source else []
         lines += [f"- {limit.name}" for limit in closure.limits] + [""]
+    lines += ["## Potentials", ""]
+    for name in stock_potentials():
+        potential = import_module(f"softdyn.derive.potentials.{name}").potential
+        energy = to_latex(potential.energy)
+        lines += [f"### {name}", "", potential.description, "", f"$$\nU = {energy}\n$$", ""]
+        lines += [f"Source: {potential.source}", ""] if potential.source else []
+        lines += [f"- {limit.name}" for limit in potential.limits] + [""]
     return "\n".join(lines)
 
 

@@ -83,6 +83,7 @@ from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F
 if TYPE_CHECKING:
     from softdyn.derive.closure import Closure
     from softdyn.derive.law import ContactLaw, Limit
+    from softdyn.derive.potential import Potential
 
 #: The arguments and the dimension of each declared expression.
 SIGNATURES = {
@@ -241,7 +242,7 @@ def name_faults(name: object) -> list[str]:
     return []
 
 
-def parameter_faults(law: ContactLaw | Closure) -> list[str]:
+def parameter_faults(law: ContactLaw | Closure | Potential) -> list[str]:
     faults = []
     counts = Counter(str(getattr(symbol, "name", symbol)) for symbol in law.parameters)
     faults += [

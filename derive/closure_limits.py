@@ -42,6 +42,7 @@ from softdyn.derive.closure import (
     sample_values,
     size_of,
 )
+from softdyn.derive.dimensions import DIMENSIONLESS, Dimension
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.law import Limit
 from softdyn.derive.limits import (
@@ -85,18 +86,34 @@ class Ordered:
     replaced : mapping from Symbol to Expr
         The volume fraction in such a symbol.
     fraction : Symbol
-        c or phi: the volume fraction that all is written in.
+        c or phi: the volume fraction that all is written in; of a potential the distance.
+    unit : Dimension
+        Of the differences.
     """
 
     pairs: tuple[tuple[Expr, Expr], ...]
     written: Mapping[Symbol, Expr]
     replaced: Mapping[Symbol, Expr]
     fraction: Symbol
+    unit: Dimension = DIMENSIONLESS
 
     @property
     def varying(self) -> list[Symbol]:
         """All that varies."""
         return sorted({symbol for pair in self.pairs for size in pair for symbol in size.free_symbols}, key=str)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of the symbols in a claim: their dimensions, and a value of each, to look at it in numbers."""
+
+    units: Mapping[Symbol, Dimension]
+    samples: Mapping[Symbol, Rational]
+
+
+def known_of(closure: Closure) -> Known:
+    """What is known of the symbols of a closure."""
+    return Known(dimensions_for(closure), sample_values(closure))
 
 
 def ordered(limit: Limit) -> Ordered:
@@ -144,14 +161,21 @@ def check_closure_limits(closure: Closure, effort: int = EFFORT) -> Findings:
 def _finding(
     closure: Closure, limit: Limit, order: Ordered, quantity: str, claimed: Expr, sides: tuple[Expr, Expr]
 ) -> Finding:
-    piece, samples = verdict_on(closure, order, quantity, sides)
+    return finding_of(known_of(closure), limit, order, quantity, claimed, sides)
+
+
+def finding_of(
+    known: Known, limit: Limit, order: Ordered, quantity: str, claimed: Expr, sides: tuple[Expr, Expr]
+) -> Finding:
+    """Verdict on a claim, with what is known of it; the sides are as :func:`verdict_on` takes them."""
+    piece, samples = verdict_on(known, order, quantity, sides)
     return Finding(
         limit.name, ordering(limit), quantity, claimed, piece.verdict, piece.ratio, piece.reason,
-        rate=piece.rate, holds=_set_of(closure, limit, order, sides), samples=samples,
+        rate=piece.rate, holds=_set_of(limit, order, sides), samples=samples,
     )  # fmt: skip
 
 
-def verdict_on(closure: Closure, order: Ordered, quantity: str, sides: tuple[Expr, Expr]) -> tuple[Piece, int]:
+def verdict_on(known: Known, order: Ordered, quantity: str, sides: tuple[Expr, Expr]) -> tuple[Piece, int]:
     """Verdict on a claim in an ordering, and on how many paths into it numbers were looked at.
 
     Parameters
@@ -162,11 +186,11 @@ def verdict_on(closure: Closure, order: Ordered, quantity: str, sides: tuple[Exp
         What is found, and what is claimed of it.
     """
     try:
-        piece = together(judged(closure, order, quantity, *sides))
+        piece = together(judged(known, order, quantity, *sides))
     except UndecidedError as why:
         piece = Piece("undecided", None, str(why))
     ratio = None if piece.ratio is None else piece.ratio.xreplace(order.written)
-    looked = (_deviations(closure, order, path, sides) for path in paths_of(order))
+    looked = (_deviations(known, path, sides) for path in paths_of(order))
     off = [values for values in looked if values is not None]
     verdict, reason = piece.verdict, piece.reason
     if verdict == "proved" and any(not _falls(values) for values in off):
@@ -177,13 +201,13 @@ def verdict_on(closure: Closure, order: Ordered, quantity: str, sides: tuple[Exp
     return replace(piece, verdict=verdict, ratio=ratio, reason=reason, rate=rate), len(off)
 
 
-def _set_of(closure: Closure, limit: Limit, order: Ordered, sides: tuple[Expr, Expr]) -> str:
+def _set_of(limit: Limit, order: Ordered, sides: tuple[Expr, Expr]) -> str:
     fixed = sorted((sides[0] / sides[1]).free_symbols - set(order.varying), key=str)
     given = f", at any fixed {', '.join(map(str, fixed))}" if fixed else ""
     return f"as every inequality of {ordering(limit)} sharpens, at whatever rates{given}"
 
 
-def judged(closure: Closure, order: Ordered, quantity: str, value: Expr, claimed: Expr) -> list[Piece]:
+def judged(known: Known, order: Ordered, quantity: str, value: Expr, claimed: Expr) -> list[Piece]:
     """Verdicts on a claim in the parts of its ordering: that value/claimed tends to 1.
 
     Raises
@@ -193,7 +217,7 @@ def judged(closure: Closure, order: Ordered, quantity: str, value: Expr, claimed
     """
     varying = order.varying
     directions = {x: tuple(int(i == j) for j in range(len(varying))) for i, x in enumerate(varying)}
-    units = {**dimensions_for(closure), **{gap: dimensions_for(closure)[phi] for gap in order.written}}
+    units = {**known.units, **dict.fromkeys(order.written, order.unit)}
 
     def in_parts(decomposed: bool) -> list[Piece]:
         parts = [whole(directions, decomposed)]
@@ -269,9 +293,7 @@ def paths_of(order: Ordered) -> list[dict[Symbol, Rational]]:
     return found[:PATHS]
 
 
-def _deviations(
-    closure: Closure, order: Ordered, path: Mapping[Symbol, Rational], sides: tuple[Expr, Expr]
-) -> list[mpmath.mpf] | None:
+def _deviations(known: Known, path: Mapping[Symbol, Rational], sides: tuple[Expr, Expr]) -> list[mpmath.mpf] | None:
     """Return abs(found/claimed - 1) along a path; None if it has no value somewhere."""
     quotient = sides[0] / sides[1]
     arguments = sorted(quotient.free_symbols, key=str)
@@ -279,7 +301,7 @@ def _deviations(
     off = []
     for level in LEVELS:
         with mpmath.workdps(DIGITS):
-            values = {x: mpmath.mpf(int(v.p)) / int(v.q) for x, v in sample_values(closure).items()}
+            values = {x: mpmath.mpf(int(v.p)) / int(v.q) for x, v in known.samples.items()}
             values |= {
                 x: mpmath.mpf(3) / 4 * mpmath.mpf(10) ** (-level * mpmath.mpf(p.p) / p.q) for x, p in path.items()
             }

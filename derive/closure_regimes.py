@@ -64,7 +64,7 @@ from softdyn.derive.closure import (
     ranges_of,
     sample_values,
 )
-from softdyn.derive.closure_limits import NO_SCALING, Jump, Ordered, jumps_of, ordered, verdict_on
+from softdyn.derive.closure_limits import NO_SCALING, Jump, Ordered, jumps_of, known_of, ordered, verdict_on
 from softdyn.derive.forms import joined_logarithms
 from softdyn.derive.limits import EFFORT, MORE_TERMS, Verdict, with_more_terms
 from softdyn.derive.patience import within
@@ -544,7 +544,8 @@ def _uniform(
     except UndecidedError as reason:
         return "undecided", str(reason)
     order = Ordered(tuple(pairs), {} if symbol == small else {symbol: small}, {}, symbol)
-    piece, _ = verdict_on(closure, order, closure.gives, (case.expression.xreplace(dict(fraction)), there.state))
+    both = (case.expression.xreplace(dict(fraction)), there.state)
+    piece, _ = verdict_on(known_of(closure), order, closure.gives, both)
     return piece.verdict, "" if piece.verdict == "proved" else piece.reason
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.laws import law_of, law_or_closure_of
+from softdyn.laws import law_of, law_or_closure_of, potential_named
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.pair_run import simulate_pair
 from softdyn.results.pair_result import PairResult
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from softdyn.derive.closure_regimes import ClosureDiagram
     from softdyn.derive.films import Films
     from softdyn.derive.limits import Finding
+    from softdyn.derive.potential import Potential
     from softdyn.derive.regimes import Diagram
     from softdyn.fluid import FluidScene
     from softdyn.particles import ParticleScene
@@ -210,12 +211,12 @@ def _first(keywords: dict[str, Any]) -> dict[str, Any]:
     return {name: each(name, value) for name, value in keywords.items()}
 
 
-def check(law: ContactLaw | Closure | str | Path) -> list[Finding]:
-    """Prove or disprove the limits that a law, or a closure, claims.
+def check(law: ContactLaw | Closure | Potential | str | Path) -> list[Finding]:
+    """Prove or disprove the limits that a law, a closure or a potential claims.
 
     Parameters
     ----------
-    law : ContactLaw, Closure or str
+    law : ContactLaw, Closure, Potential or str
         Or a stock one's name, ``path/law.py``, or ``path/law.py:name``.
 
     Returns
@@ -228,7 +229,12 @@ def check(law: ContactLaw | Closure | str | Path) -> list[Finding]:
     LawError, SceneError
         If there is no such law, or if it is faulty.
     """
-    given: Any = law_or_closure_of(law)
+    potential = potential_named(law)
+    if potential is not None:
+        from softdyn.derive.potential_limits import check_potential_limits
+
+        return check_potential_limits(potential)
+    given: Any = law_or_closure_of(law)  # type: ignore[arg-type]
     if type(given).__name__ == "Closure":
         from softdyn.derive.closure_limits import check_closure_limits
 

@@ -19,7 +19,7 @@ import softdyn
 from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
-from softdyn.laws import law_or_closure_of
+from softdyn.laws import law_or_closure_of, potential_named
 from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
 from softdyn.scene.stock_scenes import found_scene
 from softdyn.targets import CHOICES, TARGETS
@@ -36,6 +36,7 @@ examples:
   softdyn laws                               the stock laws
   softdyn scenes                             scenes that come with softdyn; softdyn scenes emulsion > mine.toml
   softdyn closures                           the stock closures: drag, viscosity, permeability, settling
+  softdyn potentials                         the stock potentials: of remote forces and of bonds
   softdyn derive rognon_gay                  C, D, dh/dt, dX/dt and the Jacobians, for any law and for this one
   softdyn check my_law.py                    prove or disprove the limits that a law claims
   softdyn regimes my_law.py --plot map.png   its asymptotic regimes, found from the four expressions, and their map
@@ -149,13 +150,18 @@ def _parser() -> argparse.ArgumentParser:
     scenes = add("scenes", _scenes, "list the scenes that come with softdyn, or print one, to start your own from")
     scenes.add_argument("name", metavar="NAME", nargs="?", help="print the file of this one")
     add("closures", _closures, "list the stock closures: drag, viscosity, permeability, settling")
+    add("potentials", _potentials, "list the stock potentials: of remote forces and of bonds")
 
     derive = add("derive", _derive, "derive a law's dynamics")
     derive.add_argument("law", metavar="LAW", help=A_LAW)
     derive.add_argument("--format", choices=("text", "latex", "json"), default="text", help="default: %(default)s")
 
-    check = add("check", _check, "prove or disprove the limits that a law, or a closure, claims")
-    check.add_argument("law", metavar="LAW", help=f"{A_LAW}; or a closure, likewise (see softdyn closures)")
+    check = add("check", _check, "prove or disprove the limits that a law, a closure or a potential claims")
+    check.add_argument(
+        "law",
+        metavar="LAW",
+        help=f"{A_LAW}; or a closure or a potential, likewise (see softdyn closures, softdyn potentials)",
+    )
     check.add_argument("--json", action="store_true", help="one JSON object instead of text")
     check.add_argument(
         "--certificates", metavar="FILE", type=Path, help="write certificates of what is proved too, for softdyn verify"
@@ -356,6 +362,13 @@ def _closures(options: argparse.Namespace) -> int:
     return 0
 
 
+def _potentials(options: argparse.Namespace) -> int:
+    from softdyn.laws import stock_potentials
+
+    _print_names(stock_potentials())
+    return 0
+
+
 def _scenes(options: argparse.Namespace) -> int:
     from softdyn.scene.stock_scenes import about, stock_scenes
 
@@ -373,6 +386,12 @@ def _print_names(described: dict[str, str]) -> None:
 
 
 def _derive(options: argparse.Namespace) -> int:
+    potential = potential_named(options.law)
+    if potential is not None:
+        from softdyn.study.potential_text import derived_text as text_of_potential
+
+        print(text_of_potential(potential, options.format), end="")
+        return 0
     law: Any = law_or_closure_of(options.law)
     if _is_closure(law):
         from softdyn.study.closure_text import derived_text
@@ -392,6 +411,9 @@ def _is_closure(given: Any) -> bool:
 
 def _check(options: argparse.Namespace) -> int:
     with _patience(f"the limits of {options.law}"):
+        potential = potential_named(options.law)
+        if potential is not None:
+            return _check_potential(potential, options)
         law: Any = law_or_closure_of(options.law)
         if _is_closure(law):
             return _check_closure(law, options)
@@ -440,6 +462,25 @@ def _check_closure(closure: Any, options: argparse.Namespace) -> int:
     if not options.json:
         print("".join(f"{closure.name} {jump}\n" for jump in jumps), end="")
         print(signs_of_closure_text(closure, signs), end="")
+    return 0 if data["proved"] == len(findings) else 1
+
+
+def _check_potential(potential: Any, options: argparse.Namespace) -> int:
+    from softdyn.derive.potential_limits import check_potential_limits
+    from softdyn.study.findings_text import limits_data, limits_text
+
+    if options.certificates is not None or options.lemmas is not None:
+        raise SceneError(f"{potential.name} is a potential: certificates are of laws and closures; leave them out")
+    findings = check_potential_limits(potential)
+    data = limits_data(potential.name, findings)
+    if options.json:
+        data["potential"] = data.pop("law")
+        print(json.dumps(data, indent=2))
+    elif not findings:
+        print(f"{potential.name} claims no limits")
+    else:
+        print(limits_text(potential.name, findings), end="")
+        print(", ".join(f"{data[v]} {v}" for v in ("proved", "disproved", "undecided") if data[v]))
     return 0 if data["proved"] == len(findings) else 1
 
 

@@ -246,6 +246,7 @@ def tool_digest() -> str:
             "kernels.py",
             "elements.py",
             "particles/contact_kernels.py",
+            "particles/potential_kernels.py",
             "laws.py",
             "expression.py",
             "enclosure.py",

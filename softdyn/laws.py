@@ -1,4 +1,4 @@
-"""Finding a law, or a closure: a stock one's name, ``path/law.py``, or ``path/law.py:name``.
+"""Finding a law, a closure or a potential: a stock one's name, ``path/law.py``, or ``path/law.py:name``.
 
 Finding one imports neither the law nor sympy; :func:`load` does.
 """
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
     from softdyn.derive.averaged_flow import Term
     from softdyn.derive.closure import Closure
+    from softdyn.derive.potential import Potential
 
 
 def package_folder(name: str) -> Path:
@@ -36,6 +37,7 @@ def package_folder(name: str) -> Path:
 
 STOCK_FOLDER = package_folder("derive") / "laws"
 CLOSURES_FOLDER = package_folder("derive") / "closures"
+POTENTIALS_FOLDER = package_folder("derive") / "potentials"
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,11 @@ def stock_laws() -> dict[str, str]:
 def stock_closures() -> dict[str, str]:
     """Return names and descriptions of the stock closures, likewise."""
     return _descriptions(CLOSURES_FOLDER)
+
+
+def stock_potentials() -> dict[str, str]:
+    """Return names and descriptions of the stock potentials, likewise."""
+    return _descriptions(POTENTIALS_FOLDER)
 
 
 def _descriptions(folder: Path) -> dict[str, str]:
@@ -115,8 +122,13 @@ def find(law: Any) -> LawReference:
     known = _stock_names(STOCK_FOLDER)
     if text in _stock_names(CLOSURES_FOLDER):
         raise SceneError(f"{text!r} is a closure, and a law is asked for; of closures there is: softdyn check {text}")
+    if text in _stock_names(POTENTIALS_FOLDER):
+        raise SceneError(
+            f"{text!r} is a potential, and a law is asked for; it stands in [[potential]] or [[bond]] of a scene"
+        )
     if text not in known:
-        near = get_close_matches(text, (*known, *_stock_names(CLOSURES_FOLDER)), n=1)
+        others = (*_stock_names(CLOSURES_FOLDER), *_stock_names(POTENTIALS_FOLDER))
+        near = get_close_matches(text, (*known, *others), n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
         raise SceneError(f"unknown law {text!r}; {hint} (a law of your own is path/law.py or path/law.py:name)")
     return LawReference(text, None, text)
@@ -212,6 +224,75 @@ def law_or_closure_of(name: ContactLaw | Closure | str | Path) -> ContactLaw | C
         return closure
     law: ContactLaw = _chosen(reference, declared, ContactLaw, "law")
     return law
+
+
+def find_potential(potential: Any) -> LawReference:
+    """Resolve what stands for a potential to a reference, as :func:`find` does.
+
+    Raises
+    ------
+    SceneError
+        If there is no such stock potential or file.
+    """
+    if not isinstance(potential, (str, Path)):
+        if type(potential).__name__ != "Potential":
+            raise SceneError(f"a potential must be a name, a path or a Potential, not {potential!r}")
+        return LawReference(potential.name, None, potential.name, potential)
+    if ".py" in str(potential):
+        return find(potential)
+    known = _stock_names(POTENTIALS_FOLDER)
+    if potential not in known:
+        near = get_close_matches(str(potential), known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
+        raise SceneError(
+            f"unknown potential {str(potential)!r}; {hint} (one of your own is path/file.py or path/file.py:name)"
+        )
+    return LawReference(str(potential), None, str(potential))
+
+
+def load_potential(reference: LawReference) -> tuple[Potential, dict[str, str]]:
+    """Import a potential, and tell the files that it depends on, as :func:`load` does.
+
+    Raises
+    ------
+    LawError, SceneError
+    """
+    if reference.law is not None:
+        return reference.law, {}
+    if reference.path is None:
+        return importlib.import_module(f"softdyn.derive.potentials.{reference.name}").potential, {}
+    from softdyn.derive.potential import Potential
+
+    declared, depends = _declared_in(reference.path)
+    return _chosen(reference, declared, Potential, "potential"), depends
+
+
+def potential_named(name: Any) -> Potential | None:
+    """The potential that is meant by what may name a law, a closure or a potential; None if it is another.
+
+    Of a file that defines several kinds, potentials are those that are named.
+
+    Raises
+    ------
+    LawError, SceneError
+    """
+    if not isinstance(name, (str, Path)):
+        return name if type(name).__name__ == "Potential" else None
+    if str(name) in _stock_names(POTENTIALS_FOLDER):
+        return load_potential(find_potential(name))[0]
+    if ".py" not in str(name):
+        return None
+    from softdyn.derive.potential import Potential
+
+    reference = find(name)
+    assert reference.path is not None
+    declared, _ = _declared_in(reference.path)
+    found = {key for key, value in declared.items() if isinstance(value, Potential)}
+    others = {key for key, value in declared.items() if type(value).__name__ in ("ContactLaw", "Closure")}
+    if reference.name in found or (found and not others and not reference.name):
+        potential: Potential = _chosen(reference, declared, Potential, "potential")
+        return potential
+    return None
 
 
 def term_of(text: str) -> Term:
