@@ -190,7 +190,7 @@ KINDS: tuple[tuple[Any, str], ...] = (
 
 
 def _times(box: Box, _: Any, values: list[Any]) -> Value:
-    found = values[0]
+    found: Value = values[0]
     for value in values[1:]:
         found = box.product(found, value)
     return found

@@ -149,6 +149,6 @@ def _printed(end: Expr) -> str:
 def _roots(expr: Expr, varied: Symbol) -> list[Expr]:
     """Real roots of a polynomial or a fraction of such; none of anything else."""
     try:
-        return real_roots(Poly(expr.together().as_numer_denom()[0], varied, domain="QQ"))
+        return list(real_roots(Poly(expr.together().as_numer_denom()[0], varied, domain="QQ")))
     except (PolynomialError, NotImplementedError, ValueError, TypeError):
         return []

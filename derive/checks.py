@@ -742,8 +742,8 @@ def _point(found: Positivity, side: int = 1) -> str:
 
 def _short(number: mpmath.mpf) -> str:
     """A number to as few digits as it has."""
-    few = mpmath.nstr(number, 3)
-    return few if abs(mpmath.mpf(few) - number) <= abs(number) * 1e-15 else mpmath.nstr(number, 17)
+    few = str(mpmath.nstr(number, 3))
+    return few if abs(mpmath.mpf(few) - number) <= abs(number) * 1e-15 else str(mpmath.nstr(number, 17))
 
 
 def _samples(symbol: Symbol, law: ContactLaw) -> tuple[mpmath.mpf, ...]:

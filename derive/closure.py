@@ -42,7 +42,7 @@ from softdyn.derive.dimensions import (
     dimension_of,
 )
 from softdyn.derive.law import Limit
-from softdyn.derive.symbols import eta
+from softdyn.derive.symbols import eta as eta  # one of the arguments that closures are written in
 from softdyn.errors import LawError
 
 Re = Symbol("Re", positive=True)

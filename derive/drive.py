@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from softdyn.derive.printing import Assignment
 from softdyn.enclosure import program_of
@@ -69,7 +70,7 @@ def drive_code(shape: Shape, value: bool) -> DriveCode:
     )
 
 
-def _lines(operations: Sequence[tuple], wanted: dict[str, int]) -> list[Assignment]:
+def _lines(operations: Sequence[tuple[Any, ...]], wanted: dict[str, int]) -> list[Assignment]:
     """An assignment for each operation that is needed, and for what is wanted."""
     used = set(wanted.values())
     for i in range(len(operations) - 1, -1, -1):
@@ -84,7 +85,7 @@ def _lines(operations: Sequence[tuple], wanted: dict[str, int]) -> list[Assignme
     return [*lines, *((name, names[i]) for name, i in wanted.items())]
 
 
-def _name(operation: tuple, i: int) -> str:
+def _name(operation: tuple[Any, ...], i: int) -> str:
     kind, *parts = operation
     if kind == "time":
         return "t"
@@ -95,7 +96,7 @@ def _name(operation: tuple, i: int) -> str:
     return f"x{i}"
 
 
-def _assigned(operation: tuple, name: str, those: Sequence[str]) -> list[Assignment]:
+def _assigned(operation: tuple[Any, ...], name: str, those: Sequence[str]) -> list[Assignment]:
     kind, *parts = operation
     if kind == "neg":
         return [(name, f"-{those[0]}")]

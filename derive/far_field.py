@@ -69,9 +69,9 @@ def far_friction(law: ContactLaw) -> Expr:
     """Limit of zeta at delta = 0 as h -> oo: 0, oo, a positive expression, or ``nan`` where none is found."""
     # what the gap does not enter is kept from sympy's polynomials: with hundreds of parameters they recurse too deeply
     constant, varying = undeflected_friction(law).subs(h, R / NEARNESS).as_independent(NEARNESS, as_Add=False)
-    for rewritten in (lambda form: factor(simplify(form)), lambda form: form):
+    for simpler in (True, False):
         try:
-            found = constant * limit(rewritten(varying), NEARNESS, 0, "+")
+            found = constant * limit(factor(simplify(varying)) if simpler else varying, NEARNESS, 0, "+")
         except (NotImplementedError, ValueError, TypeError, AttributeError, RecursionError):
             continue
         if found in (S.Zero, oo) or (found.is_finite is not False and not found.has(NEARNESS, S.NaN, oo)):

@@ -124,7 +124,7 @@ def plain(form: Expr, unit: Expr, rate: bool = False) -> str:
     """Text of a form, as "3*6**(1/3)/4 R kappa^(2/3)"."""
     product = as_product(form, unit, rate)
     if product is None or product.powers.keys() - {eta, E, R, V, kappa, x} - unit.free_symbols:
-        return sstr(form)  # forces and lengths of the law's own are best read where they stand
+        return str(sstr(form))  # forces and lengths of the law's own are best read where they stand
     parts = [_power(symbol, power) for symbol, power in product.powers.items()]
     factored = factor_terms(product.number)
     number = f"({sstr(factored)})" if factored.is_Add and parts else sstr(factored)

@@ -268,12 +268,12 @@ def in_code(law: ContactLaw) -> ContactLaw:
 
 def is_rigid(law: ContactLaw) -> bool:
     """Whether the particles do not deform: F_ela = oo, delta = 0."""
-    return law.F_ela == oo
+    return bool(law.F_ela == oo)
 
 
 def is_dry(law: ContactLaw) -> bool:
     """Whether no fluid resists: zeta = 0, and the gap is closed, h = 0."""
-    return law.zeta == 0
+    return bool(law.zeta == 0)
 
 
 def is_anchored(law: ContactLaw) -> bool:
@@ -349,7 +349,7 @@ def sizes_asked(law: ContactLaw) -> tuple[Symbol, ...]:
 
     def ratios(symbols: Iterable[Symbol]) -> int:
         rows = [[dimensions[s].mass, dimensions[s].length, dimensions[s].time] for s in symbols]
-        return len(rows) - Matrix([[Rational(p.numerator, p.denominator) for p in row] for row in rows]).rank()
+        return int(len(rows) - Matrix([[Rational(p.numerator, p.denominator) for p in row] for row in rows]).rank())
 
     return asked if ratios(used) > ratios(symbol for symbol in used if symbol not in asked) else ()
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from sympy import Expr, Symbol
 
@@ -73,7 +73,7 @@ class Needs:
         Of :data:`OUTPUTS`; None stands for all that the law has.
     """
 
-    drive: str | tuple = "constant"
+    drive: str | tuple[Any, ...] = "constant"
     control: Control = "force"
     deflection: Deflection = "either"
     fixed: Mapping[str, str] = field(default_factory=dict)

@@ -294,7 +294,9 @@ def _comments_before(statement: ast.stmt, comments: dict[int, str]) -> list[str]
 
 
 def _statement(node: ast.stmt, state: _Function, comments: dict[int, str], depth: int) -> list[str]:
-    inner = lambda body: [line[4 * depth :] for line in _block(body, state, comments, depth + 1)]  # noqa: E731
+    def inner(body: list[ast.stmt]) -> list[str]:
+        return [line[4 * depth :] for line in _block(body, state, comments, depth + 1)]
+
     if isinstance(node, ast.Assign) and len(node.targets) == 1:
         return [_assignment(node.targets[0], node.value, state, None)]
     if isinstance(node, ast.AnnAssign) and node.value is not None:

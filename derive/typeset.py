@@ -129,7 +129,7 @@ def _word(name: str) -> str:
 
 def to_latex(expr: Expr | Eq | Matrix, names: Mapping[str, str] | None = None) -> str:
     """LaTeX of an expression in the paper's notation; ``names`` says how some are typeset here."""
-    return _Printer(names or {}).doprint(expr)
+    return str(_Printer(names or {}).doprint(expr))
 
 
 class _Printer(LatexPrinter):
@@ -167,7 +167,7 @@ class _Printer(LatexPrinter):
         return text if power is None else f"{_bracketed(text)}^{{{power}}}"
 
     def _print_log1p(self, expr: Expr) -> str:
-        return self._print(log(1 + expr.args[0]))
+        return str(self._print(log(1 + expr.args[0])))
 
     def _print_expm1(self, expr: Expr) -> str:
         return _bracketed(self._print(exp(expr.args[0]) - 1))

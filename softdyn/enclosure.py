@@ -115,7 +115,7 @@ def _called(build: Builder, name: str, those: Sequence[int]) -> int:
     return build.add(name, *those)
 
 
-def _row(operation: tuple, new: dict[int, int]) -> tuple[float, ...]:
+def _row(operation: tuple[Any, ...], new: dict[int, int]) -> tuple[float, ...]:
     kind, *parts = operation
     code = float(KINDS[kind])
     if kind in ("number", "constant"):
@@ -511,7 +511,7 @@ class _Search:
     def _zero(self, shape: Shape, low: Array, high: Array) -> NDArray[np.bool_]:
         """Whether an expression may vanish, but not all the time."""
         below, above = (np.asarray(x) for x in enclose((shape, self.constants), low, high))
-        return (below <= 0) & (above >= 0) & ~(np.maximum(-below, above) < 1e-300)
+        return np.asarray((below <= 0) & (above >= 0) & ~(np.maximum(-below, above) < 1e-300))
 
     def _crossings(self, shape: Shape, low: Array, high: Array) -> list[float]:
         """The first times at which the sign is another, of intervals that hold one at most."""
@@ -525,7 +525,8 @@ class _Search:
                 break
             same = (values(shape, middle, self.constants) < 0) == early
             low, high = np.where(inside & same, middle, low), np.where(inside & ~same, middle, high)
-        return high.tolist()
+        ends: list[float] = high.tolist()
+        return ends
 
 
 def kinks(expression: Expression | tuple[Shape, Any], start: float, end: float) -> tuple[Array, bool]:

@@ -97,7 +97,7 @@ _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|
 #: ("select", s, x, y), x where s < 0 and else y, and ("choose", index, x, y), x where that constant is < 0 and else y,
 #: with the name of a continuous function, if it stands for one: within rounding of a kink that may be what is meant.
 #: x, y, s are numbers of earlier operations.
-Operation = tuple
+Operation = tuple[Any, ...]
 #: Operations that work on no other.
 LEAVES = ("time", "axis", "constant", "number")
 Shape = tuple[Operation, ...]

@@ -119,7 +119,7 @@ def get_kernel(
     law: Any,
     target: str = "auto",
     *,
-    drive: str | tuple = "constant",
+    drive: str | tuple[Any, ...] = "constant",
     control: str = "force",
     deflection: str = "either",
     fixed: Mapping[str, str] | None = None,

@@ -397,7 +397,8 @@ def _rates(case: Case, decorate: Callable[[Any], Any]) -> Callable[..., Any]:
         F_delta = 4 / 9 * (a + abs(y[1]) / a)
         return np.array([h_dot / h, (F_dot - F_h * h_dot) / F_delta])
 
-    return decorate(rates)
+    decorated: Callable[..., Any] = decorate(rates)
+    return decorated
 
 
 def _scipy(case: Case, method: str, compiled: bool) -> Solve:

@@ -153,12 +153,13 @@ def _stages(rates: Rates, times: list[Any], y: list[Any], step: Any, inverse: An
 
 def digits(number: Any) -> str:
     """Thirty digits, as text."""
-    return mp.nstr(number, 30)
+    return str(mp.nstr(number, 30))
 
 
 def stored(file: Path) -> dict[str, Any]:
     """References in a file, by the names of their cases."""
-    return json.loads(file.read_text(encoding="utf-8"))["cases"]
+    cases: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))["cases"]
+    return cases
 
 
 def how_made(doc: str | None) -> str:

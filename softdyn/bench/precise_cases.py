@@ -202,7 +202,8 @@ def _edges(definition: dict[str, Any]) -> list[float]:
         law=case.law, parameters=case.parameters, h=case.h0, **case.given, constants=case.constants,
         until_t=definition["t"][-1], rtol=1e-10, method="integrate",
     )  # fmt: skip
-    return run.t[1:].tolist()
+    times: list[float] = run.t[1:].tolist()
+    return times
 
 
 def main() -> None:

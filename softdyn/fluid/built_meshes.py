@@ -125,7 +125,7 @@ def _outer(corners: Ints) -> Ints:
     """Facets of one element alone."""
     every = all_facets(corners)
     first, group = grouped(np.sort(every, axis=1))
-    return every[first[np.bincount(group) == 1]]
+    return np.asarray(every[first[np.bincount(group) == 1]])
 
 
 def cylinder_mesh(

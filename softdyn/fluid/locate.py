@@ -134,6 +134,6 @@ def sampled(values: Array, nodes: Ints, element: Ints, shares: Array) -> Array:
         pairs = combinations(range(shares.shape[1]), 2)
         middles = [4 * shares[:, i] * shares[:, j] for i, j in pairs]
         shapes = np.column_stack([shares * (2 * shares - 1), *middles])
-    found = np.einsum("nk,nk...->n...", shapes, values[nodes[element]])
+    found: Array = np.einsum("nk,nk...->n...", shapes, values[nodes[element]])
     found[element < 0] = np.nan
     return found

@@ -226,7 +226,7 @@ def _boundary_facets(at: Array, corners: Ints, where: str) -> Ints:
             f"{_places(at[every[first[folded]]].mean(axis=1))}: one of them is inverted; move its points, or make the "
             "mesh anew"
         )
-    return every[first[count == 1]]
+    return np.asarray(every[first[count == 1]])
 
 
 def _require_no_hanging_points(at: Array, outer: Ints, where: str) -> None:

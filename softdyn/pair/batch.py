@@ -403,7 +403,7 @@ def _call(
 
     def make(first: int) -> int:
         part = slice(first, min(first + CALL, runs))
-        n = part.stop - part.start
+        n = int(part.stop - part.start)
         written = np.full((height * count + 2) * n, math.nan)
         given = np.ascontiguousarray(rows[part]).ravel(), np.ascontiguousarray(targets[part]).ravel()
         kernel.functions.runs(n, count, int(at_gaps), settings, *given, *table, written)

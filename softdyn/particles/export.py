@@ -223,7 +223,7 @@ def outline(placed: Boxed) -> tuple[Array, NDArray[np.int64]]:
     return placed.corner + corners @ placed.cell.T, np.array(edges)
 
 
-def lines(result: ParticleResult, placed: Boxed, contacts: dict[str, NDArray]) -> tuple[Array, NDArray[np.int64]]:
+def lines(result: ParticleResult, placed: Boxed, contacts: dict[str, NDArray[Any]]) -> tuple[Array, NDArray[np.int64]]:
     """Contacts of a frame as lines, each from a particle within the box to the partner it is in contact with.
 
     Returns

@@ -155,7 +155,7 @@ def _turns(x: Array, radii: Array, width: int) -> Array:
         if width > d:  # about x from y to z, about y from z to x, about z from x to y
             turn[:, d if d == 2 else d + 3 - a - b] = -radii if (a, b) == (0, 2) else radii
     _, sizes, rows = np.linalg.svd(turns.reshape(len(planes), -1), full_matrices=False)
-    return rows[sizes > IN_LINE * sizes[0]].reshape(-1, count, width)
+    return np.asarray(rows[sizes > IN_LINE * sizes[0]].reshape(-1, count, width))
 
 
 def held_torque(x: Array, radii: Array, force: Array) -> Array:

@@ -369,7 +369,7 @@ def direct(matrix: bsr_array, width: int) -> Factor:
     columns = np.diff(upper.indptr).astype(float)
 
     def solve(b: Array) -> Array:
-        return factor.solve(b.reshape(size), trans="T").reshape(b.shape)
+        return np.asarray(factor.solve(b.reshape(size), trans="T").reshape(b.shape))
 
     return Factor(solve, upper.nnz, float(columns @ columns))
 
@@ -383,7 +383,7 @@ def _softest(matrix: bsr_array) -> Array:
     diagonal = np.abs(matrix.diagonal())
     scaled = LinearOperator((size, size), matvec=lambda v: v.reshape(-1) / np.maximum(diagonal, 1e-300))
     _, vectors = lobpcg(matrix, start, M=scaled, largest=False, maxiter=200, tol=1e-6)
-    return vectors[:, 0]
+    return np.asarray(vectors[:, 0])
 
 
 def block_diagonal(matrix: bsr_array, width: int, definite: bool = True) -> Callable[[Array], Array]:
@@ -409,7 +409,7 @@ def block_diagonal(matrix: bsr_array, width: int, definite: bool = True) -> Call
     inverse = np.linalg.inv(own)
 
     def precondition(v: Array) -> Array:
-        return np.einsum("iab,ib->ia", inverse, v.reshape(count, width)).reshape(-1)
+        return np.asarray(np.einsum("iab,ib->ia", inverse, v.reshape(count, width)).reshape(-1))
 
     return precondition
 

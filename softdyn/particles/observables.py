@@ -68,7 +68,7 @@ def relative_viscosity(result: ParticleResult) -> Array:
     viscosity = float(result.stats.get("viscosity", result.parameters["eta"]))
     viscous = viscosity * result.gradient[:, 0, 1]
     shear = (result.stress[:, 0, 1] + result.stress[:, 1, 0]) / 2
-    return 1 + np.divide(shear, viscous, out=np.full(len(result), np.nan), where=viscous != 0)
+    return np.asarray(1 + np.divide(shear, viscous, out=np.full(len(result), np.nan), where=viscous != 0))
 
 
 def normal_stress_differences(result: ParticleResult) -> tuple[Array, Array]:

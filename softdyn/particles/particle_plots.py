@@ -344,7 +344,7 @@ def _draw_in_space(
     def paler(colour: Any, depth: Array) -> Array:
         """Colours, the farther the nearer to white."""
         near = np.clip((depth - low[2]) / (high[2] - low[2]), 0.0, 1.0)[:, None]
-        return 1 - (0.3 + 0.7 * near) * (1 - np.asarray(colour)[..., :3])
+        return np.asarray(1 - (0.3 + 0.7 * near) * (1 - np.asarray(colour)[..., :3]))
 
     artists: list[Artist] = []
     if is_periodic(result):
@@ -412,7 +412,7 @@ def _outlines(radii: Array, owner: NDArray[np.int64], toward: Array, depth: Arra
     owner, cosine = owner[pressed], toward[pressed] @ around.T
     plane = (radii[owner] - depth[pressed])[:, None]
     np.minimum.at(r, owner, np.where(cosine > 0, plane / np.maximum(cosine, 1e-9), np.inf))
-    return r[:, :, None] * around
+    return np.asarray(r[:, :, None] * around)
 
 
 def _images(x: Array, radii: Array, cell: Array, window: Array) -> tuple[NDArray[np.int64], Array]:

@@ -64,7 +64,7 @@ class ValidatedScene:
     def width(self) -> int:
         """Coordinates of a particle: its position, and with tangential motion or friction its rotation."""
         d = self.x.shape[1]
-        return d + rotations(d) if self.scene.turns else d
+        return int(d + rotations(d) if self.scene.turns else d)
 
     def coordinates_scale(self, power: int) -> Array:
         """Factor of each coordinate of the particles: 1, and that power of the radius for rotations."""

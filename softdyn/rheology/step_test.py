@@ -39,7 +39,8 @@ OUTPUTS, SHORTEST = 61, 1e-4
 
 def spread(start: float, time: float, shortest: float) -> list[float]:
     """Times after a start, evenly spaced in their logarithm."""
-    return (start + np.geomspace(shortest, time, OUTPUTS)).tolist()
+    times: list[float] = (start + np.geomspace(shortest, time, OUTPUTS)).tolist()
+    return times
 
 
 def relaxation_scene(content: Content, values: Mapping[str, float], time: float, rest: float, ramp: float) -> Content:

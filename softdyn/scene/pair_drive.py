@@ -42,7 +42,7 @@ class Drive:
         Of the spring.
     """
 
-    shape: str | tuple
+    shape: str | tuple[Any, ...]
     constants: NDArray[np.float64]
     table: Table | None = None
     start: float = 0.0

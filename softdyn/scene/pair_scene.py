@@ -273,7 +273,7 @@ def _require_listed(name: str, values: Any, check: Callable[[str, Any], float]) 
 
 def parameter_values(
     scene: Scene, names: Sequence[str], positive: Sequence[str], ranges: Mapping[str, Range]
-) -> NDArray:
+) -> NDArray[Any]:
     """Values of a law's parameters, in its order.
 
     Raises

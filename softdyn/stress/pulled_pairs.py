@@ -116,7 +116,7 @@ class Pull:
     @property
     def by_gap(self) -> bool:
         """Whether outputs are at gaps."""
-        return self.force[0] == "constant"
+        return bool(self.force[0] == "constant")
 
     @property
     def at(self) -> Array:
@@ -135,7 +135,9 @@ class Pull:
             drive = {"force": (np.array(numbers[0]), np.array(numbers[1]))}
         at = self.at.tolist()
         ends = {"gaps": at, "until_h": self.end} if self.by_gap else {"times": at, "until_t": self.end}
-        return simulate(law=self.of.law, parameters=self.of.parameters, h=self.h0, rtol=rtol, **drive, **ends)
+        known: dict[str, Any] = {"law": self.of.law, "parameters": self.of.parameters, "h": self.h0}
+        result: PairResult = simulate(**known, rtol=rtol, **drive, **ends)
+        return result
 
     def value(self, t: float, middle: float) -> float:
         """Of the force; the middle of a piece tells the side of a jump."""

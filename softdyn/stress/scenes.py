@@ -137,9 +137,11 @@ def _lsoda(case: Case, delta0: float) -> tuple[Array, Array]:
 
 def _run(case: Case, rtol: float) -> PairResult:
     """The scene, output where the reference is."""
-    if case.by_gap:
-        return simulate(**case.scene, until_h=case.end, gaps=case.at.tolist(), rtol=rtol)
-    return simulate(**case.scene, until_t=case.end, times=[0.0, *case.at.tolist()], rtol=rtol)
+    at: dict[str, Any] = {"until_h": case.end, "gaps": case.at.tolist()}
+    if not case.by_gap:
+        at = {"until_t": case.end, "times": [0.0, *case.at.tolist()]}
+    result: PairResult = simulate(**case.scene, **at, rtol=rtol)
+    return result
 
 
 def error_of(case: Case, rtol: float, result: PairResult) -> float:

@@ -37,19 +37,21 @@ def _pressed(p: dict[str, float], method: str, rtol: float) -> PairResult:
     R = p["R"]
     gaps = [x * R for x in np.geomspace(10.0, 1e-6, 15).tolist()]
     force = 1e-3 * p["E"] * R**2
-    return simulate(
+    result: PairResult = simulate(
         law="rognon_gay", parameters=p, h=gaps[0], force=force, until_h=gaps[-1], gaps=gaps, method=method, rtol=rtol
     )
+    return result
 
 
 def _swung(p: dict[str, float], rtol: float) -> PairResult:
     """To and fro under 1e-2 E R^2 sin(2e-5 t), t in units of eta/E."""
     second = p["eta"] / p["E"]
     constants = {"k": 1e-2 * p["E"] * p["R"] ** 2, "w": 2e-5 / second}
-    return simulate(
+    result: PairResult = simulate(
         law="rognon_gay", parameters=p, h=p["R"], force="k*sin(w*t)", constants=constants, until_t=1e6 * second,
         times=20, rtol=rtol,
     )  # fmt: skip
+    return result
 
 
 def unit_cells(rtols: Sequence[float]) -> Iterable[Cell]:
@@ -139,7 +141,9 @@ def _drives(u: Units) -> dict[str, dict[str, Any]]:
 
 
 def _two(law: str, drive: str, rtol: float, units: Units) -> PairResult:
-    return simulate(law=law, parameters=_parameters(law, LAWS[law], units), rtol=rtol, **_drives(units)[drive])
+    given = _parameters(law, LAWS[law], units)
+    result: PairResult = simulate(law=law, parameters=given, rtol=rtol, **_drives(units)[drive])
+    return result
 
 
 def _apart(one: PairResult, units: Units, other: PairResult) -> float:

@@ -23,7 +23,6 @@ from softdyn.derive.typeset import to_latex
 from softdyn.mathtext import literal
 from softdyn.study.closure_plane import (
     DECADES,
-    MOST,
     NEAR,
     Array,
     Flags,
@@ -37,6 +36,7 @@ from softdyn.study.closure_plane import (
 from softdyn.study.closure_text import TOLD
 from softdyn.study.figures import COLOURS, FORCE_SPAN, FORCES, HALO, INK, paper_style
 from softdyn.study.phases import Labels, decade_ticks
+from softdyn.study.presence import MOST
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

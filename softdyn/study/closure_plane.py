@@ -94,7 +94,7 @@ def errors_of(closure: Closure, regime: ClosureRegime, numbers: Array, grains: A
     assert regime.form is not None
     exact = in_numbers(closure, closure.expression)(numbers, grains)
     with np.errstate(all="ignore"):
-        return np.abs(exact / in_numbers(closure, regime.form.state)(numbers, grains) - 1)
+        return np.asarray(np.abs(exact / in_numbers(closure, regime.form.state)(numbers, grains) - 1))
 
 
 def presence_of_closure(diagram: ClosureDiagram) -> Presences:

@@ -24,7 +24,7 @@ WORDS = {"disproved": "not uniformly", "undecided": "undecided whether uniformly
 
 def written(expr: Any) -> str:
     """An expression as text, numbers first in sums."""
-    return sstr(expr, order="none") if isinstance(expr, Expr) else sstr(expr)
+    return str(sstr(expr, order="none") if isinstance(expr, Expr) else sstr(expr))
 
 
 def case_text(case: Boolean) -> str:

@@ -130,7 +130,7 @@ def reversal(law: ContactLaw) -> tuple[Array, Array]:
         gap, force = GAP * np.exp(growth), np.interp(t, kept["t"], kept["force"])
         side: Side = "compression" if force > 0 else "tension"
         size = deflections(law, side, gap, abs(force) * start)
-        return -force * rigid / (ROUND * gap * zeta(gap, math.copysign(1.0, force) * size))
+        return np.asarray(-force * rigid / (ROUND * gap * zeta(gap, math.copysign(1.0, force) * size)))
 
     def opened(_t: float, growth: Array) -> float:
         return float(growth[0]) - math.log(last / first)

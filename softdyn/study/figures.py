@@ -213,7 +213,7 @@ def model_edge(diagram: Diagram) -> Expr:
 # ------------------------------------------------------------------------------------------------------- figure 3
 
 
-def figure3(diagram: Diagram, table: Mapping[str, NDArray]) -> Figure:
+def figure3(diagram: Diagram, table: Mapping[str, NDArray[Any]]) -> Figure:
     """Figure 3: the regimes of a law, and the simulations that pass through them.
 
     Parameters
@@ -255,7 +255,7 @@ def figure3(diagram: Diagram, table: Mapping[str, NDArray]) -> Figure:
     return figure
 
 
-def force_colour(force: float, table: Mapping[str, NDArray]) -> Any:
+def force_colour(force: float, table: Mapping[str, NDArray[Any]]) -> Any:
     """Colour of a run, by the logarithm of its kappa."""
     scale = Normalize(*np.log10([table["kappa"].min(), table["kappa"].max()]))
     low, high = FORCE_SPAN
@@ -318,7 +318,7 @@ def window(diagram: Diagram, xlim: Interval, ylim: Interval) -> Plane:
     return Plane(diagram.law, values, float(force_unit(diagram.law).subs(values)), xlim, ylim)
 
 
-def draw_phases(axes: Axes, diagram: Diagram, found: Sequence[Regime], table: Mapping[str, NDArray]) -> None:
+def draw_phases(axes: Axes, diagram: Diagram, found: Sequence[Regime], table: Mapping[str, NDArray[Any]]) -> None:
     """Panel (b): where each regime is, and the way of each run through them, from the right to the left."""
     X, Y = np.log10(table["h/R"]), np.log10(table["kappa"])
     xlim, ylim = (float(X.min()), float(X.max())), (float(Y.min()) - 0.4, 0.4)
@@ -380,7 +380,7 @@ def draw_over_phases(
     is_log: bool,
     diagram: Diagram,
     found: Sequence[Regime],
-    table: Mapping[str, NDArray],
+    table: Mapping[str, NDArray[Any]],
 ) -> None:
     """Panels (c) to (f): one quantity along each run, above the phase diagram.
 
@@ -533,7 +533,7 @@ def fitting_size(text: str, width: float, height: float) -> float:
     """Return the font size, in points, at which mathtext fits into a box in points; at most LARGEST."""
     parsed = MathTextParser("path").parse(f"${text}$", dpi=72, prop=FontProperties(size=LARGEST))
     # the height of what is parsed includes its depth
-    return LARGEST * min(1.0, width / parsed.width, height / parsed.height)
+    return float(LARGEST * min(1.0, width / parsed.width, height / parsed.height))
 
 
 def arrow(

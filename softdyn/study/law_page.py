@@ -39,7 +39,7 @@ from softdyn.derive.law import (
     ranges_of,
 )
 from softdyn.derive.law_dynamics import law_quantities
-from softdyn.derive.limits import Finding, ordering, side_of
+from softdyn.derive.limits import Finding, ordering
 from softdyn.derive.pair_equations import Needs
 from softdyn.derive.pair_kernel import kernel_ir
 from softdyn.derive.printing import KINDS
@@ -55,6 +55,7 @@ from softdyn.derive.typeset import (
     tangential_sections,
     to_latex,
 )
+from softdyn.derive.witness import side_of
 from softdyn.errors import SoftdynError
 from softdyn.findings import films_of, limits_of, regimes_of
 from softdyn.results.whole_files import written_whole

@@ -165,6 +165,6 @@ class Numbers:
 def _power(base: Symbol, power: Any) -> str:
     exact = Rational(str(float(power))).limit_denominator(100)
     if exact == 1:
-        return base.name
+        return str(base.name)
     text = str(exact) if abs(exact - power) < 1e-9 else f"{float(power):.{DIGITS}g}"
     return f"{base.name}^({text})" if "/" in text or text.startswith("-") else f"{base.name}^{text}"

@@ -194,7 +194,7 @@ def _folded(value: Expr) -> str:
     number, rest = value.as_coeff_Mul()
     power = math.floor(math.log10(abs(float(number)))) if number else 0
     if abs(power) < 3:
-        return latex(value, fold_short_frac=True, fold_frac_powers=True)
+        return str(latex(value, fold_short_frac=True, fold_frac_powers=True))
     mantissa = float(number / S(10) ** power)
     parts = [f"{mantissa:.4g}" + r"\cdot"] if abs(mantissa - 1) > 1e-9 else []
     return "".join([*parts, rf"10^{{{power}}}", *([r"\," + mathtext(rest)] if rest != 1 else [])])
@@ -404,7 +404,7 @@ def _line_in_numbers(value: Expr, real: RealValues, gap: bool) -> str:
 
 def _inline(expr: Expr) -> str:
     names = {symbol: "F" if symbol == force else symbol_latex(symbol.name) for symbol in expr.free_symbols}
-    return latex(expr, symbol_names=names, fold_short_frac=True, fold_frac_powers=True)
+    return str(latex(expr, symbol_names=names, fold_short_frac=True, fold_frac_powers=True))
 
 
 def draw_films(axes: Axes, diagram: Diagram, plane: Plane, side: Side) -> tuple[Array, Array] | None:
@@ -497,7 +497,7 @@ def corners_of(text: Text, renderer: Any, spare: float) -> Array:
         [box.x1 + spare, box.y1 + spare], [box.x0 - spare, box.y1 + spare],
     ])  # fmt: skip
     c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
-    return anchor + (flat - anchor) @ np.array([[c, s], [-s, c]])
+    return np.asarray(anchor + (flat - anchor) @ np.array([[c, s], [-s, c]]))
 
 
 def overlapping(one: Array, other: Array) -> bool:

@@ -479,7 +479,9 @@ def vectorised(arguments: Sequence[Symbol], what: Expr | list[Expr]) -> Callable
     """Return one or several expressions as a function of arrays."""
     parts = what if isinstance(what, list) else [what]
     plain = all(isinstance(one, OF_NUMPY) for part in parts for one in part.atoms(Application))
-    return lambdify(arguments, what, [IN_NUMPY, "numpy"] if plain else [IN_NUMPY, "scipy", "numpy"])
+    modules = [IN_NUMPY, "numpy"] if plain else [IN_NUMPY, "scipy", "numpy"]
+    function: Callable[..., Any] = lambdify(arguments, what, modules)
+    return function
 
 
 @lru_cache(maxsize=16)

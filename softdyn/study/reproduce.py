@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class Study:
         Of all runs.
     """
 
-    table: Mapping[str, NDArray]
+    table: Mapping[str, NDArray[Any]]
     allowed: Array
     target: str
     steps: int
@@ -204,7 +204,7 @@ def _approach(force: float, target: str, method: str) -> PairResult:
     return simulate_pair(scene)
 
 
-def _row(result: PairResult, exact: PairResult, force: float) -> dict[str, NDArray]:
+def _row(result: PairResult, exact: PairResult, force: float) -> dict[str, NDArray[Any]]:
     names = np.array([regime.name for regime in regimes()])
     deviation = np.abs(result.t - exact.t)
     return {
@@ -227,7 +227,7 @@ def depth(regime: Regime, gap: Array, force: Array | float) -> Array:
     """How far inside a regime each point lies: decades to its nearest crossover, as ratios of lengths; < 0 outside."""
     # R = E = 1
     ratios = [lambdify((h, F), ratio.subs({R: 1, E: 1}))(gap, force) for ratio in length_ratios(regime)]
-    return np.min([-np.log10(np.broadcast_to(ratio, np.shape(gap))) for ratio in ratios], axis=0)
+    return np.asarray(np.min([-np.log10(np.broadcast_to(ratio, np.shape(gap))) for ratio in ratios], axis=0))
 
 
 def compare(study: Study) -> list[Comparison]:
@@ -280,7 +280,7 @@ def study_lines(study: Study) -> Iterator[str]:
     )
 
 
-def csv_lines(table: Mapping[str, NDArray]) -> Iterator[str]:
+def csv_lines(table: Mapping[str, NDArray[Any]]) -> Iterator[str]:
     """Lines of figure3.csv; numbers to their last digit."""
     yield ",".join(COLUMNS)
     for values in zip(*(table[name].ravel().tolist() for name in COLUMNS), strict=True):

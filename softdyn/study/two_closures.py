@@ -20,8 +20,8 @@ from sympy import Expr, powsimp
 from softdyn.derive.asymptotics import is_small
 from softdyn.derive.closure import Closure, Re, in_fractions
 from softdyn.derive.closure_dynamics import permeability_of_drag
-from softdyn.derive.closure_limits import simplified
 from softdyn.derive.closure_regimes import ClosureRegime, discover_closure, in_words
+from softdyn.derive.limits import simplified
 from softdyn.errors import SceneError
 from softdyn.study.closure_plane import fractions_of, in_numbers, margins, points
 from softdyn.study.closure_text import case_text, written

@@ -98,7 +98,7 @@ class ImposedStress(Mechanism):
     def weights(self) -> Array:
         """E of each: what of the stress tensor it is, shape (names, d, d)."""
         scale = [self.gradients.shape[1] if name == "pressure" else 1 for name in self.names]
-        return self.gradients / np.array(scale, float)[:, None, None]
+        return np.asarray(self.gradients / np.array(scale, float)[:, None, None])
 
     def values(self, t: float) -> Array:
         """Values at a time."""
@@ -251,7 +251,7 @@ def stress_of(system: System, contacts: Contacts, at: Balance) -> Array:
 
     The symmetric part, which does the work: where drag resists rotations, there is another.
     """
-    stress = np.einsum("c,ca,cb->ab", at.F * at.r, at.n, at.n)
+    stress: Array = np.einsum("c,ca,cb->ab", at.F * at.r, at.n, at.n)
     if at.T is not None:
         sheared = np.einsum("c,ca,cb->ab", at.r, at.T, at.n)
         stress += (sheared + sheared.T) / 2
@@ -266,7 +266,7 @@ def fluid_stress(box: Box, viscosity: float) -> Array:
 def excess(imposed: ImposedStress, system: System, contacts: Contacts, at: Balance, t: float) -> Array:
     """By how much the imposed components exceed what is imposed."""
     total = stress_of(system, contacts, at) + fluid_stress(system.box, imposed.viscosity)
-    return np.einsum("kab,ab->k", imposed.weights, total) - imposed.values(t)
+    return np.asarray(np.einsum("kab,ab->k", imposed.weights, total) - imposed.values(t))
 
 
 def _relative(imposed: ImposedStress, system: System, at: Balance, wrong: Array, t: float) -> float:

@@ -64,7 +64,9 @@ def values_of(law: ContactLaw, names: tuple[str, ...], tangential: bool) -> Call
 def _function(law: ContactLaw, names: tuple[str, ...], found: Any) -> Callable[..., Any]:
     symbols = {symbol.name: symbol for symbol in (R, E, eta, size_ratio, *law.parameters)}
     modules = [{"select": _select}, "numpy"]
-    return lambdify([h, delta, *(symbols[name] for name in names)], found, modules=modules, cse=True)
+    arguments = [h, delta, *(symbols[name] for name in names)]
+    function: Callable[..., Any] = lambdify(arguments, found, modules=modules, cse=True)
+    return function
 
 
 def _select(conditions: list[Any], values: list[Any], default: float) -> Any:

@@ -213,7 +213,7 @@ def ramped(eq: Equations, t: float, state: Array, before: Array, after: int, rto
     def given(since: float, part: int) -> dict[str, Array]:
         return still | {"force": before + since * still["force_rate"]}
 
-    return integrate(replace(eq, given=given, breaks=[]), state, np.array([0.0, instant]), rtol)[-1]
+    return np.asarray(integrate(replace(eq, given=given, breaks=[]), state, np.array([0.0, instant]), rtol)[-1])
 
 
 def solve(case: Case, times: Array, rtol: float, looks: int = 8) -> tuple[Equations, Array]:

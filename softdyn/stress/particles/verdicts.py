@@ -151,7 +151,10 @@ def sizes_of(eq: Equations, frames: list[Frame]) -> dict[str, float]:
 def kicked(eq: Equations, t: float, state: Array, size: float, random: np.random.Generator) -> Array:
     """A state with an error as large as a step may leave, of that size instead of ``rtol``."""
     x, u, T, z = unpack(eq, state)
-    sign = lambda shape: random.choice([-1.0, 1.0], shape)  # noqa: E731
+
+    def sign(shape: int | tuple[int, ...]) -> Array:
+        return random.choice([-1.0, 1.0], shape)
+
     # as a contact fades, so does what its gap counts for
     ahead = np.clip(2 * (1 - np.exp(u) / eq.reach), 0.0, 1.0)
     u = u + size * sign(len(u)) / np.maximum(ahead**2 * (3 - 2 * ahead), 0.03)
