@@ -130,7 +130,7 @@ def ranges_of(potential: Potential) -> dict[Symbol, Interval]:
 
 def is_active(potential: Potential) -> bool:
     """Whether it has all of its energy at all times."""
-    return potential.activation == 1
+    return bool(potential.activation == 1)
 
 
 def potential_hash(potential: Potential) -> str:
