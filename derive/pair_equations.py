@@ -35,6 +35,7 @@ from softdyn.derive.dynamics import (
 )
 from softdyn.derive.equations import Equations
 from softdyn.derive.law import in_code, is_dry, is_rigid
+from softdyn.derive.parameter_slopes import sensitive_outputs, slopes_by
 from softdyn.derive.soundness import sound
 from softdyn.derive.symbols import F, a
 from softdyn.errors import LawError
@@ -71,6 +72,9 @@ class Needs:
         Parameters whose values are known, as decimal numbers; the others stay arguments.
     outputs : tuple of str, or None
         Of :data:`OUTPUTS`; None stands for all that the law has.
+    sensitive : tuple of str
+        Parameters by which the slopes of rates and outputs are wanted too (:mod:`softdyn.derive.parameter_slopes`); the
+        kernel gives them behind the other outputs.
     """
 
     drive: str | tuple[Any, ...] = "constant"
@@ -78,6 +82,7 @@ class Needs:
     deflection: Deflection = "either"
     fixed: Mapping[str, str] = field(default_factory=dict)
     outputs: tuple[str, ...] | None = ("a", "X")
+    sensitive: tuple[str, ...] = ()
 
 
 @lru_cache(maxsize=32)
@@ -150,6 +155,18 @@ def outputs_of(law: ContactLaw) -> tuple[str, ...]:
     # the equations that the kernels are made of, so that they are derived once
     named = {output_name(symbol) for symbol in pair_equations(in_code(law)).definitions}
     return tuple(name for name in OUTPUTS if name in named)
+
+
+@lru_cache(maxsize=32)
+def with_slopes(law: ContactLaw, control: Control, expression: bool, parameters: tuple[str, ...]) -> Equations:
+    """All of :func:`pair_equations`, and how rates and outputs depend on parameters, named as in the code."""
+    equations = pair_equations(law, control, expression)
+    if not parameters:
+        return equations
+    slopes = slopes_by(law, control, parameters)
+    wanted = frozenset(sensitive_outputs(control == "force", parameters))
+    definitions = {**equations.definitions, **slopes}
+    return Equations(definitions, equations.wanted | {symbol for symbol in definitions if symbol.name in wanted})
 
 
 def integrated(control: Control, expression: bool) -> tuple[Symbol, ...]:

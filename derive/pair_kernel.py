@@ -65,8 +65,9 @@ from softdyn.derive.pair_equations import (
     integrated,
     output_name,
     outputs_of,
-    pair_equations,
+    with_slopes,
 )
+from softdyn.derive.parameter_slopes import sensitive_outputs
 from softdyn.derive.printing import KINDS, Assignment, operations, print_expression, straight_line
 from softdyn.derive.radau import PANEL_NODES, STAGES
 from softdyn.derive.rules import RULES, Rule, specialised
@@ -98,9 +99,13 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
         needs = replace(needs, deflection="either")
     # in the code, the names of a law's own parameters are none of anything else
     codes = code_names(law)
+    sensitive = tuple(codes.get(name, name) for name in needs.sensitive)
     own = replace(needs, fixed={codes[name]: value for name, value in needs.fixed.items()})
+    if sensitive:
+        outputs = (*outputs, *sensitive_outputs(needs.control == "force", sensitive))
+        own = replace(own, outputs=outputs)
     expression = isinstance(needs.drive, tuple)
-    equations, savings = specialised(pair_equations(in_code(law), needs.control, expression), own, rules)
+    equations, savings = specialised(with_slopes(in_code(law), needs.control, expression, sensitive), own, rules)
     definitions = equations.definitions
     # rigid particles transmit any force, without a deflection
     rigid = is_rigid(law)
@@ -262,6 +267,12 @@ def _require_known(law: ContactLaw, needs: Needs, outputs: tuple[str, ...], name
     for symbol in parameters_of(law):
         if symbol.is_positive and symbol.name in needs.fixed and not float(needs.fixed[symbol.name]) > 0:
             faults.append(f"{symbol.name} must be positive, not {needs.fixed[symbol.name]}")
+    sensible = {*names, *((compliance.name,) if needs.control == "spring" else ())} - set(needs.fixed)
+    faults += [
+        f"there is no slope by {name!r}: it is {'fixed' if name in needs.fixed else 'no parameter of the law'}"
+        for name in needs.sensitive
+        if name not in sensible
+    ]
     known = outputs_of(law) + (() if needs.control == "force" else ("F", "dF_dt"))
     faults += [
         f"{name!r} is no output{' of this law' if name in OUTPUTS else ''}; there are {', '.join(known)}"

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
@@ -328,13 +328,26 @@ def _renumbered(operation: Operation, new: Mapping[int, int] | Sequence[int]) ->
     return (kind, *(new[x] for x in parts))
 
 
-def derivative(shape: Shape) -> Shape:
-    """Shape of the derivative with respect to t, on the same constants; at a kink that of the later side."""
-    build, _, slopes = value_and_slope(shape)
+#: What a derivative is taken by: the time.
+BY_TIME: Collection[Operation] = (("time",),)
+
+
+def derivative(shape: Shape, by: Collection[Operation] = BY_TIME) -> Shape:
+    """Shape of the derivative with respect to t, on the same constants; at a kink that of the later side.
+
+    With the places of a named constant (:func:`places_of`) that with respect to the constant.
+    """
+    build, _, slopes = value_and_slope(shape, by)
     return build.shape_of(slopes[-1])
 
 
-def value_and_slope(shape: Shape) -> tuple[Builder, list[int], list[int]]:
+def places_of(name: str, text: str, constants: Mapping[str, float]) -> tuple[Operation, ...]:
+    """Operations of a parsed expression that are a named constant: each place where it stands has an entry."""
+    marked = parse(text, {**dict.fromkeys(constants, 0.0), name: math.nan})
+    return tuple(("constant", i) for i, value in enumerate(marked.constants) if math.isnan(value))
+
+
+def value_and_slope(shape: Shape, by: Collection[Operation] = BY_TIME) -> tuple[Builder, list[int], list[int]]:
     """All operations of a shape and of their derivatives: where the value and the derivative of each are."""
     build = Builder()
     places: list[int] = []
@@ -344,8 +357,11 @@ def value_and_slope(shape: Shape) -> tuple[Builder, list[int], list[int]]:
     for original in shape:
         operation = _renumbered(original, places)
         places.append(build.add(*operation))
-        moves = operation == ("time",) or any(slope_of[x] != zero for x in operands(operation))
-        slopes.append(_slope(build, operation, places[-1], slope_of) if moves else zero)
+        moves = any(slope_of[x] != zero for x in operands(operation))
+        if operation in by:
+            slopes.append(build.number(1.0))
+        else:
+            slopes.append(_slope(build, operation, places[-1], slope_of) if moves else zero)
         slope_of[places[-1]] = slopes[-1]
     return build, places, slopes
 
@@ -353,8 +369,6 @@ def value_and_slope(shape: Shape) -> tuple[Builder, list[int], list[int]]:
 def _slope(build: Builder, operation: Operation, value: int, slope_of: Mapping[int, int]) -> int:
     """Derivative of an operation whose operands have these."""
     kind, *parts = operation
-    if kind == "time":
-        return build.number(1.0)
     slopes = [slope_of[x] for x in operands(operation)]
     if kind == "neg":
         return build.negated(slopes[0])

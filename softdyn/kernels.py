@@ -124,6 +124,7 @@ def get_kernel(
     deflection: str = "either",
     fixed: Mapping[str, str] | None = None,
     outputs: tuple[str, ...] = ("a", "X"),
+    sensitive: tuple[str, ...] = (),
 ) -> Kernel:
     """Kernel of a law for a scene's needs, from the cache or made now.
 
@@ -132,7 +133,7 @@ def get_kernel(
     law : str, Path or ContactLaw
         A stock law's name, a law file, or a law.
     target : "auto", "c" or "numba"
-    drive, control, deflection, fixed, outputs
+    drive, control, deflection, fixed, outputs, sensitive
         See :class:`softdyn.derive.pair_equations.Needs`.
 
     Raises
@@ -147,6 +148,7 @@ def get_kernel(
         "deflection": deflection,
         "fixed": dict(fixed or {}),
         "outputs": outputs,
+        "sensitive": sensitive,
     }
     manifest = manifest_of(find(law), target, needs, "manifest", make_manifest)
     key, entry, functions = loaded(target, manifest)

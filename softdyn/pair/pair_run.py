@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,28 @@ KINK = WHAT.index("the drive has a kink")
 Progress = Callable[[float, float], None]
 
 
+@dataclass(frozen=True)
+class Trajectory:
+    """What a run was made of: its kernel and what that takes, and the steps that it has made.
+
+    Attributes
+    ----------
+    kernel : Kernel
+    p : array
+        The kernel's parameters.
+    drive : Drive
+    delta0 : float
+        Deflection at the start.
+    steps : array, shape (steps, numbers of a step)
+    """
+
+    kernel: Kernel
+    p: Array
+    drive: Drive
+    delta0: float
+    steps: Array
+
+
 def simulate_pair(
     scene: Scene, progress: Progress | None = None, kernel_of: Callable[..., Kernel] = get_kernel
 ) -> PairResult:
@@ -86,6 +109,13 @@ def simulate_pair(
     IntegrationError
         If it cannot be carried to its end at the asked accuracy.
     """
+    return simulated(scene, progress, kernel_of)[0]
+
+
+def simulated(
+    scene: Scene, progress: Progress | None = None, kernel_of: Callable[..., Kernel] = get_kernel
+) -> tuple[PairResult, Trajectory]:
+    """Return the result of :func:`simulate_pair`, and the steps that it comes from."""
     check_scene(scene)
     drive = drive_of(scene)
     kernel = kernel_of(scene.law, scene.target, **kernel_needs(scene, drive))
@@ -128,7 +158,7 @@ def simulate_pair(
         stats["drift"] = _drift(drive, values["F_ela"], 2 * R + h - 2 * delta - given, R)
     arrays = {"t": t, "h": h, "delta": delta, **{name: values[name] for name in scene.quantities}}
     largest = float(np.max(np.abs(values["F_ela"]), initial=0.0))
-    return PairResult(
+    result = PairResult(
         law=kernel.law,
         target=kernel.target,
         parameters=dict(zip(kernel.parameters, p.tolist(), strict=True)),
@@ -149,6 +179,7 @@ def simulate_pair(
         ),
         origin=origin_now(scene, kernel.fingerprint),
     )
+    return result, Trajectory(kernel, p, drive, delta0, steps)
 
 
 def require_few_rows(scene: Scene, drive: Drive) -> None:
