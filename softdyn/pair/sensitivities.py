@@ -335,7 +335,8 @@ def _of_outputs(
 
     def through_state(name: str) -> Array:
         own_slopes = at.by_parameter[name] @ own
-        return at.state[f"{name}_by_h"][:, None] * by_h + at.state[f"{name}_by_delta"][:, None] * by_delta + own_slopes
+        by_state: Array = at.state[f"{name}_by_h"][:, None] * by_h + at.state[f"{name}_by_delta"][:, None] * by_delta
+        return by_state + own_slopes
 
     F = forces if parts == 1 else through_state("F_ela")
     return {"h": by_h, "delta": by_delta, "X": through_state("X"), "a": through_state("a"), "F": F}
