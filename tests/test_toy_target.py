@@ -83,9 +83,11 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def test_the_list_of_targets_is_that_of_their_modules() -> None:
     assert {"c", "numba"} <= set(targets.TARGETS)
-    assert [*targets.TARGETS] == sorted(m.name for m in pkgutil.iter_modules(targets.__path__))
+    assert sorted(targets.TARGETS + targets.PLUGINS) == sorted(m.name for m in pkgutil.iter_modules(targets.__path__))
     names = ("SUFFIX", "translate", "available", "identity", "build", "check", "load")
-    assert all(hasattr(targets.target_module(target), name) for target in targets.TARGETS for name in names)
+    assert all(
+        hasattr(targets.target_module(target), name) for target in targets.TARGETS + targets.PLUGINS for name in names
+    )
 
 
 @pytest.mark.slow

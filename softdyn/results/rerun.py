@@ -15,6 +15,7 @@ from softdyn.laws import law_of
 from softdyn.particles.results import ParticleResult
 from softdyn.results.pair_result import PairResult
 from softdyn.results.registry import load_result, scene_of
+from softdyn.targets import PLUGINS
 
 AnyResult = PairResult | ParticleResult | FluidResult
 
@@ -39,6 +40,8 @@ def run_again(path: Path) -> tuple[AnyResult, AnyResult]:
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
     assert old.origin is not None
+    if old.target in PLUGINS:
+        raise SceneError(f"{path} was made by {old.target}: run its scene again with --engine {old.target}")
     if not old.origin.law.startswith(law_hash(law)):
         raise SceneError(
             f"{path}: the law {law.name!r} is not the one that made it: its equations have changed since, from "

@@ -5,6 +5,9 @@
 makes the files of a cache entry, and sees that these functions are in it; ``check(folder, name, functions)`` sees that
 a kernel of unknown origin loads; ``load(folder, name, functions, later)`` returns its functions. ``available()`` tells
 whether this machine can build it. A module beside these is a target more.
+
+Of :data:`PLUGINS` the kernels are part of another program, which is told how to run a scene by a room of that name:
+``load`` has nothing to give, and only some kinds of kernels are there.
 """
 
 from __future__ import annotations
@@ -21,7 +24,9 @@ from softdyn.errors import SceneError
 Signature = Sequence[str | Sequence[str]]
 Signatures = Mapping[str, Signature]
 
-TARGETS = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
+#: Targets that another program loads.
+PLUGINS = ("lammps",)
+TARGETS = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__) if module.name not in PLUGINS))
 #: What a scene may name: "auto" is C where there is a compiler, else numba.
 CHOICES = ("auto", *TARGETS)
 

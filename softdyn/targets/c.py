@@ -86,19 +86,26 @@ def identity() -> dict[str, Any]:
             f"target 'c' needs a C compiler: none of {', '.join(COMPILERS)} is on PATH, and CC is "
             f"{os.environ.get('CC') or 'not set'}; install one, or use target 'numba'"
         )
-    return _identity_of(command, FLAGS)
+    return identity_of(command, FLAGS)
 
 
 @cache
-def _identity_of(command: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, Any]:
+def identity_of(command: tuple[str, ...], wanted: tuple[str, ...], language: str = "c") -> dict[str, Any]:
+    """Return what a compiler of C, or of C++, makes of a text, besides the text.
+
+    Raises
+    ------
+    CompileError
+        If it does not work, or its arithmetic is not that of IEEE 754.
+    """
     for extra in (("-march=native",), ()):
         flags = (*wanted, *extra)
-        probe = _run([*command, *(f for f in flags if f != "-shared"), "-dM", "-E", "-x", "c", os.devnull])
+        probe = run([*command, *(f for f in flags if f != "-shared"), "-dM", "-E", "-x", language, os.devnull])
         if probe.returncode == 0:
             _require_ieee(command, probe.stdout)
             abi = [sys.platform, platform.machine(), ctypes.sizeof(ctypes.c_void_p)]
             return {"command": list(command), "flags": list(flags), "abi": abi, "macros": probe.stdout}
-    raise CompileError(f"the C compiler does not work:\n  {shlex.join(probe.args)}\n{_words(probe)}")
+    raise CompileError(f"the C compiler does not work:\n  {shlex.join(probe.args)}\n{words_of(probe)}")
 
 
 def _require_ieee(command: tuple[str, ...], macros: str) -> None:
@@ -112,7 +119,8 @@ def _require_ieee(command: tuple[str, ...], macros: str) -> None:
         )
 
 
-def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
+def run(command: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run a compiler, and return what it says."""
     try:
         return subprocess.run(
             command,
@@ -127,7 +135,8 @@ def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
         raise CompileError(f"could not run the C compiler:\n  {shlex.join(command)}\n{error}") from None
 
 
-def _words(done: subprocess.CompletedProcess[str]) -> str:
+def words_of(done: subprocess.CompletedProcess[str]) -> str:
+    """What a compiler has said."""
     return (done.stderr + done.stdout).strip() or f"(it printed nothing, and exited with {done.returncode})"
 
 
@@ -146,9 +155,9 @@ def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequenc
         except OSError as error:
             raise CompileError(f"cannot write {text}: {error.strerror}") from None
         command = [*made_by["command"], *made_by["flags"], "-o", str(library), str(text), "-lm"]
-        done = _run(command)
+        done = run(command)
         if done.returncode != 0 or not library.is_file():
-            raise CompileError(f"the C compiler failed:\n  {shlex.join(command)}\n{_words(done)}")
+            raise CompileError(f"the C compiler failed:\n  {shlex.join(command)}\n{words_of(done)}")
         fault = _fault_of(library, [f"{name}_{function}" for function in functions])
         if lacks_memory(fault):
             raise MemoryError(NO_ROOM)
