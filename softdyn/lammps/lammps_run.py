@@ -191,7 +191,8 @@ def read_frames(folder: Path, count: int, name: str = NAME) -> list[Told]:
         if len(particles) != count:
             break
         energy = dict(zip(ENERGIES, heads[:, 6 : 6 + len(ENERGIES)].sum(axis=0).tolist(), strict=True))
-        stiffest, cpu, kernel, solved = (float(heads[:, 3].max()), *heads[:, (15, 4, 5)].sum(axis=0).tolist())
+        stiffest = float(heads[:, 3].max())
+        cpu, kernel, solved = (float(heads[:, column].sum()) for column in (15, 4, 5))
         limit = 1 / stiffest if stiffest > 0 else np.inf
         particles = particles[np.argsort(particles[:, 0])]
         frames.append(Told(int(heads[0, 0]), limit, cpu, kernel, solved, energy, particles, contacts))
