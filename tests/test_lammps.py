@@ -34,7 +34,7 @@ needs_lammps = pytest.mark.skipif(
 )
 #: Parameters at which films of all stock laws are as soft, and as far, as they are for the others.
 PARAMETERS: dict[str, dict[str, float]] = {
-    "cone": {"E": 1.0, "eta": 1.0},
+    "cone": {"E": 1.0, "eta": 1.0, "m": 0.5},
     "dlvo": {"E": 1.0, "eta": 1.0, "nu": 0.5, "Pi0": 0.03, "ell": 0.02, "A": 1e-4},
     "droplet": {"sigma": 1.0, "eta": 1.0},
     "equal_spheres": {"E": 1.0, "eta": 1.0, "nu": 0.5},
@@ -243,7 +243,7 @@ def test_the_error_halves_with_the_time_step(law: str) -> None:
     """Of positions and gaps, for every stock law; and of rotations and tangential forces where the law has them."""
     scene = three(law, tangential=law_of(law).tangential is not None)
     exact = simulate(scene)
-    runs = [simulate_in_lammps(scene, dt=dt) for dt in (0.5, 0.25)]
+    runs = [simulate_in_lammps(scene, dt=dt) for dt in (0.25, 0.125)]
     errors = [difference(run, exact) for run in runs]
     for name in ("x", "h"):
         assert 1.9 < errors[0][name] / errors[1][name] < 2.1, name
@@ -253,7 +253,7 @@ def test_the_error_halves_with_the_time_step(law: str) -> None:
             wrong = [np.linalg.norm(quantity(run) - quantity(exact)) for run in runs]
             assert 1.9 < wrong[0] / wrong[1] < 2.1
     # what the balance of energy lacks is of the same order
-    assert 1.8 < runs[0].energy["imbalance"] / runs[1].energy["imbalance"] < 2.2
+    assert 1.7 < runs[0].energy["imbalance"] / runs[1].energy["imbalance"] < 2.2
 
 
 @needs_lammps
