@@ -136,7 +136,7 @@ def crossover(ready: Prepared, dt: float, ns: float = EXPLICIT_NS, ranks: int = 
         Processes of LAMMPS, against one of softdyn's own engine.
     """
     steps = IMPLICIT_STEPS * (1e-4 / ready.system.rtol) ** (1 / ORDER)
-    return ns * 1e-9 / (ranks * dt * steps * IMPLICIT_US * 1e-6)
+    return float(ns * 1e-9 / (ranks * dt * steps * IMPLICIT_US * 1e-6))
 
 
 def crossover_words(ready: Prepared, dt: float, ns: float = EXPLICIT_NS, ranks: int = 1) -> str:
