@@ -142,7 +142,7 @@ def faults_of(law: ContactLaw) -> list[str]:
     faults += (
         _tangential_faults(law, known) + _drag_faults(law, known) + _typical_faults(law) + _limit_faults(law, known)
     )
-    faults += _unequal_faults(law)
+    faults += _unequal_faults(law) + _dashpot_faults(law, known)
     if sound and not faults:
         faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
     if sound and not faults and law.tangential is not None:
@@ -188,6 +188,25 @@ def _unequal_faults(law: ContactLaw) -> list[str]:
     sign_ = _witness_of_part(expr, law)
     if sign_ is not None:
         return [f"unequal must be positive for h > 0, but at {_point(sign_)} it is {mpmath.nstr(sign_.value, 6)}"]
+    return []
+
+
+def _dashpot_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
+    """The dashpot of a dry contact resists."""
+    expr = law.dashpot
+    if not isinstance(expr, Expr):
+        return [f"dashpot = {expr!r} is a {type(expr).__name__}, not a sympy expression"]
+    if expr == 0:
+        return []
+    if law.zeta != 0:
+        return [f"dashpot = {expr} is for dry contacts: zeta = {law.zeta} is the friction of a film already"]
+    faults = _symbol_faults("dashpot", expr, (a, delta), law, known) + node_faults("dashpot", expr)
+    faults = faults or dimension_faults("dashpot", expr, FRICTION, {**DIMENSIONS, **law.parameters})
+    if faults:
+        return faults
+    found = _witness_of_part(expr.subs(a, law.a).subs(delta, _SIZE), law)
+    if found is not None:
+        return [f"dashpot must be positive for 0 < delta < R, but at {_point(found)} it is {mpmath.nstr(found.value, 6)}"]
     return []
 
 
@@ -529,8 +548,6 @@ def _one_sided_faults(law: ContactLaw) -> list[str]:
         faults.append(f"F_ela = oo declares rigid particles, delta = 0: F_adh = {law.F_adh} must not depend on delta")
     if dry and law.F_ela.has(h):
         faults.append(f"zeta = 0 declares a dry contact, h = 0: F_ela = {law.F_ela} must not depend on h")
-    if dry and law.F_adh != 0:
-        faults.append(f"zeta = 0 declares a dry contact, h = 0: F_adh = {law.F_adh} must be 0")
     without = (("F_ela = oo", rigid, ("delta", "C", "F", "F_ela")), ("zeta = 0", dry, ("zeta", "D", "dh_dt", "dX_dt")))
     faults += [
         f"limit {limit.name!r}: a law with {what} has no {quantity}"

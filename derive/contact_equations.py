@@ -224,17 +224,7 @@ def _definitions(law: ContactLaw, tangential: bool, drag: bool, unequal: bool) -
     def of_law(symbol: Symbol, variable: Symbol) -> Expr:
         return sound(total(symbol, variable).subs(values))
 
-    beside: dict[Symbol, Expr] = {}
-    carried, slope = S.One, S.Zero
-    if unequal:
-        beside = {of_radii: tidy(law.unequal), of_radii_h: _relative_slope_as_written(law.unequal, h)}
-        carried, slope = of_radii, of_radii_h
-    x = far_field.excess(law, unequal) if drag else None
-    if x is not None:
-        by_h = Add(*(tidy(diff(term, h)) for term in Add.make_args(x))) if unequal else sound(diff(x, h))
-        beside |= {excess: x, excess_h: by_h}
-        carried *= (excess + undragged) / (1 + excess)
-        slope += excess_h * (1 - undragged) / ((excess + undragged) * (1 + excess))
+    beside, carried, slope = carried_friction(law, drag, unequal)
     generic = d.generic_dynamics(law.general)
     sliding: dict[Symbol, Expr] = {}
     if tangential and law.tangential is not None:
@@ -277,6 +267,25 @@ def _definitions(law: ContactLaw, tangential: bool, drag: bool, unequal: bool) -
         dh_dt: -rho / film,
         **sliding,
     }
+
+
+def carried_friction(law: ContactLaw, drag: bool, unequal: bool) -> tuple[dict[Symbol, Expr], Expr, Expr]:
+    """The part of zeta that a contact carries, for its radii and beside drag, and the relative slope of that in h.
+
+    Before them, what they are made of.
+    """
+    beside: dict[Symbol, Expr] = {}
+    carried, slope = S.One, S.Zero
+    if unequal:
+        beside = {of_radii: tidy(law.unequal), of_radii_h: _relative_slope_as_written(law.unequal, h)}
+        carried, slope = of_radii, of_radii_h
+    x = far_field.excess(law, unequal) if drag else None
+    if x is not None:
+        by_h = Add(*(tidy(diff(term, h)) for term in Add.make_args(x))) if unequal else sound(diff(x, h))
+        beside |= {excess: x, excess_h: by_h}
+        carried *= (excess + undragged) / (1 + excess)
+        slope += excess_h * (1 - undragged) / ((excess + undragged) * (1 + excess))
+    return beside, carried, slope
 
 
 def _relative_slope_as_written(product: Expr, variable: Symbol) -> Expr:

@@ -13,6 +13,9 @@ tangential : tuple of str
     Rows of what ``contacts`` gives besides of tangential motion; empty without it.
 more : tuple of str
     All rows of what it gives besides.
+
+Dry and rigid laws have no gap state. Their kernel is of the kind ``gapless``, with the same arrays and settings, and
+``rigid``; its functions are gap, force and tangent; the outputs; the elastic force; the resistance of a particle alone.
 """
 
 from __future__ import annotations
@@ -48,6 +51,8 @@ from softdyn.derive.contact_equations import (
 )
 from softdyn.derive.dynamics import C, F_ela, dF_dh
 from softdyn.derive.elementary import for_lanes
+from softdyn.derive.equations import followed
+from softdyn.derive.gapless_equations import gapless_equations
 from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function
 from softdyn.derive.law import (
     code_names,
@@ -62,13 +67,15 @@ from softdyn.derive.law import (
 )
 from softdyn.derive.printing import straight_line
 from softdyn.derive.rules import RULES, Rule, specialised
-from softdyn.derive.symbols import a, delta, size_ratio
+from softdyn.derive.symbols import a, delta, h, size_ratio
 from softdyn.errors import LawError
 
 if TYPE_CHECKING:
     from softdyn.derive.contact_equations import ContactNeeds
     from softdyn.derive.law import ContactLaw
 
+#: What the templates provide to the code of functions.
+GIVEN = ("h", "overlap", "g", "s", "y_star", "rate", "pace", "reach", "pressed", "delta")
 #: What ``state`` reports of a contact.
 OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance)
 
@@ -76,67 +83,60 @@ OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distan
 def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = RULES) -> KernelIR:
     """Derive the contact kernel of a law, specialise it, and lower it to straight-line code.
 
-    With fewer ``rules`` than there are, the kernel computes the same, and more than it needs.
+    With fewer ``rules`` than there are, the kernel computes the same, and more than it needs. A rigid law, or a dry one,
+    has no gap state: its kernel is of the kind ``gapless``, see :mod:`softdyn.derive.gapless_equations`.
 
     Raises
     ------
     LawError
-        If the law is rigid or dry: then a contact has no gap state, or no deflection; if a varying parameter is not the
-        law's; or if tangential motion is asked for, and the law does not declare any.
+        If a varying parameter is not the law's; or if tangential motion is asked for, and the law does not declare any.
     """
     names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential, needs.drag))
-    unequal = is_unequal(law, needs)
+    unequal, gapless = is_unequal(law, needs), is_rigid(law) or is_dry(law)
     faults = [
         f"{name!r} is no parameter; there are {', '.join(names)}"
         for name in needs.varying
         if name not in (*names, size_ratio.name)
     ]
-    if is_rigid(law) or is_dry(law):
-        faults.append(
-            "many particles need both an elastic force and a friction; for nearly rigid particles choose a large E"
-        )
     if needs.tangential and law.tangential is None:
         faults.append(
             "tangential motion is asked for, and the law declares none: give it tangential=Tangential(sliding=..., "
             "k_t=...), or leave [contacts] tangential out"
         )
+    if gapless and needs.explicit:
+        faults.append(
+            "steps explicit in the positions are for laws with a film, whose gap is a state: both an elastic force and a "
+            "friction"
+        )
     if faults:
         raise LawError(law.name, tuple(faults))
-    equations, savings = specialised(contact_equations(law, needs), needs, rules)
-    definitions = equations.definitions
+    equations, savings = specialised((gapless_equations if gapless else contact_equations)(law, needs), needs, rules)
+    definitions = (followed(equations) if gapless else equations).definitions
     names += (size_ratio.name,) if any(expr.has(size_ratio) for expr in definitions.values()) else ()
     names += (undragged.name,) if excess in definitions else ()
-    sliding = tangential_outputs(needs)
-    more = (*sliding, *explicit_outputs(needs))
 
     resisting: dict[Symbol, Expr] = {}
     if needs.drag:
         declared_drag = drag_expressions(in_code(law).drag)
         resisting = {Symbol(name, real=True): expr for name, expr in declared_drag.items()}
         resisting = resisting if needs.tangential else {k: e for k, e in resisting.items() if k.name != "rotation"}
-    outputs = (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
-    without_delta = {symbol: expr for symbol, expr in definitions.items() if symbol != delta}
-    told = {pressed: Piecewise((1, delta >= 0), (0, True)), **without_delta}
-    by_delta = {delta: definitions[delta], **told}
-    undeflected = {symbol: expr.subs(delta, 0) for symbol, expr in without_delta.items()}
-    weight = {symbol: expr for symbol, expr in by_delta.items() if symbol != delta}
     codes = {**code_names(law), undragged.name: undragged.name}
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
     coded = {"p": [codes[name] for name in uniform], "q": [codes[name] for name in varying]}
-    given = ("h", "overlap", "g", "s", "y_star", "reach", "pressed", "delta")
 
     def code(targets: Sequence[Symbol], definitions: dict[Symbol, Expr]) -> Function:
         lines = [(name, for_lanes(text)) for name, text in straight_line(targets, definitions)]
-        return function(lines, [symbol.name for symbol in targets], given, coded)
+        return function(lines, [symbol.name for symbol in targets], GIVEN, coded)
 
-    declared = ("a", "F_ela", "zeta", *(("unequal",) if unequal else ()), "F_adh")
-    by_name = {name: getattr(law, name) for name in declared}
+    parts = (_gapless_parts if gapless else _film_parts)(definitions, needs)
+    by_name = {name: getattr(law, name) for name in ("a", "F_ela", "zeta", *(("unequal",) if unequal else ()), "F_adh")}
+    by_name |= {"dashpot": law.dashpot} if law.dashpot != 0 else {}
     by_name |= tangential_expressions(law.tangential) if needs.tangential and law.tangential is not None else {}
     by_name |= {f"drag {symbol.name}": getattr(law.drag, symbol.name) for symbol in resisting}
-    beside = f", {particles_hash(law)}" if needs.tangential or needs.drag or unequal else ""
+    beside = f", {particles_hash(law)}" if needs.tangential or needs.drag or unequal or law.dashpot != 0 else ""
     return KernelIR(
-        kind="contacts",
+        kind="gapless" if gapless else "contacts",
         name=law.name,
         provenance=Provenance(
             title=f"Contact law {law.name}:",
@@ -148,18 +148,49 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         ),
         arrays={"p": uniform, "q": varying},
         functions={
-            "iteration": code([H, H_h, Y_h], definitions),
-            "tangent": code([F, F_r, *more], definitions),
-            "state": code(outputs, by_delta),
-            "elastic": code([F_ela, dF_dh], without_delta),
-            "weight": code([grip, grip_h] if needs.fading else [], weight),
-            "side": code([side] if needs.fading else [], undeflected),
+            **{name: code(targets, within) for name, (targets, within) in parts.items()},
             "drag": code(list(resisting), resisting),
         },
         settings={
             "fading": needs.fading,
-            "tangential": tuple(symbol.name for symbol in sliding),
-            "more": tuple(symbol.name for symbol in more),
+            "tangential": tuple(symbol.name for symbol in tangential_outputs(needs)),
+            "more": tuple(symbol.name for symbol in (*tangential_outputs(needs), *explicit_outputs(needs))),
+            **({"rigid": is_rigid(law)} if gapless else {}),
         },
         savings=savings,
     )
+
+
+#: What functions are asked for, and the definitions that they follow from.
+Parts = dict[str, tuple[Sequence[Symbol], dict[Symbol, Expr]]]
+
+
+def _outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
+    """What ``state`` reports."""
+    return (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
+
+
+def _film_parts(definitions: dict[Symbol, Expr], needs: ContactNeeds) -> Parts:
+    """Functions of contacts whose gap is a state of its own."""
+    without_delta = {symbol: expr for symbol, expr in definitions.items() if symbol != delta}
+    told = {pressed: Piecewise((1, delta >= 0), (0, True)), **without_delta}
+    by_delta = {delta: definitions[delta], **told}
+    undeflected = {symbol: expr.subs(delta, 0) for symbol, expr in without_delta.items()}
+    weight = {symbol: expr for symbol, expr in by_delta.items() if symbol != delta}
+    return {
+        "iteration": ([H, H_h, Y_h], definitions),
+        "tangent": ([F, F_r, *tangential_outputs(needs), *explicit_outputs(needs)], definitions),
+        "state": (_outputs(needs), by_delta),
+        "elastic": ([F_ela, dF_dh], without_delta),
+        "weight": ([grip, grip_h] if needs.fading else [], weight),
+        "side": ([side] if needs.fading else [], undeflected),
+    }
+
+
+def _gapless_parts(definitions: dict[Symbol, Expr], needs: ContactNeeds) -> Parts:
+    """Functions of contacts whose gap and deflection follow from the distance."""
+    return {
+        "force": ([h, F, F_r, *tangential_outputs(needs)], definitions),
+        "state": (_outputs(needs), definitions),
+        "elastic": ([F_ela], {symbol: definitions[symbol] for symbol in (a, F_ela)}),
+    }

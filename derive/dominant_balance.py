@@ -61,7 +61,8 @@ def definitions(law: ContactLaw) -> dict[Symbol, Expr]:
     if is_dry(law):
         return {
             a: law.a,
-            F: law.F_ela,
+            # where surfaces touch
+            F: law.F_ela + law.F_adh.subs(h, 0),
             d.F_a: _slope(law.F_ela, a),
             d.F_delta: _slope(law.F_ela, delta),
             d.a_delta: slope(delta),

@@ -4,7 +4,8 @@ A law is four expressions, eqs. 3 to 6 of Rognon & Gay, arXiv 0803.1573, and not
 
     a(h, delta)   F_ela(a, delta)   zeta(a, h)   F_adh(a, h)
 
-A law that is declared ``general`` has F_ela(a, delta, h) and F_adh(a, h, delta) instead.
+A law that is declared ``general`` has F_ela(a, delta, h) and F_adh(a, h, delta) instead. A dry contact, zeta = 0, has no
+gap of its own: see :mod:`softdyn.derive.gapless_equations` for what many of them do, with a ``dashpot`` or without.
 """
 
 from __future__ import annotations
@@ -154,7 +155,11 @@ class ContactLaw:
     zeta : Expr
         Normal friction coefficient, a function of a and h. 0 declares a dry contact: h = 0.
     F_adh : Expr or int
-        Remote force, a function of a and h (of delta too, if ``general``); > 0 is repulsive.
+        Remote force, a function of a and h (of delta too, if ``general``); > 0 is repulsive. In a dry contact it acts
+        beside F_ela, with h = 0 where surfaces touch.
+    dashpot : Expr or int
+        Of a dry contact: friction coefficient beside F_ela where surfaces touch, a function of a and delta, which
+        resists the rate of the distance of the centres.
     tangential : Tangential, optional
         What tangential motion meets, in scenes of many particles that ask for it.
     drag : Drag
@@ -195,6 +200,7 @@ class ContactLaw:
     F_ela: Expr
     zeta: Expr
     F_adh: Expr = S.Zero
+    dashpot: Expr = S.Zero
     tangential: Tangential | None = None
     drag: Drag = Drag()
     unequal: Expr = S.One
@@ -207,7 +213,7 @@ class ContactLaw:
     description: str = ""
 
     def __post_init__(self) -> None:
-        for name, value in {**expressions(self), "unequal": self.unequal}.items():
+        for name, value in {**expressions(self), "dashpot": self.dashpot, "unequal": self.unequal}.items():
             object.__setattr__(self, name, _exact(value))
         object.__setattr__(self, "limits", tuple(self.limits))
         own = self.parameters if isinstance(self.parameters, Mapping) else {}
@@ -306,7 +312,7 @@ def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
 @lru_cache(maxsize=128)
 def parameters_of(law: ContactLaw, tangential: bool = False, drag: bool = False) -> tuple[Symbol, ...]:
     """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
-    used = {R}.union(*(expr.free_symbols for expr in expressions(law).values()))
+    used = {R}.union(*(expr.free_symbols for expr in (*expressions(law).values(), law.dashpot)))
     if tangential and law.tangential is not None:
         used = used.union(*(expr.free_symbols for expr in tangential_expressions(law.tangential).values()))
     if drag:
@@ -377,6 +383,6 @@ def particles_hash(law: ContactLaw) -> str:
     declared = drag_expressions(law.drag)
     if law.tangential is not None:
         declared |= tangential_expressions(law.tangential)
-    declared |= {"unequal": law.unequal}
+    declared |= {"unequal": law.unequal} | ({} if law.dashpot == 0 else {"dashpot": law.dashpot})
     text = "\n".join(f"{name} {srepr(expr)}" for name, expr in declared.items())
     return sha256(text.encode()).hexdigest()[:16]

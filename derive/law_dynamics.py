@@ -55,7 +55,8 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
     if is_dry(law):
         rates = controls.without_film()
         given = {symbol.name: rates[symbol].subs(known) for symbol in (ddelta_dt, dX_dt)}
-        return {**elastic, C.name: known[C], **given}
+        beside = {F_adh.name: values[F_adh], "dashpot": sound(law.dashpot)}
+        return {**elastic, **{name: expr for name, expr in beside.items() if expr != 0}, C.name: known[C], **given}
     rates = controls.rates()
     known[dF_dh] = generic.by_gap.subs(values)
     known[D] = sound(generic.friction.subs(C, known[C]).subs(values))

@@ -128,6 +128,12 @@ def _one_sided_equations(law: ContactLaw, control: Control, expression: bool) ->
     if control != "force":
         kind = "rigid particles (F_ela = oo)" if is_rigid(law) else "a dry contact (zeta = 0)"
         raise LawError(law.name, (f"{kind} can be driven by a force only, not by a {control}",))
+    if is_dry(law) and (law.dashpot != 0 or law.F_adh != 0):
+        what = "a dashpot" if law.dashpot != 0 else "a remote force"
+        raise LawError(
+            law.name,
+            (f"two particles whose dry contact has {what} are a scene of many: [particles] positions, [flow] or [inertia]",),
+        )
     values, generic = partials(law), generic_dynamics(law.general)
     if is_dry(law):
         definitions = {

@@ -21,7 +21,6 @@ from softdyn.derive.contact_kernel import contact_ir
 from softdyn.derive.emit import emit
 from softdyn.derive.law import sample_values
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
-from softdyn.derive.one_sided import rigid
 from softdyn.derive.soundness import relative_slope
 from softdyn.errors import LawError
 from softdyn.laws import find, load, stock_laws
@@ -233,9 +232,7 @@ def test_the_text_stands_alone(target: str, tmp_path: Any) -> None:
     assert contact_ir(rognon_gay, ContactNeeds()).savings[0].rule == "no range"
 
 
-def test_rigid_laws_and_unknown_parameters_are_refused() -> None:
-    with pytest.raises(LawError, match="many particles need both"):
-        contact_ir(rigid(rognon_gay, name="hard"), ContactNeeds())
+def test_unknown_parameters_are_refused() -> None:
     with pytest.raises(LawError, match="'K' is no parameter; there are R, E, eta"):
         contact_ir(rognon_gay, ContactNeeds(varying=("K",)))
 

@@ -28,6 +28,8 @@ class ContactKernel:
     Attributes
     ----------
     law, target, key : str
+    contact : str
+        What the contacts are: "film", whose gap is a state, "dry" or "rigid", which have none.
     fingerprint : str
         Digest of the law's equations.
     parameters : tuple of str
@@ -43,7 +45,7 @@ class ContactKernel:
     compile_s : float
         Time spent on deriving, building and loading it.
     contacts, state, energy, drag : functions
-        See the template ``contacts``; drag is None in a kernel without.
+        See the template ``contacts``, or ``gapless`` where there is no gap state; drag is None in a kernel without.
     bounded : bool
         Whether its friction has a limit far apart; in a kernel without drag it does not matter.
     tabulated : bool
@@ -59,6 +61,7 @@ class ContactKernel:
     law: str
     target: str
     key: str
+    contact: str
     fingerprint: str
     uniform: tuple[str, ...]
     varying: tuple[str, ...]
@@ -85,7 +88,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     from softdyn.derive.emit import write
     from softdyn.derive.far_field import is_bounded
     from softdyn.derive.law import parameters_of, plain_ranges
-    from softdyn.laws import load
+    from softdyn.laws import contact_kind, load
     from softdyn.table_ranges import has_tables
 
     law, depends = load(reference)
@@ -93,13 +96,14 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     written = write(ir, target)
     return {
         "name": ir.name,
+        "contact": contact_kind(law),
         "fingerprint": ir.provenance.fingerprint,
         "uniform": ir.arrays["p"],
         "varying": ir.arrays["q"],
         "outputs": ir.functions["state"].gives,
         "tangential": ir.settings["tangential"],
         "drag": ir.functions["drag"].gives,
-        "bounded": not needs["drag"] or is_bounded(law),
+        "bounded": not needs["drag"] or contact_kind(law) == "dry" or is_bounded(law),
         "pressed_only": pressed_only(law),
         "tabulated": has_tables(law),
         "positive": [symbol.name for symbol in parameters_of(law, needs["tangential"], True) if symbol.is_positive],
@@ -149,6 +153,7 @@ def get_contact_kernel(
         law=manifest["name"],
         target=target,
         key=key,
+        contact=manifest["contact"],
         fingerprint=manifest["fingerprint"],
         uniform=tuple(manifest["uniform"]),
         varying=tuple(manifest["varying"]),
@@ -179,8 +184,12 @@ def _fractions() -> tuple[Array, Array]:
 def energies(kernel: ContactKernel, reach: float, overlap: Array, h: Array, p: Array, q: Array) -> tuple[Array, Array]:
     """Energy that each contact stores, and its slope in h at fixed delta."""
     n = len(h)
-    out = np.empty((2, n))
     nodes, weights = _fractions()
+    if kernel.contact != "film":
+        stored = np.empty(n)
+        kernel.energy(n, overlap, p, q, len(nodes), nodes, weights, stored)
+        return stored, np.zeros(n)
+    out = np.empty((2, n))
     within = (reach,) if kernel.fading else ()
     kernel.energy(n, *within, overlap, h, p, q, len(nodes), nodes, weights, out.reshape(-1))
     return out[0], out[1]

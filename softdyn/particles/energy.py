@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from softdyn.particles.driven import Driven
 from softdyn.particles.force_balance import Balance, held_torque
 from softdyn.particles.geometry import Contacts, crossing
-from softdyn.particles.system import System, moving_images, turns_freely
+from softdyn.particles.system import System, opening_rates, turns_freely
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Map
     v = rates["x"]
     # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
     h_rate = at.h * rates["y"] / np.sqrt(1 + at.y**2)
-    r_rate = np.einsum("ca,ca->c", _apart(system, contacts, t, v), at.n)
+    r_rate = opening_rates(system, contacts, t, v, at.n)
     moving = Rates(t, v, h_rate, r_rate, rates)
     found = dict.fromkeys((*system.works, ELASTIC), 0.0)
     for mechanism in system.having["powers"]:
@@ -87,17 +87,6 @@ def power_of_box(system: System, contacts: Contacts, at: Balance, gradient: Arra
     across = crossing(contacts.shift)
     velocities = contacts.shift[across] @ (gradient @ system.box.cell).T
     return -float(np.sum(np.sum(forces_at(at, across) * velocities, axis=1)))
-
-
-def _apart(system: System, contacts: Contacts, t: float, v: Array) -> Array:
-    """Velocity of particle j, or of the wall, as seen from particle i, shape (contacts, d)."""
-    d = system.dimension
-    ends = np.concatenate([v[:, :d], np.zeros((len(system.walls), d))])
-    apart = ends.take(contacts.j, axis=0)
-    apart -= ends.take(contacts.i, axis=0)
-    rows, velocities = moving_images(system, contacts, t)
-    np.add.at(apart, rows, velocities)
-    return apart
 
 
 def net_power(system: System, powers: Mapping[str, float]) -> float:

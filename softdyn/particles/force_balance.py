@@ -240,7 +240,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
     turning = turns_freely(system)
 
     def evaluate(x: Array, y: Array) -> Balance:
-        n, r, h, F, F_r, values = films.solve(system, contacts, x[:, :d], cell, s, y_star, y)
+        n, r, h, F, F_r, values = films.solve(system, contacts, x[:, :d], cell, given, y)
         newton.counts["contacts"] += len(r)
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
         at = Balance(x, y, h, F, F_r, n, r, reaction, math.nan, math.nan, values)

@@ -285,7 +285,8 @@ def _list_again(system: System, newton: Newton, state: State) -> None:
         If a pair that was not listed is past its range; the state is as it was.
     """
     contacts, listed, _, dropped = find_contacts(system, state.x, state.t, state.contacts)
-    closed = np.flatnonzero(~(contacts.h > 0))
+    (solver,) = system.having["solve"]
+    closed = np.empty(0, np.int64) if solver.touching else np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
         who = pair_named(contacts, c, len(state.x))

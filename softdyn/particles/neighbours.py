@@ -96,11 +96,10 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
     _, r = directions(contacts, x, cell, walls)
     listed = Listed(x.copy(), cell, np.array([wall.point for wall in walls]).reshape(len(walls), x.shape[1]), skin)
     apart = r - contacts.S
-    contacts.h = apart.copy()
+    (solver,) = system.having["solve"]
+    contacts.h = solver.gaps_at_sight(system, apart, old is None)
     contacts.T = np.zeros((len(contacts), x.shape[1] if system.width > x.shape[1] else 0))
     if old is None:
-        if system.scene.gap is not None:
-            contacts.h = np.maximum(apart, float(system.scene.gap))
         contacts.touched = contacts.h < reach
         return contacts, listed, int(contacts.touched.sum()), 0
     contacts, dropped = taken_over(contacts, old, reach)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.laws import contact_kind
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
@@ -137,10 +138,15 @@ def kernel_needs(facts: ValidatedScene) -> dict[str, Any]:
     """What a scene needs of the kernel of its contacts; the fields of ``derive.contact_equations.ContactNeeds``."""
     return {
         "varying": tuple(sorted(varying_parameters(facts))),
-        "fading": math.isfinite(facts.reach),
+        "fading": math.isfinite(facts.reach) and _fades(facts),
         "tangential": bool(facts.scene.tangential),
         "drag": bool(facts.scene.drag),
     }
+
+
+def _fades(facts: ValidatedScene) -> bool:
+    """Whether contacts fade before they end: those of dry particles end where surfaces part."""
+    return contact_kind(facts.scene.law) != "dry" or facts.scene.range is not None
 
 
 def prepare(scene: ParticleScene) -> System:

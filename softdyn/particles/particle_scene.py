@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.laws import contact_kind, law_of
 from softdyn.particles.driven import require_used
 from softdyn.particles.earlier_films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
@@ -29,6 +30,8 @@ FARTHEST = 1e6
 #: Range of contacts, in largest radii, of a scene with drag that gives none: full up to half of it, where the exact
 #: friction of two spheres exceeds their drags by 1.5 %.
 FAR = 200.0
+#: Range of contacts that end where surfaces part, in smallest radii: gaps below it are 0, and no other number is.
+TOUCH = 1e-100
 #: Particles up to this many may all be in contact with one another; beyond, contacts need a range.
 MOST_WITHOUT_RANGE = 64
 
@@ -74,15 +77,13 @@ def check(scene: ParticleScene) -> ValidatedScene:
     if not SIZES[0] < end < SIZES[1]:
         raise SceneError(f"the run would end at t={end:g}: choose units in which that lies between 1e-100 and 1e+100")
     scene = replace(scene, until_t=end)
-    reach = math.inf if scene.range is None else float(scene.range)
-    if scene.range is None and scene.drag:
-        reach = FAR * float(radii.max())
-    if scene.gap is not None and scene.gap > reach / 2:
+    reach, ends = _reach(scene, radii)
+    if scene.gap is not None and scene.gap > reach / 2 and not ends:
         faults.append(
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
-    if scene.law is not None and scene.inertia is None:  # of grains with inertia their method knows what they need
+    if scene.law is not None and scene.inertia is None and not ends:  # of grains with inertia their method knows what they need
         faults += range_faults(scene, radii)
     for name in ("velocities", "spins") if scene.inertia is None else ():
         if getattr(scene, name) is not None:
@@ -134,6 +135,15 @@ def range_faults(scene: ParticleScene, radii: Array) -> list[str]:
             f"half of the smallest radius or so ({radii.min() / 2:g})"
         ]
     return []
+
+
+def _reach(scene: ParticleScene, radii: Array) -> tuple[float, bool]:
+    """Range of the contacts, and whether they end there of themselves: dry ones, where surfaces part."""
+    if scene.range is not None:
+        return float(scene.range), False
+    if scene.law is not None and contact_kind(scene.law) == "dry" and law_of(scene.law).F_adh == 0:
+        return TOUCH * float(radii.min()), True
+    return FAR * float(radii.max()) if scene.drag else math.inf, False
 
 
 def _mechanisms(facts: ValidatedScene, faults: list[str]) -> tuple[Mechanism, ...]:

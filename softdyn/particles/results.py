@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Contacts, bare_contacts, directions, flow, lattice, rotations
 from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.system import GIVEN, TAKEN, PreparedScene, System, contact_state
+from softdyn.particles.system import GIVEN, TAKEN, PreparedScene, System, contact_state, opening_rates
 from softdyn.results.origin import Origin, about, origin_in, origin_now
 from softdyn.results.registry import load_result
 from softdyn.results.result import Result, dataset, table
@@ -79,13 +79,15 @@ class Frame:
 
 def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, energy: Array) -> Frame:
     """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
+    whole = v
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
 
     def pull(part: slice) -> tuple[Array, Array]:
         some = portion(contacts, part)
         n, r = directions(some, x, cell, system.walls)
-        F = contact_state(system, some, some.S - r, some.h)["F"]
+        rate = None if system.kernel.contact == "film" else opening_rates(system, some, t, whole, n)
+        F = contact_state(system, some, some.S - r, some.h, rate)["F"]
         virial = np.einsum("c,ca,cb->ab", F * r, n, n)
         if some.T.size:
             virial += np.einsum("c,ca,cb->ab", r, some.T, n)

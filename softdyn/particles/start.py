@@ -50,12 +50,12 @@ def start(system: System, newton: Newton) -> State:
     if films is not None:
         contacts, _ = taken_over(contacts, _films(system, films), system.reach)
         made = int(contacts.touched.sum())
-    closed = np.flatnonzero(~(contacts.h > 0))
+    (solver,) = system.having["solve"]
+    closed = np.empty(0, np.int64) if solver.touching else np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
         raise SceneError(
-            f"{len(closed)} contacts overlap, first {pair_named(contacts, c, len(x))}: give the initial gap of pressed "
-            "particles, [contacts] gap"
+            f"{len(closed)} contacts overlap, first {pair_named(contacts, c, len(x))}: {solver.closed}"
         )
     state = State(
         t=0.0,

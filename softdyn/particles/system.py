@@ -290,10 +290,32 @@ def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
     return velocities
 
 
-def contact_state(system: System, contacts: Contacts, overlap: Array, h: Array) -> dict[str, Array]:
-    """Return what the kernel says of each contact: delta, a, F, friction (w zeta), remote (w F_adh), C, ..."""
+def relative_velocities(system: System, contacts: Contacts, t: float, v: Array) -> Array:
+    """Velocity of particle j, or of the wall, as seen from particle i, shape (contacts, d)."""
+    d = system.dimension
+    ends = np.concatenate([v[:, :d], np.zeros((len(system.walls), d))])
+    apart = ends.take(contacts.j, axis=0)
+    apart -= ends.take(contacts.i, axis=0)
+    rows, velocities = moving_images(system, contacts, t)
+    np.add.at(apart, rows, velocities)
+    return apart
+
+
+def opening_rates(system: System, contacts: Contacts, t: float, v: Array, n: Array) -> Array:
+    """Rates dr/dt of the distances of the centres, with the directions n of the contacts, shape (contacts,)."""
+    return np.asarray(np.einsum("ca,ca->c", relative_velocities(system, contacts, t, v), n))
+
+
+def contact_state(
+    system: System, contacts: Contacts, overlap: Array, h: Array, rate: Array | None = None
+) -> dict[str, Array]:
+    """Return what the kernel says of each contact: delta, a, F, friction (w zeta), remote (w F_adh), C, ...
+
+    Where gaps are no states, forces depend on the rate dr/dt of the distance, which is 0 if it is not given.
+    """
     kernel = system.kernel
     out = np.empty((len(kernel.outputs), len(h)))
     reach = (system.reach,) if kernel.fading else ()
-    kernel.state(len(h), *reach, overlap, h, system.p, contacts.q.reshape(-1), out.reshape(-1))
+    state = h if kernel.contact == "film" else np.zeros(len(h)) if rate is None else rate
+    kernel.state(len(h), *reach, overlap, state, system.p, contacts.q.reshape(-1), out.reshape(-1))
     return dict(zip(kernel.outputs, out, strict=True))

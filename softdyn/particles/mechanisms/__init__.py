@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.laws import contact_kind
+
 if TYPE_CHECKING:
     from softdyn.particles.contact_kernels import ContactKernel
     from softdyn.particles.driven import Driven
@@ -35,6 +37,8 @@ Flags = NDArray[np.bool_]
 #: Modules here, and the fields of a scene that ask for it: each that is given, and neither 0 nor empty.
 ROOMS: dict[str, tuple[str, ...]] = {
     "soft_films": ("law",),
+    "dry_contacts": ("law",),
+    "rigid_films": ("law",),
     "drag": ("drag",),
     "pushes": ("push",),
     "gravity": ("gravity",),
@@ -46,6 +50,10 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "stress": ("stress", "stress_viscosity"),
     "sliding": ("tangential",),
 }
+
+
+#: Of which a scene has one: the contacts of its law, by what they are.
+CONTACTS = {"soft_films": "film", "dry_contacts": "dry", "rigid_films": "rigid"}
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,10 @@ class Mechanism:
         Whether its tangents are.
     moves_freely : bool
         Whether positions follow from rates, even where nothing resists them, as with inertia.
+    touching : bool
+        Of what solves the contacts: whether surfaces touch, and gaps may be 0.
+    closed : str
+        Likewise: the remedy where a gap would be 0 at the start.
     leads : bool
         Whether rates of the box are unknown, and its ``lead`` finds them.
     load : Driven, optional
@@ -106,6 +118,8 @@ class Mechanism:
     takes: ClassVar[tuple[str, ...]] = ()
     symmetric: ClassVar[bool] = True
     moves_freely: ClassVar[bool] = False
+    touching: ClassVar[bool] = False
+    closed: ClassVar[str] = ""
     leads: ClassVar[bool] = False
     load: Driven | None = None
     held: tuple[Flags, Driven] | None = None
@@ -146,12 +160,16 @@ class Mechanism:
     # contacts
 
     def solve(
-        self, system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
+        self, system: System, contacts: Contacts, x: Array, cell: Array, given: StageInput, y: Array
     ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
         """Of one mechanism of a scene: normals, distances, gaps, forces and dF/dr of the contacts at the positions x.
 
         Besides, what it gives for tangential motion. ``y`` is a guess of the gaps' state, and then the solution.
         """
+        raise NotImplementedError
+
+    def gaps_at_sight(self, system: System, apart: Array, at_start: bool) -> Array:
+        """Where it solves the contacts: gaps of pairs that are seen first, their surfaces ``apart`` as if undeflected."""
         raise NotImplementedError
 
     def require(self, system: System, state: State, at: Balance, when: float) -> None:
@@ -268,7 +286,8 @@ PLAIN = (bool, int, float, np.number, np.bool_, tuple, list, dict)
 def rooms_of(scene: ParticleScene) -> Iterator[Any]:
     """Modules of the mechanisms that a scene asks for, in order."""
     for name, wanted in ROOMS.items():
-        if any(_asks(getattr(scene, field)) for field in wanted):
+        asked = any(_asks(getattr(scene, field)) for field in wanted)
+        if asked and (name not in CONTACTS or CONTACTS[name] == contact_kind(scene.law)):
             yield import_module(f"{__name__}.{name}")
 
 

@@ -73,7 +73,7 @@ def holding(system: System, contacts: Contacts, x: Array, t: float) -> Array:
     """Forces that hold particles where they are, with the contacts as they are, shape (N, d + rotations)."""
     cell, nothing, count = lattice(system.box, t), np.zeros(len(contacts)), len(x)
     (films,) = system.having["solve"]
-    n, r, _, F, _, values = films.solve(system, contacts, x, cell, 0.0, nothing, nothing.copy())
+    n, r, _, F, _, values = films.solve(system, contacts, x, cell, StageInput(t, 0.0, x, nothing), nothing.copy())
     force = with_torques(system, sum_of(contacts, F, n, count))
     known, still = sliding.starting(contacts, system.radii, n), np.zeros(force.shape)
     images, curvature = np.zeros(contacts.T.shape), curvatures(contacts, r, count)

@@ -20,6 +20,7 @@ from softdyn.particles.system import System, contact_state
 
 if TYPE_CHECKING:
     from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import StageInput
     from softdyn.particles.state import State
     from softdyn.particles.system import ValidatedScene
 
@@ -39,9 +40,15 @@ class Films(Mechanism):
     """The films between the surfaces."""
 
     takes = ("gaps", "remote", "U_h")
+    closed = "give the initial gap of pressed particles, [contacts] gap"
+
+    def gaps_at_sight(self, system: System, apart: Array, at_start: bool) -> Array:
+        """Those of the scene, at the start; else undeformed."""
+        gap = system.scene.gap
+        return apart.copy() if gap is None or not at_start else np.maximum(apart, float(gap))
 
     def solve(
-        self, system: System, contacts: Contacts, x: Array, cell: Array, s: float, target: Array, y: Array
+        self, system: System, contacts: Contacts, x: Array, cell: Array, given: StageInput, y: Array
     ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
         """See :class:`Mechanism`."""
         count, d = len(contacts), x.shape[1]
@@ -54,7 +61,7 @@ class Films(Mechanism):
             n[part], r[part] = directions(some, x, cell, system.walls)
             overlap = some.S - r[part]
             h[part], F[part], F_r[part], more = solve_contacts(
-                system, overlap, s or INSTANT, some.h, target[part], y[part], some.q
+                system, overlap, given.s or INSTANT, some.h, given.y_star[part], y[part], some.q
             )
             for name, value in more.items():
                 values[name][part] = value

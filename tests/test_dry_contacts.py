@@ -1,0 +1,192 @@
+"""Contacts without a gap state: dry ones and those of rigid particles, as scenes of many."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import quad
+from sympy import Symbol, exp, sqrt
+
+from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, Tangential, a, delta, eta, h
+from softdyn.derive.gapless_equations import force_of_contact
+from softdyn.derive.laws.lubrication_rigid import law as lubrication_rigid
+from softdyn.errors import IntegrationError, LawError, SceneError
+from softdyn.particles.contact_kernels import get_contact_kernel
+from softdyn.particles.geometry import Wall
+from softdyn.particles.mechanisms.gravity import Gravity
+from softdyn.particles.observables import wall_forces
+from softdyn.particles.particle_keys import Hold, ParticleScene, Push
+from softdyn.particles.particle_run import simulate_particles
+from softdyn.targets import TARGETS
+
+Array = NDArray[np.float64]
+PULL, ELL = Symbol("pull", positive=True), Symbol("ell", positive=True)
+
+#: A dry law with all that there may be: a dashpot that grows with the contact, and a remote force.
+everything = ContactLaw(
+    name="everything",
+    a=sqrt(R * delta),
+    F_ela=E * a * delta,
+    zeta=0,
+    F_adh=-PULL * exp(-h / ELL),
+    dashpot=eta * (R + a),
+    parameters={PULL: FORCE, ELL: LENGTH},
+)
+#: One that slides against friction and a tangential spring.
+sliding = ContactLaw(
+    name="sliding_dry", a=R, F_ela=E * R * delta, zeta=0, tangential=Tangential(sliding=3 * eta * R, k_t=E * R)
+)
+
+
+def contacts(kernel: Any, overlap: Array, rate: Array, pace: float, p: Array) -> tuple[Array, Array, Array]:
+    """Gap, force and tangent."""
+    n = len(overlap)
+    out = np.empty(n), np.empty(n), np.empty(n)
+    reach = (0.5,) if kernel.fading else ()
+    assert kernel.contacts(n, 1 / pace, pace, *reach, overlap, rate, p, np.empty(0), *out) == 0
+    return out
+
+
+def test_the_derivation_checks_itself() -> None:
+    assert [symbol.name for symbol in force_of_contact()] == ["h_r", "F", "F_r"]
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.floats(-0.45, 0.4).filter(lambda x: abs(x) > 1e-4), st.floats(-2, 2), st.floats(0.1, 100), st.sampled_from(TARGETS)
+)
+def test_the_tangent_is_the_derivative_of_the_force(overlap: float, rate: float, pace: float, target: str) -> None:
+    """By central differences, the rate moving with the distance as it does in a stage: 1e-7 of the size."""
+    for law, sign in ((everything, 1.0), (lubrication_rigid, -1.0)):
+        if sign * overlap < 0 and law is lubrication_rigid:
+            overlap = -overlap
+        kernel = get_contact_kernel(law if law is everything else "lubrication_rigid", target, fading=True)
+        p, step = np.ones(len(kernel.uniform)), 1e-6 * abs(overlap)
+        moved = np.array([-step, 0.0, step])  # of r
+        _, F, F_r = contacts(kernel, overlap - moved if sign > 0 else -abs(overlap) - moved, rate + pace * moved, pace, p)
+        assert (F[2] - F[0]) / (2 * step) == pytest.approx(F_r[1], rel=1e-6, abs=1e-6 * abs(F_r[1]) + 1e-6)
+
+
+def test_both_targets_give_one_force() -> None:
+    draw = np.random.default_rng(0)
+    overlap, rate = draw.uniform(-0.6, 0.4, 300), draw.normal(size=300)
+    found = [contacts(get_contact_kernel(everything, t, fading=True), overlap, rate, 3.0, np.ones(5)) for t in TARGETS]
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], rtol=1e-14, atol=1e-14)
+
+
+def test_surfaces_that_do_not_touch_have_no_force_but_the_remote_one() -> None:
+    """F = -pull exp(-h/ell) with gap and no spring; E a delta less the pull in touch, whatever the rate of what parts."""
+    kernel = get_contact_kernel(everything, fading=True)
+    gap, F, _ = contacts(kernel, np.array([-0.1, 0.08]), np.array([5.0, 0.0]), 1.0, np.ones(5))
+    np.testing.assert_allclose(gap, [0.1, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(F, [-math.exp(-0.1), 0.04**1.5 - 1], rtol=1e-14)
+
+
+PAIR: dict[str, Any] = {"positions": [[0, 0], [2.1, 0]], "radii": 1.0}
+PRESSED = {**PAIR, "push": [Push([0], [1e-3, 0.0]), Push([1], [-1e-3, 0.0])]}
+
+
+def test_two_spheres_come_to_rest_at_the_deflection_of_hertz() -> None:
+    """Pushed against their drag: F = (4/3) E/(1 - nu^2) sqrt(R) delta^(3/2), and every energy is told."""
+    scene = ParticleScene("hertz_dry", {"E": 1.0, "nu": 0.5, "eta": 0.01}, **PRESSED, drag=1.0, until_t=1e3)
+    result = simulate_particles(scene)
+    at_rest = (3 * 1e-3 * 0.75 / 4) ** (2 / 3)
+    assert result.contact_delta[-1] == pytest.approx(at_rest, rel=1e-6)
+    stored = 2 * 2 / 5 * 1e-3 * at_rest
+    assert result.energy["stored"] == pytest.approx(stored, rel=1e-6)
+    assert abs(result.energy["imbalance"]) < 3e-4
+    assert not result.stats["warnings"]
+
+
+def test_rigid_spheres_approach_as_brenner_has_it() -> None:
+    """With their drags: t(h) is the integral of zeta/F, whose sum drag and contact are."""
+    scene = ParticleScene(
+        "lubrication_rigid", {"eta": 0.01}, **PRESSED, drag=1.0, until_t=300.0, times=[100.0, 200.0, 300.0], rtol=1e-6
+    )
+    result = simulate_particles(scene)
+    friction = 3 * math.pi * 0.01
+    brenner = lambda x: friction * (1 + 1 / (2 * x) + 0.45 * math.log1p(20 / (9 * x)))  # noqa: E731
+    for t, gap in zip(result.t, result.contact_h, strict=True):
+        taken = quad(lambda u: brenner(math.exp(u)) * math.exp(u), math.log(gap), math.log(0.1), epsrel=1e-12)[0] / 1e-3
+        assert taken == pytest.approx(t, rel=1e-4)  # errors of rtol in ln h in some hundred steps
+    assert abs(result.energy["imbalance"]) < 1e-5
+    assert result.energy["stored"] == 0.0
+
+
+def test_stiff_spheres_move_as_rigid_ones() -> None:
+    """equal_spheres at E = 1e9: what is left is of the order of the deflection, F/E."""
+    given = {**PAIR, "push": [Push([0], [1e-3, 5e-4])], "drag": 1.0, "until_t": 60.0, "rtol": 1e-6, "times": 2}
+    hard = simulate_particles(ParticleScene("lubrication_rigid", {"eta": 0.01}, **given))
+    stiff = simulate_particles(ParticleScene("equal_spheres", {"eta": 0.01, "E": 1e9, "nu": 0.5}, **given))
+    np.testing.assert_allclose(hard.x[-1], stiff.x[-1], rtol=2e-5)
+
+
+def test_a_dry_column_without_drag_stands_in_elastic_equilibrium() -> None:
+    """Floor, three spheres, and the weights above each: Hertz's deflections at once."""
+    R_, E_ = 1.0, 100.0
+    scene = ParticleScene(
+        "hertz_dry", {"E": E_, "nu": 0.5}, positions=[[0, 0.99], [0, 2.97], [0, 4.95]], radii=R_, until_t=1.0, times=2,
+        wall=[Wall([0, 0], [0, -1], rigid=True)], hold=[Hold("all", "x")], gravity=Gravity([0.0, -1.0], 1e-2),
+    )  # fmt: skip
+    result = simulate_particles(scene)
+    weight = 1e-2 * 4 / 3 * math.pi
+    np.testing.assert_allclose(wall_forces(result)[-1, 0, 1], -3 * weight, rtol=1e-9)
+    modulus = E_ / 0.75
+    expected = [(3 * k * weight / (4 * modulus)) ** (2 / 3) for k in (2, 1)]
+    pairs = result.contact_delta[-3:][result.contact_j[-3:] < 3]
+    np.testing.assert_allclose(pairs, expected, rtol=1e-6)
+
+
+def test_what_slides_dry_is_lost_and_stored() -> None:
+    """A sphere dragged along another: the balance of energy closes with friction and the tangential spring in series."""
+    scene = ParticleScene(
+        sliding, {"E": 1.0, "eta": 0.02}, positions=[[0, 0], [1.9, 0]], radii=1.0, tangential=True, drag=1.0,
+        hold=[Hold([0], "xy", spin=[0.0]), Hold([1], "xy", ["0", "1e-2"])], until_t=30.0, rtol=1e-5,
+    )  # fmt: skip
+    result = simulate_particles(scene)
+    assert result.energy["sliding"] > 0
+    assert abs(result.energy["imbalance"]) < 1e-4
+    assert not result.stats["warnings"]
+
+
+@pytest.mark.parametrize(
+    ("law", "more", "words"),
+    [
+        ("lubrication_rigid", {"parameters": {"eta": 1.0}}, "films of rigid particles alone do not say how"),
+        ("lubrication_rigid", {"parameters": {"eta": 1.0}, "gap": 0.1}, r"\[contacts\] gap: that of rigid particles"),
+        (
+            "lubrication_rigid",
+            {"parameters": {"eta": 1.0}, "drag": 1.0, "positions": [[0, 0], [1.9, 0]]},
+            "particles 0 and 1: rigid particles cannot be pressed into one another",
+        ),
+        ("hertz_dry", {"gap": 0.1}, r"\[contacts\] gap: the surfaces of a dry contact touch"),
+        ("hertz_dry", {"range": 0.1}, r"\[contacts\] range: a dry contact ends where surfaces part"),
+        (everything, {"parameters": {"E": 1.0, "eta": 1.0, "pull": 1.0, "ell": 1.0}, "range": 1.0}, "dashpots of the"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(law: Any, more: dict[str, Any], words: str) -> None:
+    given = {"parameters": {"E": 1.0, "nu": 0.5}, **PAIR, "until_t": 1.0, **more}
+    with pytest.raises(SceneError, match=words):
+        simulate_particles(ParticleScene(law, **given))
+
+
+def test_a_floppy_packing_without_drag_is_refused_by_name() -> None:
+    scene = ParticleScene("hertz_dry", {"E": 1.0, "nu": 0.5}, positions=[[0, 0], [1.9, 0], [9, 0]], radii=1.0, until_t=1.0)
+    with pytest.raises(IntegrationError, match=r"nothing resists the motion of particle 2, without any contact"):
+        simulate_particles(scene)
+
+
+def test_a_film_has_no_dashpot_and_a_pair_of_dry_ones_with_one_is_a_scene() -> None:
+    with pytest.raises(LawError, match=r"dashpot = .* is for dry contacts"):
+        ContactLaw(name="both", a=R, F_ela=E * R * delta, zeta=eta * R, dashpot=eta * R)
+    with pytest.raises(LawError, match=r"dashpot has dimension"):
+        ContactLaw(name="wrong", a=R, F_ela=E * R * delta, zeta=0, dashpot=eta)
+    with pytest.raises(LawError, match="dashpot must be positive"):
+        ContactLaw(name="gains", a=R, F_ela=E * R * delta, zeta=0, dashpot=-eta * R)
