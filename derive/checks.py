@@ -206,7 +206,9 @@ def _dashpot_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
         return faults
     found = _witness_of_part(expr.subs(a, law.a).subs(delta, _SIZE), law)
     if found is not None:
-        return [f"dashpot must be positive for 0 < delta < R, but at {_point(found)} it is {mpmath.nstr(found.value, 6)}"]
+        return [
+            f"dashpot must be positive for 0 < delta < R, but at {_point(found)} it is {mpmath.nstr(found.value, 6)}"
+        ]
     return []
 
 

@@ -83,8 +83,8 @@ OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distan
 def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = RULES) -> KernelIR:
     """Derive the contact kernel of a law, specialise it, and lower it to straight-line code.
 
-    With fewer ``rules`` than there are, the kernel computes the same, and more than it needs. A rigid law, or a dry one,
-    has no gap state: its kernel is of the kind ``gapless``, see :mod:`softdyn.derive.gapless_equations`.
+    With fewer ``rules`` than there are, the kernel computes the same, and more than it needs. A rigid or dry law has no
+    gap state: its kernel is of the kind ``gapless``, see :mod:`softdyn.derive.gapless_equations`.
 
     Raises
     ------

@@ -4,8 +4,8 @@ A law is four expressions, eqs. 3 to 6 of Rognon & Gay, arXiv 0803.1573, and not
 
     a(h, delta)   F_ela(a, delta)   zeta(a, h)   F_adh(a, h)
 
-A law that is declared ``general`` has F_ela(a, delta, h) and F_adh(a, h, delta) instead. A dry contact, zeta = 0, has no
-gap of its own: see :mod:`softdyn.derive.gapless_equations` for what many of them do, with a ``dashpot`` or without.
+A law that is declared ``general`` has F_ela(a, delta, h) and F_adh(a, h, delta) instead. A dry contact, zeta = 0, has
+no gap of its own: see :mod:`softdyn.derive.gapless_equations` for many of them, with a ``dashpot`` or without.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ def _one_sided_equations(law: ContactLaw, control: Control, expression: bool) ->
         what = "a dashpot" if law.dashpot != 0 else "a remote force"
         raise LawError(
             law.name,
-            (f"two particles whose dry contact has {what} are a scene of many: [particles] positions, [flow] or [inertia]",),
+            (f"two particles whose dry contact has {what} are a scene of many particles, with [particles]",),
         )
     values, generic = partials(law), generic_dynamics(law.general)
     if is_dry(law):

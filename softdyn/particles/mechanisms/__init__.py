@@ -169,7 +169,7 @@ class Mechanism:
         raise NotImplementedError
 
     def gaps_at_sight(self, system: System, apart: Array, at_start: bool) -> Array:
-        """Where it solves the contacts: gaps of pairs that are seen first, their surfaces ``apart`` as if undeflected."""
+        """Where it solves the contacts: gaps of pairs seen first, whose surfaces are ``apart`` undeflected."""
         raise NotImplementedError
 
     def require(self, system: System, state: State, at: Balance, when: float) -> None:

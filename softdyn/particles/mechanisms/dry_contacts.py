@@ -80,7 +80,9 @@ class DryContacts(Mechanism):
 
     def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:
         """See :class:`Mechanism`."""
-        return float(energies(system.kernel, system.reach, overlap, contacts.h, system.p, contacts.q.reshape(-1))[0].sum())
+        return float(
+            energies(system.kernel, system.reach, overlap, contacts.h, system.p, contacts.q.reshape(-1))[0].sum()
+        )
 
 
 def moves(facts: ValidatedScene) -> bool:
@@ -90,9 +92,6 @@ def moves(facts: ValidatedScene) -> bool:
 
 def check(facts: ValidatedScene, faults: list[str]) -> DryContacts:
     """Dry contacts of a scene."""
-    scene = facts.scene
-    if scene.gap is not None:
+    if facts.scene.gap is not None:
         faults.append("[contacts] gap: the surfaces of a dry contact touch, without a gap of their own: leave it out")
-    if scene.range is not None and law_of(scene.law).F_adh == 0:
-        faults.append("[contacts] range: a dry contact ends where surfaces part, its law has no remote force: leave it out")
     return DryContacts()

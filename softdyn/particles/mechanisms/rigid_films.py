@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from softdyn.particles.geometry import Contacts
 from softdyn.particles.mechanisms import Mechanism
 from softdyn.particles.mechanisms.dry_contacts import moves
 from softdyn.particles.mechanisms.soft_films import require_films
-from softdyn.particles.system import System, contact_state
+from softdyn.particles.system import System, contact_state, opening_rates
 
 if TYPE_CHECKING:
     from softdyn.particles.contact_kernels import ContactKernel
@@ -41,11 +42,22 @@ class RigidFilms(Mechanism):
     def solve(
         self, system: System, contacts: Contacts, x: Array, cell: Array, given: StageInput, y: Array
     ) -> tuple[Array, Array, Array, Array, Array, dict[str, Array]]:
-        """See :class:`Mechanism`. The state of a gap is that of soft films, and its error relative to the gap."""
-        n, r, h, F, F_r, values = solve_gapless(system, contacts, x, cell, given)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            y[:] = (h / contacts.h - contacts.h / h) / 2
-        return n, r, h, F, F_r, values
+        """See :class:`Mechanism`."""
+        return solve_gapless(system, contacts, x, cell, given)
+
+    def begin(self, system: System, contacts: Contacts, t: float, x: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+        """What ln h changes by in a step is integrated for its error, that of a gap relative to it."""
+        return {"rigid_films": contacts}, {"ln_h": np.zeros(len(contacts))}
+
+    def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
+        """See :class:`Mechanism`."""
+        v = (at.x - given.x_star) / given.s
+        return {"ln_h": opening_rates(system, given.begun["rigid_films"], given.t, v, at.n) / at.h}
+
+    def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
+        """Of the gaps within the range, relative to each."""
+        relative = np.abs(errors["ln_h"][at.h < system.reach]) / system.rtol
+        return [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10] if len(relative) else []
 
     def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> RigidFilms:
         """Refuse particles that nothing but their films resists."""
