@@ -105,7 +105,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         )
     if gapless and needs.explicit:
         faults.append(
-            "steps explicit in the positions are for laws with a film, whose gap is a state: both an elastic force and a "
+            "steps explicit in the positions are for laws with a film, whose gap is a state: an elastic force and a "
             "friction"
         )
     if faults:
