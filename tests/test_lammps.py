@@ -6,9 +6,11 @@ the time step.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shutil
+import subprocess
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +24,7 @@ from softdyn.errors import SceneError
 from softdyn.kernels import loaded, manifest_of
 from softdyn.lammps.carried import Prepared, crossover, explicit_limit, prepared
 from softdyn.lammps.inputs import data_text, home_cells, input_text, plugin, run_times, segments, write_inputs
-from softdyn.lammps.lammps_run import NAME, built, run_lammps, simulate_in_lammps
+from softdyn.lammps.lammps_run import NAME, built, read_frames, run_lammps, simulate_in_lammps
 from softdyn.laws import find, law_of, stock_laws
 from softdyn.particles import ParticleResult, ParticleScene, Push, simulate
 from softdyn.particles.contact_kernels import contact_manifest
@@ -99,7 +101,9 @@ def ready(small: ParticleScene) -> Prepared:
     return prepared(small)
 
 
-def script_in(ready: Prepared, folder: Path, dt: float = 1.0, change: Mapping[str, str] | None = None) -> str:
+def script_in(
+    ready: Prepared, folder: Path, dt: float = 1.0, change: Mapping[str, str] | None = None, ranks: int = 1
+) -> str:
     """Write all that LAMMPS needs of a scene, with some words of the script replaced; returns what LAMMPS says."""
     manifest = plugin(ready.system)
     write_inputs(ready, manifest, dt, folder, NAME)
@@ -110,7 +114,7 @@ def script_in(ready: Prepared, folder: Path, dt: float = 1.0, change: Mapping[st
         assert re.search(old, text, re.M), old
         text = re.sub(old, new, text, count=1, flags=re.M)
     script.write_text(text)
-    return run_lammps(folder, script.name)
+    return run_lammps(folder, script.name, ranks)
 
 
 # --- what is written, and what is refused, without LAMMPS
@@ -273,3 +277,229 @@ def test_a_suspension_of_1000_is_that_of_the_implicit_engine() -> None:
     # each contact's loss is what the film's friction makes of the rate of its gap; the sum is the rate of what is lost
     lost = [float(np.sum(found.contact_dissipation[slice(*found.contact_start[k : k + 2])])) for k in (1, 2)]
     assert found.energy_gaps[2] - found.energy_gaps[1] == pytest.approx(500 * np.mean(lost), rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def travelling() -> ParticleScene:
+    """A soft suspension that is sheared by 1.2, so that its box is flipped, and pushed through all faces meanwhile."""
+    scene = packed(80, until_strain=1.2, times=4)
+    assert scene.box is not None
+    speed = 1.1 * float(scene.box[0]) * 1e-3 / 1.2  # type: ignore[arg-type]
+    return replace(scene, push=[Push("all", [6 * math.pi * speed * part for part in (1.0, 1.0, -1.0)])])
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_nothing_depends_on_how_many_processes_there_are(travelling: ParticleScene) -> None:
+    """Particles go through every face of every process, and the box is flipped: the gaps go with them."""
+    one = simulate_in_lammps(travelling, dt=3.0)
+    assert travelling.box is not None
+    inside = np.abs(np.linalg.solve(one.cell[-1], (one.x[-1] - one.x[0]).T)).mean(axis=1)
+    assert (inside > 0.9).all()
+    for ranks in (2, 4):
+        many = simulate_in_lammps(travelling, ranks, dt=3.0)
+        for frame in range(len(one)):
+            mine, its = gaps(one, frame), gaps(many, frame)
+            assert set(mine) == set(its)
+            assert max(abs(mine[pair] / its[pair] - 1) for pair in mine) < 1e-12
+        assert np.abs(many.x - one.x).max() < 1e-11
+        for name, value in one.energy.items():
+            assert many.energy[name] == pytest.approx(value, rel=1e-9, abs=1e-12)
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_a_strain_beyond_flips_of_the_box_is_that_of_the_implicit_engine(travelling: ParticleScene) -> None:
+    """Extrapolated to no time step, the stress is the same; contacts reach across the same faces."""
+    scene = replace(travelling, rtol=1e-7, times=2)
+    exact = simulate(scene)
+    coarse, fine, finest = (simulate_in_lammps(scene, dt=dt) for dt in (1.0, 0.5, 0.25))
+    size = np.abs(exact.stress[-1]).max()
+    assert np.abs(2 * finest.stress[-1] - fine.stress[-1] - exact.stress[-1]).max() < 1e-4 * size
+    wrong = [np.abs(run.stress[-1] - exact.stress[-1]).max() for run in (coarse, fine, finest)]
+    assert 1.9 < wrong[1] / wrong[2] < 2.1
+    # positions are never wrapped, though LAMMPS wraps them, and the box leans on though that of LAMMPS does not
+    assert np.abs(finest.x[-1] - exact.x[-1]).max() < 1e-2
+    assert finest.cell[-1] == pytest.approx(exact.cell[-1])
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_runs_in_parts_and_from_a_restart_file_are_as_one(travelling: ParticleScene, tmp_path: Path) -> None:
+    """Parts end where neighbours are listed anew; a restart file has all gaps, on another number of processes."""
+    ready = prepared(replace(travelling, times=2, until_strain=0.6))
+    assert script_in(ready, tmp_path, 3.0) == ""
+    (at,) = read_frames(tmp_path, 80)[1:]
+    script = tmp_path / f"{NAME}.in"
+    text = script.read_text()
+    parts = re.sub(r"run 200$", "run 67\nrun 40\nwrite_restart half.restart\nrun 93", text, count=1, flags=re.M)
+    assert parts != text
+    script.write_text(parts)
+    assert run_lammps(tmp_path, script.name) == ""
+    (there,) = read_frames(tmp_path, 80)[-1:]
+    head, tail = text.split("read_data")[0], text.split("plugin load")[1]
+    again = re.sub(r"run 0$.*", "timestep 3\nrun 93", tail, flags=re.M | re.S).replace("softdyn.frames", "other.frames")
+    again = again.replace(f"contacts {NAME}.contacts ", "")
+    head = re.sub(r"^(dimension|atom_style|boundary).*\n", "", head, flags=re.M)
+    (tmp_path / "again.in").write_text(f"{head}read_restart half.restart\nplugin load{again}")
+    assert run_lammps(tmp_path, "again.in", 2) == ""
+    (restarted,) = read_frames(tmp_path, 80, "other")
+    for other in (there, restarted):
+        assert other.step == at.step == 200
+        mine, its = ({(min(a, b), max(a, b)): h for a, b, h in told.contacts[:, :3]} for told in (at, other))
+        assert set(mine) == set(its)
+        assert max(abs(mine[pair] / its[pair] - 1) for pair in mine) < 1e-12
+
+
+@needs_lammps
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"^newton off$": "newton on"}, "newton off"),
+        ({"^atom_modify map yes\n": ""}, "atom_modify map yes"),
+        (
+            {r"^(pair_style.*)$": r"fix before all deform 1 xy erate 1e-3 remap x\n\1"},
+            "give pair_style before fix deform",
+        ),
+        ({" E 1 eta": " eta"}, "parameter E is missing"),
+        ({" E 1 ": " E 1e300 "}, "has no solution"),
+        ({r" contacts softdyn\.contacts": ""}, "overlap, and have no gap"),
+        ({"^timestep .*\nrun 1000$": "timestep 300\nrun 10"}, "above the explicit limit"),
+        ({"^fix move.*$": ""}, "/move, which drags them"),
+        ({" drag 1 ": " drag 0 "}, "drag must be positive"),
+        ({r"(plugin load .*)$": r"\1\nplugin load ./other.so"}, "compiled for LAMMPS 20240829"),
+    ],
+)
+def test_what_would_be_wrong_in_silence_is_refused(
+    ready: Prepared, tmp_path: Path, change: dict[str, str], words: str
+) -> None:
+    if "other.so" in str(change):
+        made_by = lammps.identity()
+        older = [re.sub(r"NUMBER=\d+", "NUMBER=20240829", one) for one in made_by["beside"]]
+        files = lammps.build("other", plugin(ready.system)["source"], {**made_by, "beside": older})
+        (tmp_path / "other.so").write_bytes(files["other.so"])
+    assert words in script_in(ready, tmp_path, 0.05, change)
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_nothing_but_what_lammps_looks_up_is_to_be_seen(ready: Prepared) -> None:
+    """Two classes of one name in one process share their functions, and one of them reads the other's memory."""
+    done = subprocess.run(
+        ["nm", "-D", "--defined-only", "-C", str(built(plugin(ready.system)))],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    own = [line for line in done.stdout.splitlines() if " T " in line or "softdyn" in line]
+    assert [line.split()[-1] for line in own] == ["lammpsplugin_init"]
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_a_held_film_outlives_the_neighbour_list_or_is_refused(tmp_path: Path) -> None:
+    """Surfaces that are pulled bulge: the film holds while the centres leave the list."""
+    pulled = [Push([0], [-4e-3, 0, 0]), Push([1], [4e-3, 0, 0])]
+    at = [[0, 0, 0], [2.01, 0, 0], [-2.8, 0, 0]]
+    scene = ParticleScene(
+        "rognon_gay", {"E": 1e-2, "eta": 1.0}, at, 1.0, gap=0.02, range=0.3, drag=1.0, push=pulled, until_t=3000.0,
+        times=2, rtol=1e-8,
+    )  # fmt: skip
+    exact, found = simulate(scene), simulate_in_lammps(scene, dt=2.0)
+    h = float(exact.contacts(-1)["h"][0])
+    assert h < 0.3
+    assert exact.x[-1, 1, 0] - exact.x[-1, 0, 0] - 2 > 0.3 + 0.3  # range and skin
+    assert found.contacts(-1)["h"][0] == pytest.approx(h, rel=1e-6)
+    assert found.x[-1] == pytest.approx(exact.x[-1], abs=1e-3)
+    # the third particle puts the face between two processes beside the first one
+    known = {"^comm_modify cutoff .*$": "processors 2 1 1\ncomm_modify cutoff 2.61"}
+    said = script_in(prepared(scene), tmp_path, 2.0, known, ranks=2)
+    assert "the film of particles" in said
+    assert "comm_modify cutoff" in said
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_a_layer_of_spheres_stays_in_its_plane() -> None:
+    packing = Packing("random", 60, 2, 0.8, radii=[1.0, 1.4], seed=1)
+    scene = ParticleScene(
+        "rognon_gay", {"E": {"a": 1.0, "b": 0.3}, "eta": 1.0}, species=["a", "b"] * 30, packing=packing, gap=0.02,
+        range=0.4, drag=1.0, shear_rate=1e-3, until_strain=0.1, times=2, rtol=1e-8,
+    )  # fmt: skip
+    exact = simulate(scene)
+    runs = [simulate_in_lammps(scene, dt=dt) for dt in (0.4, 0.2)]
+    errors = [difference(run, exact)["h"] for run in runs]
+    assert 1.9 < errors[0] / errors[1] < 2.1
+    assert "needs" not in str(runs[0].warnings)
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_a_run_that_is_stopped_keeps_its_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A particle that sinks on a soft one stiffens it until the time step is too long."""
+    text = """law = "rognon_gay"
+    [parameters]
+    E = 20.0
+    eta = 1.0
+    [particles]
+    positions = [[0, 0, 0], [4, 0, 0]]
+    radii = 1.0
+    [contacts]
+    range = 0.5
+    [flow]
+    drag = 1.0
+    [[push]]
+    particles = [0]
+    force = [0.3, 0, 0]
+    [[push]]
+    particles = [1]
+    force = [-0.3, 0, 0]
+    [until]
+    t = 2000
+    [output]
+    times = 101
+    """
+    scene, output = tmp_path / "two.toml", tmp_path / "two.npz"
+    scene.write_text(text)
+    assert main(["run", str(scene), "--engine", "lammps", "--dt", "8", "-o", str(output)]) != 0
+    said = capsys.readouterr().err
+    assert "above the explicit limit" in said
+    kept = output.with_suffix(".partial.npz")
+    assert str(kept) in said
+    assert main(["run", str(scene), "--engine", "lammps", "--dt", "2", "-o", str(output), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["target"] == "lammps"
+    assert told["stats"]["explicit_limit"] > 2.0
+    assert main(["plot", str(output)]) == 0
+    assert main(["rerun", str(output)]) != 0
+    assert "--engine lammps" in capsys.readouterr().err
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_what_generate_writes_is_compiled_and_run_by_what_it_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "mine.toml"
+    scene.write_text(
+        'law = "rognon_gay"\n[parameters]\nE = 1.0\neta = 1.0\n[packing]\nkind = "random"\ncount = 50\ndimension = 3\n'
+        "fraction = 0.45\nradii = [1.0, 1.2]\nseed = 1\n[contacts]\ngap = 0.02\nrange = 0.3\n[flow]\n"
+        "shear_rate = 1e-2\ndrag = 1.0\n[until]\nstrain = 0.1\n[output]\ntimes = 2\n"
+    )
+    folder = tmp_path / "out"
+    command = ["generate", "rognon_gay", "--target", "lammps", "--scene", str(scene), "-o", str(folder)]
+    assert main(command) == 0
+    said = capsys.readouterr()
+    assert "softdyn's own engine" in said.err
+    name = "rognon_gay_mine"
+    assert f"wrote {folder / name}.cpp" in said.out
+    subprocess.run(["sh", str(folder / f"{name}.build.sh")], check=True)
+    (folder / f"{name}.in").write_text(
+        (folder / f"{name}.in").read_text()
+        + "compute films all softdyn/rognon_gay/contacts\ndump films all local 1 films.txt index c_films[*]\nrun 0\n"
+    )
+    assert run_lammps(folder, f"{name}.in") == ""
+    rows = [line for line in (folder / "films.txt").read_text().splitlines() if not line.startswith("ITEM")]
+    told = read_frames(folder, 50, name)[-1]
+    assert len([row for row in rows if len(row.split()) == 6]) == len(told.contacts)

@@ -28,6 +28,8 @@ Integers = NDArray[np.int64]
 #: Thickness of the skin of neighbour lists, in radii of the smallest particle; how far beyond the list particles are
 #: known, in radii of the largest: centres of pulled surfaces are that far apart.
 SKIN, BULGE = 0.3, 0.5
+#: So many particles are few.
+FEW = 100
 #: Types of particles, by species and radius; of more radii, those of a species are one type.
 MOST_TYPES = 16
 
@@ -165,12 +167,18 @@ def run_times(system: System) -> Array:
     return np.append(times, end) if times[-1] < end else times
 
 
+def neighbours(system: System) -> str:
+    """How neighbours are looked for: few in pairs, whatever their box; different sizes apart from one another."""
+    if len(system.x) <= FEW:
+        return "nsq"
+    return "multi" if system.radii.max() > 2 * system.radii.min() else "bin"
+
+
 def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: str, loads: bool) -> str:
     """The input script."""
     system, law = ready.system, manifest["name"]
     scene, d, reach = system.scene, system.dimension, system.reach
-    smallest, largest = float(system.radii.min()), float(system.radii.max())
-    skin = SKIN * smallest
+    largest, skin = float(system.radii.max()), SKIN * float(system.radii.min())
     ghosts = 2 * largest + reach + skin + BULGE * largest
     periodic = [*system.box.periodic, *([True] * (3 - d))]
     turns = "vel yes " if manifest["tangential"] else ""
@@ -189,7 +197,7 @@ def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: st
         f"plugin load ./{name}.so",
         f"pair_style softdyn/{law} reach {reach:.17g} contacts {name}.contacts {many}",
         *coefficients(system, manifest["varying"]),
-        f"neighbor {skin:.17g} {'multi' if largest > 2 * smallest else 'bin'}",
+        f"neighbor {skin:.17g} {neighbours(system)}",
         "neigh_modify every 1 delay 0 check yes",
         f"fix move all softdyn/{law}/move drag {float(scene.drag):.17g}"
         + (f" shear {rate:.17g}" if rate else "")

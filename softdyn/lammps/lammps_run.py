@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -120,9 +121,9 @@ def simulate_in_lammps(
         words = run_lammps(place, f"{NAME}.in", ranks)
         wall = time.perf_counter() - ran
         told = read_frames(place, len(ready.system.x))
-    result = _result(ready, told, chosen, ranks, wall, compile_s)
-    if words:
-        error = IntegrationError(f"LAMMPS has stopped: {words}")
+    result, fault = _result(ready, told, chosen, ranks, wall, compile_s)
+    if words or fault is not None:
+        error = fault or IntegrationError(f"LAMMPS has stopped: {words}")
         error.partial = result if len(result) else None
         raise error
     return result
@@ -245,6 +246,10 @@ def _frame(ready: Prepared, told: Told, t: float, home: NDArray[np.int64]) -> tu
         spin = told.particles[:, 10 - rotations(d) : 10] * system.radii[:, None]
         v = np.concatenate([v, spin], axis=1)
     state = replace(ready.state, t=t, x=x, contacts=contacts)
+    overlap = overlaps(system, state)
+    at: Any = SimpleNamespace(h=contacts.h, r=contacts.S - overlap)
+    for mechanism in system.having["require"]:
+        mechanism.require(system, state, at, t)
     energy = _energies(ready, told, state)
     exchanged = np.array([*(energy[name] for name in system.works), energy["stored"]])
     return frame_of(system, t, x, v, contacts, exchanged), lost, energy
@@ -277,14 +282,19 @@ def _energies(ready: Prepared, told: Told, state: State) -> dict[str, float]:
 
 def _result(
     ready: Prepared, told: list[Told], dt: float, ranks: int, wall_s: float, compile_s: float
-) -> ParticleResult:
-    """Result of a run; without a frame if there is none."""
+) -> tuple[ParticleResult, IntegrationError | None]:
+    """Result of a run, up to the first frame at which no law holds; and what is wrong with that."""
     system = ready.system
     times, home = run_times(system), home_cells(system)[1]
     steps = segments(times, dt)
     frames, lost, energies = [], [], []
+    fault: IntegrationError | None = None
     for t, one in zip(times.tolist(), told, strict=False):
-        frame, power, energy = _frame(ready, one, t, home)
+        try:
+            frame, power, energy = _frame(ready, one, t, home)
+        except IntegrationError as error:
+            fault = error
+            break
         energies.append(energy)
         if t in system.times:
             frames.append(frame)
@@ -317,4 +327,4 @@ def _result(
     energy = {**last, "imbalance": (given - taken) / size if size else 0.0}
     result = gather(system, frames, [], energy, stats)
     arrays = {**result.arrays, "contact_dissipation": np.concatenate([np.empty(0), *lost])}
-    return replace(result, target="lammps", arrays=arrays)
+    return replace(result, target="lammps", arrays=arrays), fault
