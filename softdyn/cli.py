@@ -240,7 +240,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SCENE",
         type=Path,
         help="a .toml file, with [pair] for two particles, [particles] or [packing] for many, [fluid] for a fluid; or "
-        "a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, of a fluid cavity, "
+        "a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, chains, platelets, of a fluid cavity, "
         "channel, cylinder, cylinder_shedding, bed, darcy",
     )
     run.add_argument(

@@ -18,11 +18,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from softdyn.particles.chains import Chains
     from softdyn.particles.files import read_particle_scene as read_scene
     from softdyn.particles.geometry import Wall
+    from softdyn.particles.mechanisms.bonds import Bond
     from softdyn.particles.mechanisms.coulomb import Friction
     from softdyn.particles.mechanisms.gravity import Gravity
     from softdyn.particles.mechanisms.inertia import Inertia
+    from softdyn.particles.mechanisms.potentials import PairPotential
     from softdyn.particles.observables import (
         coordination,
         fabric,
@@ -45,11 +48,14 @@ if TYPE_CHECKING:
     from softdyn.particles.results import load_particles as load
 
 __all__ = [
+    "Bond",
+    "Chains",
     "Friction",
     "Gravity",
     "Hold",
     "Inertia",
     "Packing",
+    "PairPotential",
     "ParticleResult",
     "ParticleScene",
     "Push",
@@ -78,10 +84,13 @@ __all__ = [
 
 #: The module of each, and its name there.
 _HOME = {
+    "Chains": ("chains", "Chains"),
+    "Bond": ("mechanisms.bonds", "Bond"),
     "Friction": ("mechanisms.coulomb", "Friction"),
     "Gravity": ("mechanisms.gravity", "Gravity"),
     "Hold": ("particle_keys", "Hold"),
     "Inertia": ("mechanisms.inertia", "Inertia"),
+    "PairPotential": ("mechanisms.potentials", "PairPotential"),
     "Packing": ("packing", "Packing"),
     "ParticleResult": ("results", "ParticleResult"),
     "ParticleScene": ("particle_keys", "ParticleScene"),

@@ -38,6 +38,7 @@ LEFT_OUT = ("law", "target", "until_t", "until_strain", "times", "positions", "r
 def fingerprint(system: System) -> str:
     """Digest of what a run depends on, but for when it ends and how much it tells."""
     scene, total = system.scene, sha256(system.kernel.key.encode())
+    total.update(" ".join(key for mechanism in system.mechanisms for key in mechanism.made_by).encode())
     for array in (system.x, system.radii, system.species, system.p):
         total.update(np.ascontiguousarray(array).tobytes())
     for name, array in sorted((scene.films or {}).items()):
@@ -87,6 +88,7 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
         **{f"contacts_{name}": getattr(state.contacts, name) for name in CONTACTS},
         **_newton_arrays(newton),
         **{f"kept_{name}": values for name, values in state.kept.items()},
+        **{f"mark_{name}": values for name, values in state.marks.items()},
     }
     write_state(path, key, about, arrays)
 
@@ -201,7 +203,10 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
             history=history,
             frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
             kept={name[5:]: values for name, values in arrays.items() if name.startswith("kept_")},
+            marks={name: values for mechanism in system.having["marks"] for name, values in mechanism.marks().items()},
         )
+        for name, values in state.marks.items():
+            values[:] = arrays[f"mark_{name}"]
         return state, newton
     except OSError as error:
         raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None

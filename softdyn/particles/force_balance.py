@@ -88,7 +88,7 @@ class Balance:
     ----------
     x : array, shape (N, d + rotations)
     y, h, F, F_r : array, shape (contacts,)
-        State and gap, force, and consistent tangent.
+        State and gap; force along the line of the centres, and its consistent tangent.
     n : array, shape (contacts, d)
     r : array, shape (contacts,)
     reaction : array, shape (N, d + rotations)
@@ -103,6 +103,8 @@ class Balance:
         Forces of the contacts besides those along the normals, from i to j.
     notes : dict
         What mechanisms found, for themselves.
+    film : array, shape (contacts,), optional
+        Of F that of the contact itself, where there is more: potentials, bonds.
     """
 
     x: Array
@@ -118,6 +120,12 @@ class Balance:
     values: dict[str, Array] = field(default_factory=dict)
     T: Array | None = None
     notes: dict[str, Any] = field(default_factory=dict)
+    film: Array | None = None
+
+    @property
+    def of_contacts(self) -> Array:
+        """Forces of the contacts by themselves."""
+        return self.F if self.film is None else self.film
 
 
 @dataclass(frozen=True)
@@ -242,8 +250,13 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
     def evaluate(x: Array, y: Array) -> Balance:
         n, r, h, F, F_r, values = films.solve(system, contacts, x[:, :d], cell, given, y)
         newton.counts["contacts"] += len(r)
+        film = F
+        for mechanism in system.having["central"]:
+            more = mechanism.central(system, contacts, t, r)
+            if more is not None:
+                F, F_r = F + more[0], F_r + more[1]
         reaction = with_torques(system, contact_forces(contacts, F, n, count)) - external
-        at = Balance(x, y, h, F, F_r, n, r, reaction, math.nan, math.nan, values)
+        at = Balance(x, y, h, F, F_r, n, r, reaction, math.nan, math.nan, values, film=None if F is film else film)
         found = (mechanism.act(system, contacts, given, at) for mechanism in system.having["act"])
         actions = [action for action in found if action is not None]
         T: Array | None = None
@@ -260,7 +273,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
         stiffest = max([largest(F_r), *(action.stiffness for action in actions)])
         noise = ROUNDING * stiffest * (largest(x) + float(system.radii.max()))
         if wrong - noise > system.force_tolerance * biggest:
-            noise += _uncertainty(contacts, h, F, r)
+            noise += _uncertainty(contacts, h, film, r)
             noise += sum(ROUNDING * action.friction * largest(x) for action in actions)
         off = wrong if math.isnan(wrong) else max(wrong - noise, 0.0)
         relative = off / biggest if biggest > 0 else wrong
@@ -438,6 +451,9 @@ def _unsolved(contacts: Contacts, now: Balance, count: int) -> str:
     if not len(bad):
         return "positions are not finite"
     c = int(bad[0])
+    if now.film is not None and np.isfinite(now.film[c]):
+        i, j = int(contacts.i[c]), int(contacts.j[c])
+        return f"particles {i} and {j}, at r={now.r[c]:.6g}, are beyond the distances at which their potential holds"
     return f"{pair_named(contacts, c, count)}, at r={now.r[c]:.6g}, has no gap that solves its equation"
 
 

@@ -148,6 +148,8 @@ class Contacts:
         Whether the contact has been within its range.
     T : array, shape (n, d)
         Tangential forces, from i to j; of no columns without tangential motion.
+    since : array, shape (n, potentials with an age)
+        Times since which the two have been within the cut-off of each; inf beyond it.
     """
 
     i: Integers
@@ -158,6 +160,7 @@ class Contacts:
     h: Array
     touched: NDArray[np.bool_]
     T: Array
+    since: Array
 
     def __len__(self) -> int:
         return len(self.i)
@@ -173,7 +176,9 @@ def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Co
     with_walls = np.append(radii, np.zeros(walls))
     n = len(i)
     touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
-    return Contacts(i, j, shift, radii[i] + with_walls[j], np.empty((0, n)), np.full(n, np.nan), touched, nothing)
+    return Contacts(
+        i, j, shift, radii[i] + with_walls[j], np.empty((0, n)), np.full(n, np.nan), touched, nothing, nothing
+    )
 
 
 def some_of(contacts: Contacts, which: slice | NDArray[np.int64]) -> Contacts:

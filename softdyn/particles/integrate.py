@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear
 from softdyn.particles.faults import require_balanced, why
-from softdyn.particles.force_balance import Newton, StepFailed, pair_named
+from softdyn.particles.force_balance import Balance, Newton, StepFailed, pair_named
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.in_tables import require_in_tables
 from softdyn.particles.method import ORDER
@@ -105,10 +105,18 @@ def integrate(
         if over is not None:
             state.dt = over
             continue
+        over = _happens(system, state, step, when)
+        if over is not None:
+            state.dt = over
+            continue
         for mechanism in system.having["require"]:
             mechanism.require(system, state, step.end, when)
         with undisturbed():
             system = _accept(system, newton, state, step, dt, when)
+            jumped = [mechanism.note(system, state) for mechanism in system.having["note"]]
+            if any(jumped):
+                state.power = None
+                newton.forget()
             if state.t in goals[:-1]:
                 pass_break(system, newton, state)
             if _drift(system, state) > 0.5:
@@ -154,12 +162,12 @@ def _drift(
     t: float | None = None,
 ) -> float:
     """By how much surfaces have come closer, or will have at x, since contacts were listed, in units of the skin."""
-    if math.isinf(system.reach):  # all are listed; but none may pass another within a step
+    if math.isinf(system.listing):  # all are listed; but none may pass another within a step
         moved = np.zeros_like(state.x) if x is None else x - state.x
         moved = moved if state.walls else moved - moved.mean(axis=0)
         return 2 * float(np.linalg.norm(moved, axis=1).max()) / state.listed.skin
     where = system if at is None else at
-    farthest = 2 * float(system.radii.max()) + system.reach + state.listed.skin
+    farthest = 2 * float(system.radii.max()) + system.listing + state.listed.skin
     place, when = (state.x, state.t) if x is None or t is None else (x, t)
     return travelled(state.listed, place, where.box, when, farthest, where.walls)
 
@@ -214,8 +222,8 @@ def _accept(system: System, newton: Newton, state: State, step: Step, dt: float,
         state.frames[0] = _first_frame(system, newton, state, step, dt)
     for output in step.outputs:
         state.frames.append(frame_within(output, state))
-        look(state.pulled, output.system, state.contacts, output.t, 0.0, output.at)
-    look(state.pulled, step.system, state.contacts, when, dt, step.end)
+        look(state.pulled, output.system, state.contacts, output.t, 0.0, _pressed(output.at))
+    look(state.pulled, step.system, state.contacts, when, dt, _pressed(step.end))
     state.t, state.x, state.v = when, step.end.x[:, : system.dimension], step.v
     state.box, state.walls = step.system.box, step.system.walls
     # the state y is counted from the gap at the start of a step: its rate is that of ln h at the next
@@ -237,6 +245,11 @@ def _accept(system: System, newton: Newton, state: State, step: Step, dt: float,
     state.dt = max(longer, state.dt) if dt < state.dt and longer > dt else longer
     state.power = step.power
     return step.system
+
+
+def _pressed(found: Balance) -> At | Balance:
+    """Forces of the contacts by themselves."""
+    return found if found.film is None else At(found.r, found.h, found.film)
 
 
 def _first_frame(system: System, newton: Newton, state: State, step: Step, dt: float) -> Frame:
@@ -273,6 +286,12 @@ def _beyond(system: System, state: State, step: Step, when: float) -> float | No
     if end <= goal * (1 + STRAINED):
         return None
     return (when - state.t) * (goal - start) / (end - start)
+
+
+def _happens(system: System, state: State, step: Step, when: float) -> float | None:
+    """A shorter step, if something happens within this one at which a step has to end."""
+    found = [mechanism.ends(step.system, state, step.end, when) for mechanism in system.having["ends"]]
+    return min((dt for dt in found if dt is not None), default=None)
 
 
 @undisturbed()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
+from softdyn.particles.loose_particles import is_loose
 from softdyn.particles.method_names import MODULES
 from softdyn.words import listed
 
@@ -39,7 +40,7 @@ def method_of(facts: ValidatedScene) -> str:
             faults.append("[method] name: contact dynamics is for rigid grains, which have no law: leave law out")
         if not inert:
             faults.append("[inertia] density is missing: rigid grains move as their mass makes them")
-    elif rigid:
+    elif rigid and not is_loose(scene):
         faults.append('law is missing: law = "NAME"; without one grains are rigid, [method] name = "contact_dynamics"')
     elif name == "explicit":
         if not inert:

@@ -16,6 +16,7 @@ from softdyn.particles.geometry import (
     ROWS,
     Box,
     Contacts,
+    Integers,
     Wall,
     bare_contacts,
     directions,
@@ -89,7 +90,7 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
     """
     reach, box, walls = system.reach, system.box, system.walls
     skin = SKIN * float(system.radii.min())
-    i, j, shift = find_pairs(x, system.radii, box, t, walls, reach + skin)
+    i, j, shift = with_pairs(system, *find_pairs(x, system.radii, box, t, walls, system.listing + skin))
     contacts = bare_contacts(i, j, shift, system.radii)
     contacts.q = mixed_parameters(system, system.kernel, i, j)
     cell = lattice(box, t)
@@ -99,11 +100,22 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
     (solver,) = system.having["solve"]
     contacts.h = solver.gaps_at_sight(system, apart, old is None)
     contacts.T = np.zeros((len(contacts), x.shape[1] if system.width > x.shape[1] else 0))
+    contacts.since = np.full((len(contacts), system.timed), np.inf)
     if old is None:
         contacts.touched = contacts.h < reach
         return contacts, listed, int(contacts.touched.sum()), 0
     contacts, dropped = taken_over(contacts, old, reach)
     return contacts, listed, 0, dropped
+
+
+def with_pairs(system: System, i: Integers, j: Integers, shift: Integers) -> tuple[Integers, Integers, Integers]:
+    """Pairs in order, with those that mechanisms always have listed."""
+    more = [found for one in system.having["pairs"] if (found := one.pairs()) is not None]
+    if not more:
+        return i, j, shift
+    every = [np.concatenate([part, *(found[k] for found in more)]) for k, part in enumerate((i, j, shift))]
+    rows = np.unique(np.column_stack(every).astype(np.int64), axis=0)
+    return rows[:, 0].astype(i.dtype), rows[:, 1].astype(j.dtype), np.ascontiguousarray(rows[:, 2:])
 
 
 def taken_over(contacts: Contacts, old: Contacts, reach: float) -> tuple[Contacts, int]:
@@ -112,6 +124,7 @@ def taken_over(contacts: Contacts, old: Contacts, reach: float) -> tuple[Contact
     contacts.h[mine] = old.h[source]
     contacts.touched[mine] = old.touched[source]
     contacts.T[mine] = old.T[source]
+    contacts.since[mine] = old.since[source]
     left = np.ones(len(old), bool)
     left[source] = False
     # a pair still within the range keeps its contact, however far its centres are: it is listed anew

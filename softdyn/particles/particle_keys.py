@@ -36,15 +36,18 @@ from softdyn.scene.time_tables import OverTime
 from softdyn.targets import CHOICES
 
 if TYPE_CHECKING:
+    from softdyn.particles.chains import Chains
+    from softdyn.particles.mechanisms.bonds import Bond
     from softdyn.particles.mechanisms.coulomb import Friction
     from softdyn.particles.mechanisms.gravity import Gravity
     from softdyn.particles.mechanisms.inertia import Inertia
+    from softdyn.particles.mechanisms.potentials import PairPotential
     from softdyn.particles.packing import Packing
 
 #: What a scene without particles, or with too many, is told.
 PLACES = (
-    "[particles] and [packing] are two ways to say where the particles are: give one of them, [particles] with "
-    "positions and radii, or with a file"
+    "[particles] and [packing] are two ways to say where the particles are, [chains] is a third: give one of them, "
+    "[particles] with positions and radii, or with a file"
 )
 
 _LIST_OF_LISTS = {"type": "array", "items": COORDINATES.schema, "minItems": 1}
@@ -219,6 +222,16 @@ class ParticleScene:
             ),
         ]
     ] = None
+    chains: InitVar[
+        Annotated[
+            "Chains | None",
+            Section(
+                "[chains]",
+                "softdyn.particles.chains:Chains",
+                "Where particles start, instead: chains or rings, whose neighbours are bonded.",
+            ),
+        ]
+    ] = None
     mixing: Annotated[
         Mapping[str, str],
         Key(
@@ -357,6 +370,20 @@ class ParticleScene:
             "Coulomb friction of surfaces that touch, and what resists rolling and twisting.",
         ),
     ] = None
+    potential: Annotated[
+        Sequence["PairPotential"],
+        Section(
+            "[[potential]]",
+            "softdyn.particles.mechanisms.potentials:PairPotential",
+            "Remote forces between pairs of particles, by a potential: see .docs/potentials.md.",
+        ),
+    ] = ()
+    bond: Annotated[
+        Sequence["Bond"],
+        Section(
+            "[[bond]]", "softdyn.particles.mechanisms.bonds:Bond", "Bonds between pairs of particles, by a potential."
+        ),
+    ] = ()
     push: Annotated[
         Sequence[Push],
         Section(
@@ -418,11 +445,11 @@ class ParticleScene:
         """Whether particles have rotations: with tangential motion, or with friction."""
         return bool(self.tangential) or self.friction is not None
 
-    def __post_init__(self, file: str | Path | None, packing: "Packing | None") -> None:
-        if file is not None or packing is not None:
+    def __post_init__(self, file: str | Path | None, packing: "Packing | None", chains: "Chains | None") -> None:
+        if file is not None or packing is not None or chains is not None:
             from softdyn.particles.placing import placed
 
-            for name, value in placed(self, file, packing).items():
+            for name, value in placed(self, file, packing, chains).items():
                 object.__setattr__(self, name, value)
         elif self.positions is None or self.radii is None:
             raise SceneError(PLACES)

@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
+from softdyn.kernels import choose_target
 from softdyn.laws import contact_kind, law_of
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
 from softdyn.particles.force_balance import Newton
 from softdyn.particles.integrate import Progress, integrate
+from softdyn.particles.loose_particles import is_loose, no_contact_kernel
 from softdyn.particles.methods import method_of, module_of
 from softdyn.particles.parameters import require_rest, uniform_values, varying_parameters
 from softdyn.particles.particle_keys import ParticleScene
@@ -182,8 +184,11 @@ def ready(facts: ValidatedScene) -> System:
     SceneError, LawError, CompileError
     """
     scene = facts.scene
-    if faults := range_faults(scene, facts.radii):
+    if not is_loose(scene) and (faults := range_faults(scene, facts.radii)):
         raise SceneError(listed(faults))
+    if is_loose(scene):
+        kernel = no_contact_kernel(choose_target(scene.target), bool(scene.drag))
+        return with_mechanisms(facts, kernel, uniform_values(facts, kernel), facts.mechanisms)
     kernel = get_contact_kernel(scene.law, scene.target, **kernel_needs(facts))
     require_rest(facts)
     if scene.range is None and not kernel.bounded:

@@ -15,6 +15,7 @@ from softdyn.laws import contact_kind, law_of
 from softdyn.particles.driven import require_used
 from softdyn.particles.earlier_films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
+from softdyn.particles.loose_particles import is_loose
 from softdyn.particles.mechanisms import Mechanism, rooms_of
 from softdyn.particles.names import ALL, AXES, SIZES, is_number, listed, which
 from softdyn.particles.particle_keys import ParticleScene
@@ -78,7 +79,10 @@ def check(scene: ParticleScene) -> ValidatedScene:
         raise SceneError(f"the run would end at t={end:g}: choose units in which that lies between 1e-100 and 1e+100")
     scene = replace(scene, until_t=end)
     reach, ends = _reach(scene, radii)
-    if scene.gap is not None and scene.gap > reach / 2 and not ends:
+    if is_loose(scene):
+        told = {"range": scene.range is not None, "gap": scene.gap is not None, "tangential": scene.tangential}
+        faults += [f"[contacts] {name} is of contacts with a law: leave it out" for name in told if told[name]]
+    elif scene.gap is not None and scene.gap > reach / 2 and not ends:
         faults.append(
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
@@ -117,7 +121,7 @@ def check(scene: ParticleScene) -> ValidatedScene:
         faults += film_faults(scene.films, radii, d, walls)
     if faults:
         raise SceneError(listed(faults))
-    faults += _place_faults(x, box, walls) or _overlap_faults(x, radii, box, walls)
+    faults += _place_faults(x, box, walls) or ([] if is_loose(scene) else _overlap_faults(x, radii, box, walls))
     if faults:
         raise SceneError(listed(faults))
     if scene.constants:
@@ -145,6 +149,8 @@ def _reach(scene: ParticleScene, radii: Array) -> tuple[float, bool]:
         return TOUCH * float(radii.min()), True
     if scene.range is not None:
         return float(scene.range), False
+    if is_loose(scene):
+        return 0.0, True
     return FAR * float(radii.max()) if scene.drag else math.inf, False
 
 

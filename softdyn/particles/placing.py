@@ -18,6 +18,7 @@ from softdyn.tables import Column, read_columns
 from softdyn.words import listed
 
 if TYPE_CHECKING:
+    from softdyn.particles.chains import Chains
     from softdyn.particles.packing import Packing
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.results import ParticleResult
@@ -25,14 +26,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def placed(scene: ParticleScene, file: str | Path | None, packing: Packing | None) -> dict[str, Any]:
-    """Fields of a scene that follow from a file, or from a packing.
+def placed(
+    scene: ParticleScene, file: str | Path | None, packing: Packing | None, chains: Chains | None = None
+) -> dict[str, Any]:
+    """Fields of a scene that follow from a file, a packing, or chains.
 
     Raises
     ------
     SceneError
         If the scene says itself what they say, or they cannot be used.
     """
+    if chains is not None:
+        from softdyn.particles.chains import with_chains
+
+        if packing is not None or file is not None:
+            raise SceneError(PLACES)
+        return with_chains(scene, chains)
     if packing is not None and not hasattr(packing, "kind"):
         raise SceneError(f"packing must be a Packing(...), not {packing!r}")
     if file is not None and PATH.fault is not None and (fault := PATH.fault(file)):

@@ -88,7 +88,11 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         n, r = directions(some, x, cell, system.walls)
         rate = None if system.kernel.contact == "film" else opening_rates(system, some, t, whole, n)
         F = contact_state(system, some, some.S - r, some.h, rate)["F"]
-        virial = np.einsum("c,ca,cb->ab", F * r, n, n)
+        along = F
+        for mechanism in system.having["central"]:
+            more = mechanism.central(system, some, t, r)
+            along = along if more is None else along + more[0]
+        virial = np.einsum("c,ca,cb->ab", along * r, n, n)
         if some.T.size:
             virial += np.einsum("c,ca,cb->ab", r, some.T, n)
         return F, virial
@@ -322,6 +326,8 @@ def gather(
     arrays["contact_n"], arrays["contact_delta"] = np.empty((start[-1], d)), np.empty(start[-1])
     for frame, *ends in zip(frames, start[:-1], start[1:], strict=True):
         arrays["contact_n"][slice(*ends)], arrays["contact_delta"][slice(*ends)] = _geometry(frame, system)
+    for mechanism in system.having["columns"]:
+        arrays |= mechanism.columns(system, frames)
     energies = (*system.works, "stored")
     arrays |= {f"energy_{name}": np.array([frame.energy[k] for frame in frames]) for k, name in enumerate(energies)}
     columns = np.array(history, dtype=float).reshape(-1, len(HISTORY))

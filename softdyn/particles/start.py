@@ -68,6 +68,7 @@ def start(system: System, newton: Newton) -> State:
         work=dict.fromkeys((*system.works, ELASTIC, CARRIED), 0.0),
         counts={"made": made, "dropped": 0, "steps": 0, "rejected": 0, "listings": 1},
         kept={name: values for one in system.having["kept"] for name, values in one.kept(system).items()},
+        marks={name: values for one in system.having["marks"] for name, values in one.marks().items()},
     )
     if not system.dragged and not system.fixed.all():
         if films is not None:
@@ -83,6 +84,8 @@ def start(system: System, newton: Newton) -> State:
                 f"at the start, with the gaps as given, the forces have no equilibrium: {why(system, state, error)}"
             ) from None
         newton.forget()
+    for mechanism in system.having["note"]:
+        mechanism.note(system, state)
     state.dt = _first_step(system, state)
     state.stored0 = stored_energy(system, state)
     return state
@@ -192,6 +195,7 @@ def _films(system: System, given: Mapping[str, Any]) -> Contacts:
     contacts.q = mixed_parameters(system, system.kernel, i, j)
     contacts.h, contacts.touched = h, np.ones(len(h), bool)
     contacts.T = np.zeros((len(h), system.dimension if system.width > system.dimension else 0))
+    contacts.since = np.full((len(h), system.timed), np.inf)
     if contacts.T.size and "T" in films:
         contacts.T = films["T"][near].astype(float)
     return contacts

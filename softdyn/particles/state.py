@@ -68,6 +68,8 @@ class State:
     frames : list of Frame, or FrameFile
     kept : dict
         Numbers of the particles that mechanisms integrate, by their names.
+    marks : dict
+        Numbers that mechanisms have noted, the arrays that they have.
     """
 
     t: float
@@ -93,6 +95,7 @@ class State:
     history: list[tuple[float, float, float, float, int]] = field(default_factory=list)
     frames: list[Frame] | FrameFile[Frame] = field(default_factory=list)
     kept: dict[str, Array] = field(default_factory=dict)
+    marks: dict[str, Array] = field(default_factory=dict)
 
 
 def overlaps(system: System, state: State) -> Array:
@@ -107,7 +110,8 @@ def stored_energy(system: System, state: State) -> float:
         some = portion(contacts, part)
         _, r = directions(some, state.x, cell, system.walls)
         overlap = some.S - r
-        return sum(mechanism.stored(system, some, overlap) for mechanism in system.having["stored"])
+        central = sum(one.central_energy(system, some, state.t, r) for one in system.having["central_energy"])
+        return central + sum(mechanism.stored(system, some, overlap) for mechanism in system.having["stored"])
 
     return sum(in_portions(of, len(contacts)))
 

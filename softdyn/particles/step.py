@@ -367,5 +367,7 @@ def error_of(system: System, end: Balance, errors: Mapping[str, Array]) -> float
 
 def weight(h: Array, reach: float) -> Array:
     """What there is of a contact: 1 up to half of its range, 0 at its range, as in the kernel."""
+    if reach == 0:  # no contacts
+        return np.zeros_like(h)
     ahead = np.clip(2 * (1 - h / reach), 0.0, 1.0)
     return np.asarray(ahead**2 * (3 - 2 * ahead))

@@ -174,6 +174,17 @@ class System(PreparedScene):
     dragged: bool
 
     @property
+    def listing(self) -> float:
+        """Distance of two surfaces within which pairs are listed: that of the contacts, or of other forces."""
+        apart = max((mechanism.farthest for mechanism in self.mechanisms), default=0.0)
+        return max(self.reach, apart - 2 * float(self.radii.min()))
+
+    @property
+    def timed(self) -> int:
+        """How many potentials ask for how long two particles have been near."""
+        return sum(mechanism.timed for mechanism in self.mechanisms)
+
+    @property
     def force_tolerance(self) -> float:
         """Residual of the force balance, relative to the largest force, at which Newton's iteration ends."""
         return 1e-3 * self.rtol

@@ -174,7 +174,7 @@ def schema() -> dict[str, Any]:
         found = _object_of(cls, title)
         found["required"] += ["until"] + (["pair", "drive"] if title == TWO else [])
         if title == MANY:
-            found["oneOf"] = [{"required": ["particles"]}, {"required": ["packing"]}]
+            found["oneOf"] = [{"required": [name]} for name in ("particles", "packing", "chains")]
         kinds.append(found)
     return {"$schema": "http://json-schema.org/draft-07/schema#", "title": "A scene of softdyn", "anyOf": kinds}
 

@@ -68,7 +68,7 @@ def _holds_nul(content: Any) -> bool:
 
 def is_particle_scene(data: Mapping[str, Any]) -> bool:
     """Whether the content of a scene file is a scene of many particles (:mod:`softdyn.particles.files`)."""
-    return "particles" in data or "packing" in data
+    return "particles" in data or "packing" in data or "chains" in data
 
 
 def is_fluid_scene(data: Mapping[str, Any]) -> bool:
@@ -218,7 +218,7 @@ def _missing(places: Mapping[str, _Place], data: Mapping[str, Any], needed: Sequ
         lacking = [key for key, row in inner.items() if row.default is MISSING]
         alone = place.whole is not None and place.whole.default is MISSING
         if name not in data:
-            if name == "law":
+            if name == "law" and alone:
                 faults.append('law is missing: law = "NAME"')
             elif alone or lacking or name in needed:
                 faults.append(f"[{name}] is missing")

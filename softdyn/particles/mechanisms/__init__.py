@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from softdyn.particles.geometry import Box, Contacts, Integers, Wall
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.particles.resolve import Sensitivity
+    from softdyn.particles.results import Frame
     from softdyn.particles.state import State
-    from softdyn.particles.system import System, ValidatedScene
+    from softdyn.particles.system import PreparedScene, System, ValidatedScene
     from softdyn.particles.time_functions import TimeFunction
 
 Array = NDArray[np.float64]
@@ -39,6 +40,9 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "soft_films": ("law",),
     "dry_contacts": ("law",),
     "rigid_films": ("law",),
+    "no_contacts": ("potential", "bond"),
+    "potentials": ("potential",),
+    "bonds": ("bond",),
     "drag": ("drag",),
     "pushes": ("push",),
     "gravity": ("gravity",),
@@ -53,7 +57,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
 
 
 #: Of which a scene has one: the contacts of its law, by what they are.
-CONTACTS = {"soft_films": "film", "dry_contacts": "dry", "rigid_films": "rigid"}
+CONTACTS = {"soft_films": "film", "dry_contacts": "dry", "rigid_films": "rigid", "no_contacts": "none"}
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,12 @@ class Mechanism:
         Whether the box moves with it otherwise than by a constant shear rate.
     keeps_shape : bool
         Whether all lengths of the box change alike by it.
+    farthest : float
+        Distance of two centres within which it acts on them; such pairs are listed.
+    timed : int
+        How many columns of ``Contacts.since`` it has: times since which two particles are near.
+    made_by : tuple of str
+        Kernels of its own, by their names in the cache.
     """
 
     gives: ClassVar[tuple[str, ...]] = ()
@@ -127,6 +137,9 @@ class Mechanism:
     wall_velocity: Driven | None = None
     moves_box: bool = False
     keeps_shape: bool = True
+    farthest: float = 0.0
+    timed: int = 0
+    made_by: tuple[str, ...] = ()
 
     def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> Mechanism:
         """The same, once the kernel of the contacts and the values of its uniform parameters are known."""
@@ -174,6 +187,28 @@ class Mechanism:
 
     def require(self, system: System, state: State, at: Balance, when: float) -> None:
         """Refuse a step that ends where what it says does not hold; raises IntegrationError."""
+
+    # forces along the lines of the centres
+
+    def pairs(self) -> tuple[Integers, Integers, Integers] | None:
+        """Pairs that are always listed: i < j, and the lattice vectors by which j is displaced."""
+        return None
+
+    def central(self, system: System, contacts: Contacts, t: float, r: Array) -> tuple[Array, Array] | None:
+        """Of each listed pair a force that depends on the distance r, > 0 apart, and its slope, shape (contacts,)."""
+        return None
+
+    def central_energy(self, system: System, contacts: Contacts, t: float, r: Array) -> float:
+        """Energy of these forces."""
+        return 0.0
+
+    def ends(self, system: System, state: State, at: Balance, when: float) -> float | None:
+        """Length of a step that would end at something that happens within one that ends here; None if nothing does."""
+        return None
+
+    def note(self, system: System, state: State) -> bool:
+        """Take notice of where the run is, at its start and after each step; tells whether a force has jumped."""
+        return False
 
     # forces
 
@@ -262,6 +297,14 @@ class Mechanism:
         """Energy that it stores in some contacts, as they are."""
         return 0.0
 
+    def marks(self) -> dict[str, Array]:
+        """Numbers that it has noted, by its own names: a checkpoint holds them, and they are read into these arrays."""
+        return {}
+
+    def columns(self, system: PreparedScene, frames: Sequence[Frame]) -> dict[str, NDArray[Any]]:
+        """Arrays of its own in the result, by name; those of one number a frame have the shape (frames,)."""
+        return {}
+
     def stats(self) -> dict[str, Any]:
         """What a result tells of it besides its arrays."""
         return {}
@@ -275,7 +318,8 @@ def having(mechanisms: Sequence[Mechanism], name: str) -> tuple[Mechanism, ...]:
 #: What the engine asks for again and again.
 ASKED = (
     "driven", "begin", "rates_of", "errors", "act", "tangent", "contact_tangents", "unresisted", "follow", "gradient",
-    "strain", "powers", "stored", "kept", "stats", "require", "solve",
+    "strain", "powers", "stored", "kept", "stats", "require", "solve", "pairs", "central", "central_energy", "ends",
+    "note", "marks", "columns",
 )  # fmt: skip
 
 
@@ -287,8 +331,15 @@ def rooms_of(scene: ParticleScene) -> Iterator[Any]:
     """Modules of the mechanisms that a scene asks for, in order."""
     for name, wanted in ROOMS.items():
         asked = any(_asks(getattr(scene, field)) for field in wanted)
-        if asked and (name not in CONTACTS or CONTACTS[name] == contact_kind(scene.law)):
+        if asked and (name not in CONTACTS or CONTACTS[name] == _kind(scene)):
             yield import_module(f"{__name__}.{name}")
+
+
+def _kind(scene: ParticleScene) -> str:
+    """What the contacts of a scene are; of rigid grains, without a law, nothing."""
+    from softdyn.particles.loose_particles import is_loose
+
+    return "none" if is_loose(scene) else "" if scene.law is None else contact_kind(scene.law)
 
 
 def _asks(value: Any) -> bool:

@@ -75,7 +75,7 @@ class DryContacts(Mechanism):
         """What dashpots and remote forces take, and what is stored."""
         values = contact_state(system, contacts, contacts.S - at.r, at.h, rates.r)
         lost, remote = float(np.sum(values["friction"] * rates.r**2)), -float(np.sum(values["remote"] * rates.r))
-        elastic = at.F + values["friction"] * rates.r - values["remote"]
+        elastic = at.of_contacts + values["friction"] * rates.r - values["remote"]
         return {"dashpots": lost, "remote": remote, ELASTIC: -float(np.sum(elastic * rates.r))}
 
     def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:

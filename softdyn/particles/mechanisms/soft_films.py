@@ -78,7 +78,7 @@ class Films(Mechanism):
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """What is lost in the gaps, what remote forces and the U_h term take, and what is stored."""
         gaps, remote, U_h = _gap_powers(system, contacts, at, rates.t, rates.h)
-        elastic = float(np.sum(at.F * (rates.h - rates.r)))
+        elastic = float(np.sum(at.of_contacts * (rates.h - rates.r)))
         return {"gaps": gaps, "remote": remote, "U_h": U_h, ELASTIC: elastic - U_h}
 
     def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:

@@ -1,0 +1,161 @@
+"""Chains and rings of particles, placed at random where none overlap another.
+
+A chain grows bead by bead, each in a random direction; one that finds no room takes a step back, and in the end starts
+elsewhere. A ring is a regular polygon, placed and turned at random.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.particles.mechanisms.bonds import CHAINS, Bond
+from softdyn.scene.keys import Key, key_faults, with_keys
+from softdyn.scene.kinds import FLAG, LENGTHS, POSITIVE, whole_number
+from softdyn.words import listed
+
+if TYPE_CHECKING:
+    from softdyn.particles.particle_keys import ParticleScene
+
+Array = NDArray[np.float64]
+
+#: Directions that a bead tries before its chain takes a step back, and places that a chain or a ring tries.
+TRIALS, PLACES = 60, 200
+#: Beads of one chain or ring that are neighbours but for one are at least this many spacings apart.
+FOLDED = 0.9
+
+
+@with_keys
+@dataclass(frozen=True)
+class Chains:
+    """Where particles start: chains, or rings, of beads at random places in a periodic box."""
+
+    count: Annotated[int, Key("[chains] count", whole_number(1), "How many chains.")]
+    beads: Annotated[int, Key("[chains] beads", whole_number(2), "Particles of each.")]
+    radius: Annotated[float, Key("[chains] radius", POSITIVE, "Radius of the particles.", "length")]
+    spacing: Annotated[float, Key("[chains] spacing", POSITIVE, "Distance of the centres of two neighbours.", "length")]
+    box: Annotated[
+        Sequence[float],
+        Key("[chains] box", LENGTHS, "Edges of the periodic box, two or three.", "length"),
+    ]
+    seed: Annotated[
+        int, Key("[chains] seed", whole_number(0), "Seed of the places: the same seed gives the same chains.")
+    ]
+    ring: Annotated[bool, Key("[chains] ring", FLAG, "Whether the last of each is bonded to the first.")] = False
+
+
+def placed_chains(chains: Chains) -> tuple[Array, NDArray[np.int64]]:
+    """Positions of all beads, chain by chain, shape (count beads, d), and the pairs of neighbours, shape (bonds, 2).
+
+    Raises
+    ------
+    SceneError
+        If there is no room.
+    """
+    box = np.array(chains.box, dtype=float)
+    d, n = len(box), chains.beads
+    apart = min(2 * chains.radius, FOLDED * chains.spacing)
+    rng = np.random.default_rng(chains.seed)
+    whole = np.empty((0, d))
+    for number in range(chains.count):
+        found = (_ring if chains.ring else _chain)(chains, box, whole, apart, rng)
+        if found is None:
+            raise SceneError(
+                f"[chains] there is no room for {chains.count} of {n} beads: {number} were placed; use fewer, a larger "
+                "box or another seed"
+            )
+        whole = np.concatenate([whole, found])
+    return whole, chain_pairs(chains.count, n, chains.ring)
+
+
+def chain_pairs(count: int, beads: int, ring: bool) -> NDArray[np.int64]:
+    """Numbers of neighbours in chains that stand one after the other, shape (bonds, 2)."""
+    first = np.arange(beads - 1)
+    ends = np.column_stack([first, first + 1])
+    if ring and beads > 2:
+        ends = np.concatenate([ends, [[0, beads - 1]]])
+    return np.concatenate([ends + beads * chain for chain in range(count)])
+
+
+def _are_free(places: Array, others: Array, box: Array, apart: float) -> NDArray[np.bool_]:
+    """Which of some places are as far from all others as they must be."""
+    if not len(others):
+        return np.ones(len(places), dtype=bool)
+    away = others[None] - places[:, None]
+    away -= box * np.round(away / box)
+    return np.asarray(np.einsum("ijk,ijk->ij", away, away).min(axis=1) >= apart**2)
+
+
+def _directions(count: int, d: int, rng: np.random.Generator) -> Array:
+    vectors = rng.standard_normal((count, d))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
+
+
+def _chain(chains: Chains, box: Array, whole: Array, apart: float, rng: np.random.Generator) -> Array | None:
+    d = len(box)
+    for _ in range(PLACES):
+        beads = [rng.uniform(0, box)]
+        if not _are_free(beads[0][None], whole, box, apart)[0]:
+            continue
+        backwards = 0
+        while len(beads) < chains.beads and backwards < 10 * chains.beads:
+            others = np.concatenate([whole, np.array(beads[:-1]).reshape(-1, d)])
+            trials = beads[-1] + chains.spacing * _directions(TRIALS, d, rng)
+            free = np.flatnonzero(_are_free(trials, others, box, apart))
+            if len(free):
+                beads.append(trials[free[0]])
+                continue
+            backwards += 1
+            del beads[max(1, len(beads) - 3) :]
+        if len(beads) == chains.beads:
+            return np.array(beads)
+    return None
+
+
+def _ring(chains: Chains, box: Array, whole: Array, apart: float, rng: np.random.Generator) -> Array | None:
+    d, n = len(box), chains.beads
+    angles = 2 * math.pi * np.arange(n) / n
+    size = chains.spacing / (2 * math.sin(math.pi / n))
+    for _ in range(PLACES):
+        plane = np.linalg.qr(rng.standard_normal((d, d)))[0][:2]
+        centre = rng.uniform(0, box)
+        beads = centre + size * (np.cos(angles)[:, None] * plane[0] + np.sin(angles)[:, None] * plane[1])
+        if _are_free(beads, whole, box, apart).all():
+            return np.asarray(beads)
+    return None
+
+
+def with_chains(scene: ParticleScene, chains: Any) -> dict[str, Any]:
+    """Fields of a scene that follow from its chains: positions, radii, box, and pairs of its bonds.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not isinstance(chains, Chains):
+        raise SceneError(f"chains must be Chains(...), not {chains!r}")
+    faults = key_faults(chains)
+    box = list(chains.box) if isinstance(chains.box, (list, tuple, np.ndarray)) else []
+    if len(box) not in (2, 3) or not all(edge is not None and edge > 0 for edge in box):
+        faults.append(f"[chains] box needs two or three lengths, positive, not {chains.box!r}")
+    if scene.positions is not None or scene.radii is not None:
+        faults.append("[particles] and [chains] are two ways to say where the particles are: give one of them")
+    if scene.box is not None or scene.tilt:
+        faults.append("[box] follows from [chains]: leave it out, but for its depth")
+    if not any(isinstance(bond, Bond) and bond.pairs == CHAINS for bond in scene.bond):
+        faults.append(f'[chains] has no bonds: give [[bond]] pairs = "{CHAINS}"')
+    if not faults and chains.ring and chains.beads < 3:
+        faults.append(f"[chains] a ring needs three beads, not {chains.beads}")
+    if not faults and 2 * chains.radius > chains.spacing * 2:
+        faults.append(f"[chains] spacing = {chains.spacing:g} lets neighbours overlap by more than a radius")
+    if faults:
+        raise SceneError(listed(faults))
+    x, pairs = placed_chains(chains)
+    bonds = tuple(replace(one, pairs=pairs.tolist()) if one.pairs == CHAINS else one for one in scene.bond)
+    return {"positions": x, "radii": np.full(len(x), float(chains.radius)), "box": box, "bond": bonds}
