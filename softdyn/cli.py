@@ -239,9 +239,9 @@ def _parser() -> argparse.ArgumentParser:
         "scene",
         metavar="SCENE",
         type=Path,
-        help="a .toml file, with [pair] for two particles, [particles] or [packing] for many, [fluid] for a fluid; or "
-        "a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, chains, platelets, of a fluid cavity, "
-        "channel, cylinder, cylinder_shedding, bed, darcy",
+        help="a .toml file, with [pair] for two particles, [particles], [packing] or [chains] for many, [fluid] for a "
+        "fluid; or a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, chains, "
+        "platelets, of a fluid cavity, channel, cylinder, cylinder_shedding, bed, darcy",
     )
     run.add_argument(
         "-o",
