@@ -227,6 +227,8 @@ def _part_faults(
     for name, (arguments, dimension) in signatures.items():
         expr = getattr(declared, name)
         where = f"{part} {name}"
+        if name == "sliding" and expr == oo:
+            continue  # surfaces of a dry contact stick, until friction lets them slide
         if not isinstance(expr, Expr):
             faults.append(f"{where} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
             continue
@@ -240,9 +242,11 @@ def _tangential_positivity_faults(law: ContactLaw) -> list[str]:
     """Sliding and elasticity resist, and so does every combination of sliding and rolling."""
     t = law.tangential
     assert t is not None
-    combined = t.sliding * t.rolling - (1 - 4 * size_ratio) * t.coupling**2
-    quantities = {"sliding": t.sliding, "k_t": t.k_t}
-    if t.rolling != 0 or t.coupling != 0:
+    quantities = {"k_t": t.k_t}
+    if t.sliding != oo:
+        combined = t.sliding * t.rolling - (1 - 4 * size_ratio) * t.coupling**2
+        quantities |= {"sliding": t.sliding}
+    if t.sliding != oo and (t.rolling != 0 or t.coupling != 0):
         quantities |= {"sliding rolling - D^2 coupling^2": combined}
     faults = []
     for name, quantity in quantities.items():

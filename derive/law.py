@@ -86,7 +86,8 @@ class Tangential:
     Parameters
     ----------
     sliding : Expr
-        Friction coefficient of sliding, force/velocity.
+        Friction coefficient of sliding, force/velocity. ``oo`` where no film is between the surfaces, which stick then,
+        as far as friction holds them.
     k_t : Expr
         Tangential stiffness of the contact, force/length: of both surfaces together.
     coupling, rolling : Expr or int

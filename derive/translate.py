@@ -3,8 +3,9 @@
 The algorithms of a kernel (Newton's iteration, the integrator) are written once, in a subset of Python that numba
 compiles as it is; this module prints the same functions in C, comments included. The subset: functions with annotated
 arguments (``float``, ``int``, ``array``, ``indices`` and ``short_indices``, which are arrays of integers of 64 and of
-32 bits that are read), assignments, ``if``, ``while``, ``for ... in range``, ``return``, arithmetic, comparisons, calls
-of math.h and of one another. Whatever lies outside is refused.
+32 bits that are read; ``integers``, of 32 bits, which may be written), assignments, ``if``, ``while``,
+``for ... in range``, ``return``, arithmetic, comparisons, calls of math.h and of one another. Whatever lies
+outside is refused.
 """
 
 from __future__ import annotations
@@ -20,13 +21,17 @@ from softdyn.derive.printing import MATH_FUNCTIONS
 C_TYPES = {"float": "double", "int": "int64_t"}
 #: Arrays of integers, which are read.
 INDEX_TYPES = {"indices": "int64_t", "short_indices": "int32_t"}
+#: Arrays of integers, which are written.
+WRITTEN_TYPES = {"integers": "int32_t"}
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
 #: What takes numbers apart by their bits, and has a text of its own for each target: templates ``bits``.
 BIT_FUNCTIONS = {"_power_of_two", "_exponent", "_fraction"}
+#: What lets threads wait for one another, likewise: templates ``grains``.
+THREAD_FUNCTIONS = {"_wait"}
 #: Functions that C has under the same name, besides int, float, range and empty, which have a translation.
-KNOWN_FUNCTIONS = {*MATH_FUNCTIONS, *BIT_FUNCTIONS, "isfinite", "int", "float", "range", "empty"}
+KNOWN_FUNCTIONS = {*MATH_FUNCTIONS, *BIT_FUNCTIONS, *THREAD_FUNCTIONS, "isfinite", "int", "float", "range", "empty"}
 PRECEDENCE = {ast.Add: 4, ast.Sub: 4, ast.Mult: 5, ast.Div: 5}
 
 
@@ -197,6 +202,9 @@ def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str
                 raise TranslationError(f"line {node.lineno}: {argument.arg} of {node.name} is to be read, not written")
             arrays.add(argument.arg)
             arguments.append(f"const {INDEX_TYPES[kind]} *restrict {argument.arg}")
+        elif kind in WRITTEN_TYPES:
+            arrays.add(argument.arg)
+            arguments.append(f"{'' if is_written else 'const '}{WRITTEN_TYPES[kind]} *restrict {argument.arg}")
         elif kind == "array":
             arrays.add(argument.arg)
             arguments.append(f"{'' if is_written else 'const '}double *restrict {argument.arg}")

@@ -251,6 +251,7 @@ def tool_digest() -> str:
             "elements.py",
             "particles/contact_kernels.py",
             "particles/potential_kernels.py",
+            "particles/explicit/grain_kernels.py",
             "laws.py",
             "expression.py",
             "enclosure.py",

@@ -3,9 +3,9 @@
 Hertz's contact alone, quasi-static: no gap, h = 0, and the centres follow the force, dX/dt = -(dF/dt)/C.
 """
 
-from sympy import Rational, sqrt
+from sympy import Rational, oo, sqrt
 
-from softdyn.derive import E, F, Limit, R, delta
+from softdyn.derive import E, F, Limit, R, Tangential, a, delta
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
 from softdyn.derive.laws.equal_spheres import nu
 from softdyn.derive.one_sided import dry
@@ -16,7 +16,9 @@ law = dry(
     equal_spheres,
     name="hertz_dry",
     description="two elastic spheres, Hertz's contact alone: equal_spheres as eta -> 0",
-    source="Hertz (Johnson, Contact Mechanics, 1985, ch. 4)",
+    source="Hertz (Johnson, Contact Mechanics, 1985, ch. 4); Mindlin's tangential stiffness (sec. 7.2)",
+    # where both surfaces stick: 8 G* a of Mindlin, 1/G* = 2 (2 - nu)/G, G = E/(2 (1 + nu))
+    tangential=Tangential(sliding=oo, k_t=2 * E * a / ((1 + nu) * (2 - nu))),
     limits=(
         Limit(
             "Hertz",

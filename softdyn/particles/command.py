@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -69,23 +70,23 @@ def run_particles(path: Path, output: Path | None, resume: bool, as_json: bool) 
         return 0
     stats, energy = result.stats, result.energy
     print(f"{result.law}, target {result.target}, {len(result.radii)} particles: {stats['method']}")
-    print(
-        f"  t = {result.t[-1]:.6g} in {stats['steps']} steps, {stats['rejected']} rejected; "
-        f"{stats['newton_iterations']} Newton iterations ({stats['linear_solver'] or 'no linear system'})"
-    )
-    print(
-        f"  {summary['contacts']} contacts within range; {stats['made']} made and {stats['dropped']} dropped, "
-        f"looked for {stats['listings']} times"
-    )
+    print(f"  t = {result.t[-1]:.6g} in {stats['steps']} steps, {stats['rejected']} rejected{_solved(stats)}")
+    changed = f"; {stats['made']} made and {stats['dropped']} dropped" if "made" in stats else ""
+    print(f"  {summary['contacts']} contacts within range{changed}, looked for {stats.get('listings', 0)} times")
     shown = ", ".join(f"{name} {value:.4g}" for name, value in energy.items() if value and name != "imbalance")
     print(f"  energy: {shown or 'none'}; unaccounted for {energy['imbalance']:.1e} of it")
-    print(
-        f"  forces balance to {stats['force_residual']:.1e}; run {stats['wall_s']:.3g} s, "
-        f"kernel {stats['compile_s']:.3g} s"
-    )
+    balance = f"forces balance to {stats['force_residual']:.1e}; " if "force_residual" in stats else ""
+    print(f"  {balance}run {stats['wall_s']:.3g} s, kernel {stats['compile_s']:.3g} s")
     if written:
         print(f"wrote {' and '.join(map(str, written))}")
     return 0
+
+
+def _solved(stats: Mapping[str, Any]) -> str:
+    """What a method that solves for its steps tells of that."""
+    if "newton_iterations" not in stats:
+        return ""
+    return f"; {stats['newton_iterations']} Newton iterations ({stats['linear_solver'] or 'no linear system'})"
 
 
 def _told(scene: ParticleScene) -> Callable[[Frame], None] | None:

@@ -184,11 +184,12 @@ def gap_distribution(result: ParticleResult, frame: int = -1, bins: int | None =
     Returns
     -------
     edges : array, shape (bins + 1,)
-        In h.
+        In h, of those contacts that have one.
     density : array, shape (bins,)
         Its integral over ln h is 1. Both are empty without contacts.
     """
     h = result.contacts(frame)["h"]
+    h = h[h > 0]
     if not len(h):
         return np.empty(0), np.empty(0)
     smallest = float(h.min())  # in units of which logarithms are taken

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,9 @@ from softdyn.derive.special import IN_NUMPY
 from softdyn.derive.symbols import R, a, delta, h
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
-from softdyn.particles.contact_kernels import ContactKernel
 from softdyn.particles.geometry import Integers
 from softdyn.particles.names import is_number, listed
-from softdyn.scene.numbers import range_fault
+from softdyn.scene.numbers import Range, range_fault
 from softdyn.words import suggestion
 
 if TYPE_CHECKING:
@@ -43,6 +42,19 @@ MIXING: dict[str, Callable[[Array, Array], Array]] = {
     "geometric": lambda one, other: np.sqrt(one * other),
     "harmonic": lambda one, other: 2 * one * other / (one + other),
 }
+
+
+class TakesParameters(Protocol):
+    """What is known of a kernel's parameters: which are uniform, which vary, which values they may have."""
+
+    @property
+    def uniform(self) -> tuple[str, ...]: ...
+    @property
+    def varying(self) -> tuple[str, ...]: ...
+    @property
+    def positive(self) -> tuple[str, ...]: ...
+    @property
+    def ranges(self) -> Mapping[str, Range]: ...
 
 
 def varying_parameters(facts: ValidatedScene) -> tuple[str, ...]:
@@ -103,7 +115,7 @@ def varying_parameters(facts: ValidatedScene) -> tuple[str, ...]:
     return tuple(varying)
 
 
-def uniform_values(facts: ValidatedScene, kernel: ContactKernel) -> Array:
+def uniform_values(facts: ValidatedScene, kernel: TakesParameters) -> Array:
     """Values of the uniform parameters, in the kernel's order; checks those that vary, too.
 
     Raises
@@ -139,7 +151,7 @@ def uniform_values(facts: ValidatedScene, kernel: ContactKernel) -> Array:
     return np.array([float(given[name]) for name in kernel.uniform])  # type: ignore[arg-type]
 
 
-def mixed_parameters(facts: ValidatedScene, kernel: ContactKernel, i: Integers, j: Integers) -> Array:
+def mixed_parameters(facts: ValidatedScene, kernel: TakesParameters, i: Integers, j: Integers) -> Array:
     """Varying parameters of the law for each contact, shape (parameters, n).
 
     R is 2 R1 R2/(R1 + R2) and E the harmonic mean: derived, for walls too, in :mod:`softdyn.derive.contact_equations`.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from softdyn.particles.geometry import directions, lattice
 from softdyn.particles.state import State
 from softdyn.particles.step import weight
-from softdyn.particles.system import System, contact_state
+from softdyn.particles.system import PreparedScene, System, contact_state
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def sensitivity(system: System, state: State) -> Sensitivity:
     )
 
 
-def breaks(system: System) -> Array:
+def breaks(system: PreparedScene) -> Array:
     """Times at which any of it has a kink or a jump, in order."""
     return np.unique(np.concatenate([np.empty(0), *(function.breaks for function in system.functions)]))
 

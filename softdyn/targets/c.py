@@ -23,7 +23,7 @@ from softdyn.targets import LoadError, Signatures
 SUFFIX = ".c"
 #: Types of arguments and results, as the shared subset of Python names them.
 TYPES: dict[str, Any] = {"int": ctypes.c_int64, "float": ctypes.c_double, "None": None}
-TYPES |= dict.fromkeys(("array", "indices", "short_indices"), ctypes.c_void_p)
+TYPES |= dict.fromkeys(("array", "indices", "short_indices", "integers"), ctypes.c_void_p)
 #: IEEE arithmetic throughout: no -ffast-math. Contraction to fused operations is off, so that every machine and both
 #: targets round alike; math functions need not set errno.
 FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")

@@ -102,6 +102,6 @@ def _compile(functions: Mapping[Any, Sequence[str]]) -> None:
     from numba import float64, int32, int64
 
     types = {"int": int64, "float": float64, "array": float64[::1]}
-    types |= {"indices": int64[::1], "short_indices": int32[::1]}
+    types |= {"indices": int64[::1], "short_indices": int32[::1], "integers": int32[::1]}
     for function, arguments in functions.items():
         function.compile(tuple(types[one] for one in arguments))

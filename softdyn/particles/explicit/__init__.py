@@ -1,0 +1,1 @@
+"""Explicit steps of grains with inertia, in dry contact: velocity Verlet, whole steps in compiled code."""

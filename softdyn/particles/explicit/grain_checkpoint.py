@@ -1,0 +1,73 @@
+"""Checkpoints of a run of grains: all that changes, so that a run that goes on does what it would have done."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from softdyn.errors import SceneError
+from softdyn.particles.checkpoint import LEFT_OUT
+from softdyn.particles.explicit.grains import Grains, GrainSystem
+from softdyn.particles.results import HISTORY, Frame
+from softdyn.results.frame_file import go_on
+from softdyn.results.state_file import frames_beside, plain, read_state, write_state
+
+#: Numbers of a state, and its arrays, by their names.
+NUMBERS = ("t", "listed_tilt", "turns", "stiffest", "fastest", "moved", "kinetic0", "stored0")
+ARRAYS = (
+    "order", "x", "v", "spin", "rate_v", "home", "listed", "start", "partner", "image", "in_start", "in_at", "history",
+    "touch", "wall_history", "wall_touch", "sums", "given_force", "x0",
+)  # fmt: skip
+
+
+def fingerprint(system: GrainSystem) -> str:
+    """Digest of what a run depends on, but for when it ends and how much it tells."""
+    scene, total = system.scene, sha256(system.kernel.key.encode())
+    for array in (system.x, system.radii, system.species, system.p, system.q):
+        total.update(np.ascontiguousarray(array).tobytes())
+    given = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name not in LEFT_OUT}
+    total.update(json.dumps([given, system.names], default=str, sort_keys=True).encode())
+    return total.hexdigest()
+
+
+def save(path: Path, state: Grains, key: str) -> None:
+    """Write a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be written; then the one before it is still there.
+    """
+    about = {name: getattr(state, name) for name in NUMBERS} | {"counts": state.counts, "frames": len(state.frames)}
+    arrays = {name: getattr(state, name) for name in ARRAYS}
+    arrays["steps"] = np.array(state.history_rows, dtype=float).reshape(-1, len(HISTORY))
+    write_state(path, key, about, arrays)
+
+
+def load(path: Path, key: str) -> Grains:
+    """Read a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        If the file is none, or belongs to another scene.
+    """
+    try:
+        about, arrays = read_state(path, key)
+        numbers = {name: float(about[name]) for name in NUMBERS if name != "turns"}
+        return Grains(
+            **{name: arrays[name] for name in ARRAYS},  # type: ignore[arg-type]
+            **numbers,  # type: ignore[arg-type]
+            turns=int(about["turns"]),
+            counts={name: int(value) for name, value in about["counts"].items()},
+            history_rows=[(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["steps"]],
+            frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
+        )
+    except OSError as error:
+        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
