@@ -16,8 +16,8 @@ law = dry(
     equal_spheres,
     name="hertz_dry",
     description="two elastic spheres, Hertz's contact alone: equal_spheres as eta -> 0",
-    source="Hertz (Johnson, Contact Mechanics, 1985, ch. 4); Mindlin's tangential stiffness (sec. 7.2)",
-    # where both surfaces stick: 8 G* a of Mindlin, 1/G* = 2 (2 - nu)/G, G = E/(2 (1 + nu))
+    source="Hertz (Johnson, Contact Mechanics, 1985, ch. 4)",
+    # where both surfaces stick: 8 G* a of Mindlin (Johnson, sec. 7.2), 1/G* = 2 (2 - nu)/G, G = E/(2 (1 + nu))
     tangential=Tangential(sliding=oo, k_t=2 * E * a / ((1 + nu) * (2 - nu))),
     limits=(
         Limit(

@@ -102,7 +102,9 @@ def plot_particles(result: ParticleResult) -> Figure:
     middle += [_draw_normal_stresses] if is_periodic(result) and result.x.shape[2] > 1 else []
     middle += [_draw_coordination]
     right: list[Panel] = [_draw_gaps, _draw_forces] if few else [_draw_gap_distribution, _draw_force_distribution]
-    right = right if (result.contact_h > 0).any() or not len(result.contact_h) else right[1:]  # dry contacts have no gap
+    right = (
+        right if (result.contact_h > 0).any() or not len(result.contact_h) else right[1:]
+    )  # dry contacts have no gap
     right += [_draw_profile] if is_sheared(result) and not few else []
     window = _window(result, [-1]) if not _in_space(result) else np.array([[0.0, 0.0], [1.0, 1.0]])
     wide, high = np.ptp(window, axis=0)
