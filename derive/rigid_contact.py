@@ -150,11 +150,18 @@ class Projection:
 P_n, across, shrink = symbols("P_n across shrink", real=True)
 #: Normal parts of velocity and impulse.
 U_n, before = symbols("U_n before", real=True)
+#: Impulse over which the projections are smoothed, its part in the root, and dP_n/dq_n.
+soft = Symbol("soft", nonnegative=True)
+root, yielding = symbols("root yielding", real=True)
 
 
-@lru_cache(maxsize=3)
-def projection(d: int) -> Projection:
-    """The contact by itself: Signorini's and Coulomb's laws as projections of P - U/w."""
+@lru_cache(maxsize=6)
+def projection(d: int, smooth: bool = False) -> Projection:
+    """The contact by itself: Signorini's and Coulomb's laws as projections of P - U/w.
+
+    Where it is smooth, P_n (U_n + g/dt)/w_n = soft^2 instead of 0 (Chen & Harker, SIAM J. Matrix Anal. Appl. 14 (1993)
+    1168): P_n = (q_n + sqrt(q_n^2 + 4 soft^2))/2, whose slope is ``yielding``.
+    """
     n = rigid_contact(d).n
     U, P, q, new = (vector(name, d) for name in ("U", "P", "q", "new"))
     definitions: dict[Symbol, Expr] = {
@@ -163,6 +170,15 @@ def projection(d: int) -> Projection:
         pressed: before - (U_n + bound) / w_n,
         P_n: Max(0, pressed),
     }
+    if smooth:
+        size = sqrt(pressed**2 + 4 * soft**2)
+        exact = (pressed + size) / 2
+        hidden = 2 * soft**2 / (size - pressed)  # the same, where the sum cancels
+        assert cancel(exact - hidden) == 0
+        del definitions[P_n]
+        definitions[root] = size
+        definitions[P_n] = Piecewise((exact.subs(size, root), pressed > 0), (hidden.subs(size, root), soft > 0), (0, True))
+        definitions[yielding] = Piecewise((exact.diff(pressed).subs(size, root), root > 0), (0, True))
     if d == 1:
         definitions[new[0]] = P_n * n[0]
         return Projection(U, P, q, new, definitions)
@@ -183,7 +199,7 @@ class Linearised:
     Attributes
     ----------
     A, D : Matrix, shape (d, d)
-        In ``pressed`` (q_n) and ``length`` (|q_t|).
+        In ``P_n``, its slope ``yielding``, and ``length`` (|q_t|).
     """
 
     A: Matrix
@@ -196,21 +212,25 @@ length = Symbol("length", positive=True)
 
 @lru_cache(maxsize=6)
 def linearised(d: int, slides: bool) -> Linearised:
-    """Newton's step for a contact that is pressed, and sticks or slides: the projections' derivatives, and the weight.
+    """Newton's step for a contact that sticks or slides: the projections' derivatives, and the weight.
 
     The second component of q_t vanishes in this frame after differentiation.
     """
     P, U = (Matrix(symbols(f"{name}_:{d}", real=True)) for name in ("P", "U"))
-    q = Matrix([P[0] - (U[0] + bound) / w_n, *(P[k] - U[k] / w_t for k in range(1, d))])
-    projected = q
+    normal = Matrix([P[0] - (U[0] + bound) / w_n])
+    q = [P[k] - U[k] / w_t for k in range(1, d)]
+    tangential = q
     if slides:
-        size = sqrt(sum(q[k] ** 2 for k in range(1, d)))
-        projected = Matrix([q[0], *(mu * q[0] * q[k] / size for k in range(1, d))])
-    G = P - projected
-    frame = {P[0]: pressed + (U[0] + bound) / w_n}
-    frame |= {P[1]: length + U[1] / w_t} if d > 1 else {}
+        size = sqrt(sum(component**2 for component in q))
+        tangential = [mu * P_n * component / size for component in q]
+    G = P - Matrix([P_n, *tangential])
+    frame = {P[1]: length + U[1] / w_t} if d > 1 else {}
     frame |= {P[2]: U[2] / w_t} if d > 2 else {}
-    by_P, by_U = (Matrix(G.jacobian(of).subs(frame).applyfunc(cancel)) for of in (P, U))
+    # P_n is a function of the first row of q alone
+    by_P, by_U = (
+        Matrix((G.jacobian(of) + yielding * G.diff(P_n) * normal.jacobian(of)).subs(frame).applyfunc(cancel))
+        for of in (P, U)
+    )
     A = Matrix(by_P + eye(d) / rho).inv().applyfunc(cancel)
     return Linearised(A, Matrix(A * by_U).applyfunc(cancel))
 

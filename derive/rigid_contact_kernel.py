@@ -17,6 +17,7 @@ from sympy import ImmutableMatrix as Matrix
 from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function
 from softdyn.derive.printing import straight_line
 from softdyn.derive.rigid_contact import (
+    P_n,
     across,
     bound,
     frame_of,
@@ -27,11 +28,11 @@ from softdyn.derive.rigid_contact import (
     loose_i,
     loose_j,
     mu,
-    pressed,
     projection,
     rho,
     rigid_contact,
     slack,
+    soft,
     turns,
     vector,
     w_n,
@@ -66,7 +67,7 @@ def rigid_ir(d: int) -> KernelIR:
     blocks = _blocks(d, contact.H, Matrix(d, d, D))
     names = dict(zip([Symbol(f"{one.name}", real=True) for one in step.U], slip, strict=True))
     given = _names(
-        n, contact.velocities, drift, step.U, P, [bound, w_n, w_t, mu, rho], [light_i, light_j, loose_i, loose_j], D
+        n, contact.velocities, drift, step.U, P, [bound, w_n, w_t, mu, rho, soft], [light_i, light_j, loose_i, loose_j], D
     )
 
     def code(targets: Sequence[Symbol], definitions: dict[Symbol, Expr]) -> Function:
@@ -78,8 +79,8 @@ def rigid_ir(d: int) -> KernelIR:
         "project": code([*step.new, change, size], {**step.definitions, **told}),
         "kick": code(kick, dict(zip(kick, kicks, strict=True))),
         "status": code(
-            [pressed, slack] if d > 1 else [pressed],
-            step.definitions,
+            [P_n, *([slack] if d > 1 else []), change],
+            {**projection(d, smooth=True).definitions, **told},
         ),
         "stick": code([*held, *D], _newton(d, False)),
         "slide": code([*held, *D], _newton(d, True)) if d > 1 else code([], {}),
@@ -107,7 +108,7 @@ def rigid_ir(d: int) -> KernelIR:
 
 def _newton(d: int, slides: bool) -> dict[Symbol, Expr]:
     """P' where U' = U, and D, in Cartesian components."""
-    step, branch, n = projection(d), linearised(d, slides), rigid_contact(d).n
+    step, branch, n = projection(d, smooth=True), linearised(d, slides), rigid_contact(d).n
     changed = step.P - step.new
     definitions = dict(step.definitions)
     if slides:

@@ -1,0 +1,418 @@
+"""Impulses of all contacts of a step together, with Signorini's law and Coulomb's at every contact.
+
+Sweeps solve one contact after another (non-linear Gauss-Seidel), from the impulses of the step before. Their error
+falls by a factor for each sweep that is near to 1 in a column or a dense packing: a column of n grains takes n^2 of
+them. Newton's method on both laws' projections takes a few sparse factors instead, once the sweeps have told which
+contacts are pressed and which slide. Which of the two goes on is chosen by what each is expected to cost, in counted
+operations: the same scene takes the same way on every machine, and with any number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bsr_array, csc_array
+from scipy.sparse.linalg import splu
+
+from softdyn.particles.contact_dynamics.kernel import GrainKernel
+from softdyn.particles.linear import (
+    PER_FACTOR,
+    PER_FACTOR_NONZERO,
+    PER_PRODUCT,
+    PER_SOLVED_NONZERO,
+    Pattern,
+    pattern_of,
+)
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int32]
+
+#: Sweeps before anything is decided, and of all.
+FIRST_SWEEPS, MOST_SWEEPS = 20, 200_000
+#: Steps of Newton's method: expected, at most, and at most without getting nearer.
+EXPECTED_STEPS, MOST_STEPS, MOST_WORSE = 4, 15, 3
+#: Steps on smoothed laws, what each takes of the smoothing at most, and how little of it is none.
+MOST_SMOOTHED, SHARPER, SHARP = 100, 0.2, 1e-14
+#: Residual, relative to the largest impulse, at which Newton's method ends: it gets there at once from the tolerance.
+NEWTON_ENDS = 1e-13
+#: Weight of the proximal term: what of a change of impulses is put off to the next step is 1/rho of it, or less.
+PROXIMAL = 1e8
+#: Nonzeros of a factor, over those of the matrix, before there was one.
+FILL = 4.0
+#: Slowest decrease of a sweep that is told from none.
+SLOWEST = 1 - 1e-7
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The contacts of a step; nothing of it changes while it is solved.
+
+    Attributes
+    ----------
+    kernel : GrainKernel
+    first, second : array of int32, shape (n,)
+        Bodies of each contact: grains, and from their number on walls.
+    normals : array, shape (n, d)
+        From the first to the second.
+    drifts : array, shape (n, d)
+        Velocity of the wall, or of the image of the second, beside its own.
+    bounds : array, shape (n,)
+        U_n + bound must not be negative: g/dt, or -e |U_n| before.
+    mobilities : array, shape (n, 2)
+    frictions : array, shape (n,)
+    masses : array, shape (grains, width)
+        Masses and I/R^2.
+    free : array, shape (bodies, width)
+        1 for velocities that are unknown, 0 for those that are given, as of walls.
+    v : array, shape (bodies, width)
+        Velocities at the end of the step if there were no contacts.
+    """
+
+    kernel: GrainKernel
+    first: Integers
+    second: Integers
+    normals: Array
+    drifts: Array
+    bounds: Array
+    mobilities: Array
+    frictions: Array
+    masses: Array
+    free: Array
+    v: Array
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Inverse masses, 0 of what is given, shape (bodies, width)."""
+        inverse = np.zeros_like(self.free)
+        inverse[: len(self.masses)] = self.free[: len(self.masses)] / self.masses
+        return inverse
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Pattern of Newton's matrix."""
+        return pattern_of(len(self.masses), self.first, self.second)
+
+    @cached_property
+    def places(self) -> tuple[Integers, Integers, Integers]:
+        """Places of the blocks of each body, and of each contact above and below the diagonal, 0 at walls."""
+        pattern = self.pattern
+        upper, lower = np.zeros((2, len(self)), np.int32)
+        upper[pattern.pair], lower[pattern.pair] = pattern.upper, pattern.lower
+        return pattern.diagonal, upper, lower
+
+    @cached_property
+    def laws(self) -> tuple[Array, ...]:
+        """What the kernel takes of the laws of the contacts."""
+        arrays = (self.normals, self.drifts, self.bounds, self.mobilities, self.frictions)
+        return tuple(np.ascontiguousarray(array).reshape(-1) for array in arrays)
+
+    def velocities(self, impulses: Array) -> Array:
+        """Velocities of all bodies, with these impulses, shape (bodies, width)."""
+        v = self.v.copy()
+        given = (self.laws[0], impulses.reshape(-1), self.inverse.reshape(-1), v.reshape(-1))
+        self.kernel.kicks(len(self), self.first, self.second, *given)
+        return v
+
+    def slips(self, v: Array) -> Array:
+        """Velocities of the second body of each contact against the first, where they touch, shape (n, d)."""
+        slips = np.empty_like(self.normals)
+        self.kernel.slips(
+            len(self), self.first, self.second, *self.laws[:2], np.ascontiguousarray(v).reshape(-1), slips.reshape(-1)
+        )
+        return slips
+
+    def residual(self, impulses: Array, v: Array) -> tuple[float, int]:
+        """How far the impulses are from both laws at the worst contact, relative to the largest; and which that is."""
+        found = np.empty(2)
+        which = self.kernel.residual(
+            len(self), self.first, self.second, *self.laws, impulses.reshape(-1), v.reshape(-1), found
+        )
+        return (float(found[0] / found[1]) if found[0] else 0.0), int(which)
+
+
+@dataclass
+class Effort:
+    """What solving has taken so far, in a run.
+
+    Attributes
+    ----------
+    sweeps, newton_steps : int
+    newton_failures : int
+        Times that Newton's method did not get to the end.
+    operations : float
+        Of all of it, in counted operations.
+    fill : float
+        Nonzeros of the last factor over those of the matrix.
+    """
+
+    sweeps: int = 0
+    newton_steps: int = 0
+    newton_failures: int = 0
+    operations: float = 0.0
+    fill: float = FILL
+
+    def told(self) -> dict[str, Any]:
+        """Numbers for a result and a checkpoint."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Impulses, and what they make of the velocities.
+
+    Attributes
+    ----------
+    impulses : array, shape (n, d)
+        On the second body of each contact.
+    v : array, shape (bodies, width)
+    residual : float
+        Distance to the laws at the worst contact, relative to the largest impulse.
+    worst : int
+        That contact.
+    converged : bool
+    """
+
+    impulses: Array
+    v: Array
+    residual: float
+    worst: int
+    converged: bool
+
+
+@dataclass
+class _Sweeping:
+    """Gauss-Seidel's iteration, as it goes."""
+
+    impulses: Array
+    v: Array
+    done: int = 0
+    error: float = math.inf
+    rate: float = SLOWEST
+    changes: Array = field(default_factory=lambda: np.empty(0))
+
+    def left(self, tolerance: float) -> float:
+        """How many sweeps are still to come, as far as their rate tells."""
+        if not self.error < math.inf:
+            return MOST_SWEEPS
+        return max(1.0, math.log(self.error / tolerance) / -math.log(self.rate)) if self.error > tolerance else 0.0
+
+
+def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> Solution:
+    """Find the impulses of a step.
+
+    Parameters
+    ----------
+    problem : Problem
+    guess : array, shape (n, d)
+        Impulses to start from.
+    tolerance : float
+        Error of the impulses that is allowed, relative to the largest: of sweeps as their rate tells it.
+    effort : Effort
+        What it took is added.
+    """
+    if not len(problem):
+        return Solution(guess, problem.v, 0.0, 0, True)
+    impulses = np.ascontiguousarray(guess, dtype=float).copy()
+    state = _Sweeping(impulses, problem.velocities(impulses))
+    batch, stubborn = FIRST_SWEEPS, 1.0
+    per_sweep = len(problem) * problem.kernel.operations["sweep"] * PER_PRODUCT
+    while state.done < MOST_SWEEPS:
+        _sweep(problem, state, batch, tolerance, effort)
+        if state.error <= tolerance:
+            break
+        ahead = state.left(tolerance)
+        if stubborn * _newton_cost(problem, effort) < ahead * per_sweep:
+            found = _newton(problem, state, tolerance, effort)
+            if found is not None:
+                return found
+            # before the next attempt sweeps take as much again as that has taken
+            effort.newton_failures += 1
+            stubborn *= 4
+            batch = max(2 * batch, int(_newton_cost(problem, effort) / per_sweep))
+        else:
+            batch = max(batch, int(min(ahead, 2 * batch)))
+        batch = min(batch, MOST_SWEEPS - state.done)
+    v = problem.velocities(state.impulses)
+    residual, worst = problem.residual(state.impulses, v)
+    return Solution(state.impulses, v, residual, worst, state.error <= tolerance)
+
+
+def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, effort: Effort) -> None:
+    """Go on by some sweeps; judge the error by their last change and the rate at which these fall."""
+    changes = np.empty((count, 2))
+    done = problem.kernel.sweeps(
+        len(problem),
+        count,
+        1e-3 * tolerance,
+        problem.first,
+        problem.second,
+        *problem.laws,
+        problem.inverse.reshape(-1),
+        state.impulses.reshape(-1),
+        state.v.reshape(-1),
+        changes.reshape(-1),
+    )
+    state.done += done
+    effort.sweeps += done
+    effort.operations += done * len(problem) * problem.kernel.operations["sweep"]
+    changed, largest = changes[:done].T
+    if not changed[-1]:
+        state.error, state.rate = 0.0, 0.0
+        return
+    back = max(1, done // 2)
+    earlier = changed[-1 - back] if done > back else math.inf
+    state.rate = min(SLOWEST, float(changed[-1] / earlier) ** (1 / back)) if earlier < math.inf else SLOWEST
+    state.error = float(changed[-1] / largest[-1]) / (1 - state.rate)
+
+
+def _newton_cost(problem: Problem, effort: Effort) -> float:
+    """What Newton's method is expected to cost, in the operations of the sweeps."""
+    matrix = problem.kernel.width**2 * len(problem.pattern.indices)
+    factor = PER_FACTOR + effort.fill * matrix * (PER_FACTOR_NONZERO + PER_SOLVED_NONZERO)
+    return EXPECTED_STEPS * (factor + len(problem) * problem.kernel.operations["linearise"] * PER_PRODUCT)
+
+
+def _newton(problem: Problem, state: _Sweeping, tolerance: float, effort: Effort) -> Solution | None:
+    """Newton's method from where the sweeps are; None if it does not get to the tolerance, with the best of it kept.
+
+    If the laws as they are do not lead there, smoothed ones do, ever less of it: a shock through a column closes contact
+    after contact, and takes as many steps otherwise.
+    """
+    for path in (_as_they_are, _smoothed):
+        start = state.impulses
+        best = _best(problem, path(problem, start.copy(), effort), tolerance)
+        if best.residual <= 1e-3 * tolerance:
+            return Solution(best.impulses, best.v, best.residual, best.worst, True)
+        if best.residual < problem.residual(start, problem.velocities(start))[0]:
+            state.impulses, state.v = best.impulses, best.v
+    return None
+
+
+def _best(problem: Problem, steps: Iterator[tuple[Array, Array, bool]], tolerance: float) -> Solution:
+    """The nearest to the laws of some steps, of which as many are made as have a use."""
+    best = Solution(np.empty(0), np.empty(0), math.inf, 0, False)
+    worse = 0
+    for impulses, v, exact in steps:
+        residual, worst = problem.residual(impulses, v)
+        if residual < best.residual:
+            best, worse = Solution(impulses, v, residual, worst, False), 0
+        else:
+            worse += exact
+        if best.residual <= NEWTON_ENDS or worse >= (1 if best.residual <= tolerance else MOST_WORSE):
+            break
+    return best
+
+
+def _as_they_are(problem: Problem, impulses: Array, effort: Effort) -> Iterator[tuple[Array, Array, bool]]:
+    """Steps of Newton's method."""
+    v = problem.velocities(impulses)
+    for _ in range(MOST_STEPS):
+        found = _linearised(problem, impulses, v, 0.0)
+        stepped = _newton_step(problem, found, v, effort)
+        if stepped is None:
+            return
+        impulses, v = stepped
+        yield impulses, v, True
+
+
+def _smoothed(problem: Problem, impulses: Array, effort: Effort) -> Iterator[tuple[Array, Array, bool]]:
+    """Steps of Newton's method on laws that are smoothed, at first over the largest impulse that there may be."""
+    v = problem.velocities(impulses)
+    momentum = problem.masses * np.abs(problem.v[: len(problem.masses)])
+    soft = max(float(np.abs(impulses).max()), float(momentum.max()))
+    least = SHARP * soft
+    for _ in range(MOST_SMOOTHED):
+        found = _linearised(problem, impulses, v, soft)
+        if found.distance <= soft:
+            soft = SHARPER * soft if soft > least else 0.0
+            found = _linearised(problem, impulses, v, soft)
+        stepped = _newton_step(problem, found, v, effort)
+        if stepped is None:
+            return
+        impulses, v = stepped
+        yield impulses, v, soft == 0.0
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Newton's equations: P' = held - slopes (U' - U), the blocks of the matrix, and the right-hand side."""
+
+    held: Array
+    slopes: Array
+    data: Array
+    rest: Array
+    distance: float
+
+
+def _linearised(problem: Problem, impulses: Array, v: Array, soft: float) -> _Linear:
+    kernel, n, pattern = problem.kernel, len(problem), problem.pattern
+    d, width, count = kernel.dimension, kernel.width, len(problem.masses)
+    held, slopes = np.empty((n, d)), np.empty((n, d, d))
+    data, rest = np.zeros((len(pattern.indices), width, width)), np.zeros_like(v)
+    own = np.arange(width)
+    data[pattern.diagonal[:, None], own, own] = np.where(problem.free[:count] > 0, problem.masses, 1.0)
+    distance = kernel.linearise(
+        n,
+        count,
+        PROXIMAL,
+        soft,
+        problem.first,
+        problem.second,
+        *problem.laws,
+        impulses.reshape(-1),
+        v.reshape(-1),
+        problem.free.reshape(-1),
+        *problem.places,
+        held.reshape(-1),
+        slopes.reshape(-1),
+        data.reshape(-1),
+        rest.reshape(-1),
+    )
+    return _Linear(held, slopes, data, rest, float(distance))
+
+
+def _newton_step(problem: Problem, found: _Linear, v: Array, effort: Effort) -> tuple[Array, Array] | None:
+    """One step: the impulses, on Coulomb's cones, and the velocities; None where the matrix is singular."""
+    kernel, pattern, count = problem.kernel, problem.pattern, len(problem.masses)
+    size = count * kernel.width
+    rows = bsr_array((found.data, pattern.indices, pattern.indptr), shape=(size, size)).tocsr()
+    effort.newton_steps += 1
+    try:
+        # rows of the matrix are the columns of its transpose
+        factor = splu(
+            csc_array((rows.data, rows.indices, rows.indptr), shape=rows.shape),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.1,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError:
+        return None
+    effort.fill = float(factor.nnz) / rows.nnz
+    effort.operations += len(problem) * kernel.operations["linearise"]
+    effort.operations += factor.nnz * (PER_FACTOR_NONZERO + PER_SOLVED_NONZERO)
+    change = np.zeros_like(v)
+    change[:count] = factor.solve(found.rest[:count].reshape(-1), "T").reshape(count, kernel.width)
+    if not np.isfinite(change).all():
+        return None
+    impulses = np.empty_like(found.held)
+    kernel.follow(
+        len(problem),
+        problem.first,
+        problem.second,
+        problem.laws[0],
+        problem.laws[4],
+        found.held.reshape(-1),
+        found.slopes.reshape(-1),
+        change.reshape(-1),
+        impulses.reshape(-1),
+    )
+    return impulses, problem.velocities(impulses)
