@@ -1,10 +1,10 @@
-"""The contact of two rigid grains, derived: its frame, its mobilities, the laws of Signorini and Coulomb as a projection.
+"""The contact of two rigid grains: its frame, its mobilities, the laws of Signorini and Coulomb as projections.
 
 Input: the dimension of space. Output: expressions in Cartesian components, for any two round grains.
 
 Coordinates of a grain are its position and R theta; its velocities are (v, s), s = R omega, with the masses m and
-I/R^2. The relative velocity at the contact, of j against i, is U = H (v, s), and impulses P of the contact, from i to j,
-change velocities by M^-1 H^T P. For round grains W = H M^-1 H^T is
+I/R^2. The relative velocity at the contact, of j against i, is U = H (v, s), and impulses P, from i to j, change
+velocities by M^-1 H^T P. For round grains W = H M^-1 H^T is
 
     W = w_n n n^T + w_t (1 - n n^T),
 
@@ -101,7 +101,7 @@ def rigid_contact(d: int) -> RigidContact:
     AssertionError
         If W is not isotropic across the normal.
     """
-    n, width = vector("n", d), d + turns(d)
+    n = vector("n", d)
     v = [vector(f"v_{grain}", d) for grain in "ij"]
     s = [Matrix([Symbol(f"s_{grain}_{axis}", real=True) for axis in AXES[3 - turns(d) :]]) for grain in "ij"]
     R = symbols("R_i R_j", positive=True)
@@ -177,7 +177,8 @@ def projection(d: int, smooth: bool = False) -> Projection:
         assert cancel(exact - hidden) == 0
         del definitions[P_n]
         definitions[root] = size
-        definitions[P_n] = Piecewise((exact.subs(size, root), pressed > 0), (hidden.subs(size, root), soft > 0), (0, True))
+        either = (exact.subs(size, root), pressed > 0), (hidden.subs(size, root), soft > 0), (0, True)
+        definitions[P_n] = Piecewise(*either)
         definitions[yielding] = Piecewise((exact.diff(pressed).subs(size, root), root > 0), (0, True))
     if d == 1:
         definitions[new[0]] = P_n * n[0]

@@ -66,9 +66,8 @@ def rigid_ir(d: int) -> KernelIR:
     held, D = vector("held", d), entries("D", d, d)
     blocks = _blocks(d, contact.H, Matrix(d, d, D))
     names = dict(zip([Symbol(f"{one.name}", real=True) for one in step.U], slip, strict=True))
-    given = _names(
-        n, contact.velocities, drift, step.U, P, [bound, w_n, w_t, mu, rho, soft], [light_i, light_j, loose_i, loose_j], D
-    )
+    masses = [light_i, light_j, loose_i, loose_j]
+    given = _names(n, contact.velocities, drift, step.U, P, [bound, w_n, w_t, mu, rho, soft], masses, D)
 
     def code(targets: Sequence[Symbol], definitions: dict[Symbol, Expr]) -> Function:
         return function(straight_line(targets, definitions), [one.name for one in targets], given, {})

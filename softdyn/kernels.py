@@ -252,6 +252,7 @@ def tool_digest() -> str:
             "particles/contact_kernels.py",
             "particles/potential_kernels.py",
             "particles/explicit/grain_kernels.py",
+            "particles/contact_dynamics/rigid_kernel.py",
             "laws.py",
             "expression.py",
             "enclosure.py",

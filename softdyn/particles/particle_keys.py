@@ -436,6 +436,16 @@ class ParticleScene:
             "dry contact. Contact dynamics: rigid grains.",
         ),
     ] = None
+    step: Annotated[
+        float | None,
+        Key(
+            "[method] step",
+            POSITIVE,
+            "Longest step of contact dynamics. By default a grain moves by a tenth of its radius in it, at the speed that "
+            "it may fall with, or by less. Steps are of one length between two output times.",
+            "time",
+        ),
+    ] = None
     target: Annotated[
         str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
     ] = "auto"

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
-from softdyn.particles.contact_dynamics.kernel import GrainKernel
+from softdyn.particles.contact_dynamics.rigid_kernel import RigidKernel
 from softdyn.particles.linear import (
     PER_FACTOR,
     PER_FACTOR_NONZERO,
@@ -33,12 +33,16 @@ from softdyn.particles.linear import (
 Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
-#: Sweeps before anything is decided, and of all.
-FIRST_SWEEPS, MOST_SWEEPS = 20, 200_000
-#: Steps of Newton's method: expected, at most, and at most without getting nearer.
-EXPECTED_STEPS, MOST_STEPS, MOST_WORSE = 4, 15, 3
-#: Steps on smoothed laws, what each takes of the smoothing at most, and how little of it is none.
-MOST_SMOOTHED, SHARPER, SHARP = 100, 0.2, 1e-14
+#: Sweeps before anything is decided, between two decisions at most, and of all.
+FIRST_SWEEPS, MOST_BATCH, MOST_SWEEPS = 20, 2_000, 200_000
+#: Steps of Newton's method, on the laws as they are and on smoothed ones: expected, and at most.
+EXPECTED_STEPS, MOST_STEPS = {"exact": 5, "smoothed": 40}, {"exact": 15, "smoothed": 80}
+#: Steps at most without getting nearer.
+MOST_WORSE = 4
+#: What each step on smoothed laws takes of the smoothing at most, and how little of it is none.
+SHARPER, SHARP = 0.2, 1e-14
+#: How much an attempt tells of the odds of the next one, and their least.
+LESSON, LONG_ODDS = 0.2, 0.02
 #: Residual, relative to the largest impulse, at which Newton's method ends: it gets there at once from the tolerance.
 NEWTON_ENDS = 1e-13
 #: Weight of the proximal term: what of a change of impulses is put off to the next step is 1/rho of it, or less.
@@ -55,7 +59,7 @@ class Problem:
 
     Attributes
     ----------
-    kernel : GrainKernel
+    kernel : RigidKernel
     first, second : array of int32, shape (n,)
         Bodies of each contact: grains, and from their number on walls.
     normals : array, shape (n, d)
@@ -74,7 +78,7 @@ class Problem:
         Velocities at the end of the step if there were no contacts.
     """
 
-    kernel: GrainKernel
+    kernel: RigidKernel
     first: Integers
     second: Integers
     normals: Array
@@ -146,19 +150,31 @@ class Effort:
     Attributes
     ----------
     sweeps, newton_steps : int
-    newton_failures : int
-        Times that Newton's method did not get to the end.
+    newton_solved, newton_failed : int
+        Times that Newton's method did and did not get to the end.
     operations : float
         Of all of it, in counted operations.
     fill : float
         Nonzeros of the last factor over those of the matrix.
+    odds, odds_smoothed : float
+        How often, lately, Newton's method got to the end, on the laws as they are and on smoothed ones.
     """
 
     sweeps: int = 0
     newton_steps: int = 0
-    newton_failures: int = 0
+    newton_solved: int = 0
+    newton_failed: int = 0
     operations: float = 0.0
     fill: float = FILL
+    odds: float = 1.0
+    odds_smoothed: float = 1.0
+
+    def learn(self, kind: str, solved: bool) -> None:
+        """Note how an attempt of Newton's method has ended."""
+        self.newton_solved += solved
+        self.newton_failed += not solved
+        name = "odds" if kind == "exact" else "odds_smoothed"
+        setattr(self, name, max(LONG_ODDS, (1 - LESSON) * getattr(self, name) + LESSON * solved))
 
     def told(self) -> dict[str, Any]:
         """Numbers for a result and a checkpoint."""
@@ -226,21 +242,23 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
     batch, stubborn = FIRST_SWEEPS, 1.0
     per_sweep = len(problem) * problem.kernel.operations["sweep"] * PER_PRODUCT
     while state.done < MOST_SWEEPS:
-        _sweep(problem, state, batch, tolerance, effort)
+        _sweep(problem, state, min(batch, MOST_SWEEPS - state.done), tolerance, effort)
         if state.error <= tolerance:
             break
         ahead = state.left(tolerance)
-        if stubborn * _newton_cost(problem, effort) < ahead * per_sweep:
-            found = _newton(problem, state, tolerance, effort)
-            if found is not None:
-                return found
-            # before the next attempt sweeps take as much again as that has taken
-            effort.newton_failures += 1
-            stubborn *= 4
-            batch = max(2 * batch, int(_newton_cost(problem, effort) / per_sweep))
-        else:
-            batch = max(batch, int(min(ahead, 2 * batch)))
-        batch = min(batch, MOST_SWEEPS - state.done)
+        tried = False
+        for kind in ("exact", "smoothed"):
+            cost = _newton_cost(problem, effort, kind)
+            odds = effort.odds if kind == "exact" else effort.odds_smoothed
+            if stubborn * cost < odds * ahead * per_sweep:
+                tried = True
+                found = _newton(problem, state, kind, tolerance, effort)
+                effort.learn(kind, found is not None)
+                if found is not None:
+                    return found
+        # after an attempt without success others wait, ever longer
+        stubborn *= 2 if tried else 1
+        batch = min(2 * batch, MOST_BATCH) if tried else max(batch, int(min(ahead, 2 * batch)))
     v = problem.velocities(state.impulses)
     residual, worst = problem.residual(state.impulses, v)
     return Solution(state.impulses, v, residual, worst, state.error <= tolerance)
@@ -274,26 +292,26 @@ def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, eff
     state.error = float(changed[-1] / largest[-1]) / (1 - state.rate)
 
 
-def _newton_cost(problem: Problem, effort: Effort) -> float:
+def _newton_cost(problem: Problem, effort: Effort, kind: str) -> float:
     """What Newton's method is expected to cost, in the operations of the sweeps."""
     matrix = problem.kernel.width**2 * len(problem.pattern.indices)
     factor = PER_FACTOR + effort.fill * matrix * (PER_FACTOR_NONZERO + PER_SOLVED_NONZERO)
-    return EXPECTED_STEPS * (factor + len(problem) * problem.kernel.operations["linearise"] * PER_PRODUCT)
+    return EXPECTED_STEPS[kind] * (factor + len(problem) * problem.kernel.operations["linearise"] * PER_PRODUCT)
 
 
-def _newton(problem: Problem, state: _Sweeping, tolerance: float, effort: Effort) -> Solution | None:
+def _newton(problem: Problem, state: _Sweeping, kind: str, tolerance: float, effort: Effort) -> Solution | None:
     """Newton's method from where the sweeps are; None if it does not get to the tolerance, with the best of it kept.
 
-    If the laws as they are do not lead there, smoothed ones do, ever less of it: a shock through a column closes contact
-    after contact, and takes as many steps otherwise.
+    Where the laws as they are do not lead there, smoothed ones may, ever less of it: a shock through a column closes
+    contact after contact, and takes as many steps otherwise.
     """
-    for path in (_as_they_are, _smoothed):
-        start = state.impulses
-        best = _best(problem, path(problem, start.copy(), effort), tolerance)
-        if best.residual <= 1e-3 * tolerance:
-            return Solution(best.impulses, best.v, best.residual, best.worst, True)
-        if best.residual < problem.residual(start, problem.velocities(start))[0]:
-            state.impulses, state.v = best.impulses, best.v
+    start = state.impulses
+    path = {"exact": _as_they_are, "smoothed": _smoothed}[kind]
+    best = _best(problem, path(problem, start.copy(), effort), tolerance)
+    if best.residual <= 1e-3 * tolerance:
+        return Solution(best.impulses, best.v, best.residual, best.worst, True)
+    if best.residual < problem.residual(start, problem.velocities(start))[0]:
+        state.impulses, state.v = best.impulses, best.v
     return None
 
 
@@ -315,7 +333,7 @@ def _best(problem: Problem, steps: Iterator[tuple[Array, Array, bool]], toleranc
 def _as_they_are(problem: Problem, impulses: Array, effort: Effort) -> Iterator[tuple[Array, Array, bool]]:
     """Steps of Newton's method."""
     v = problem.velocities(impulses)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_STEPS["exact"]):
         found = _linearised(problem, impulses, v, 0.0)
         stepped = _newton_step(problem, found, v, effort)
         if stepped is None:
@@ -330,7 +348,7 @@ def _smoothed(problem: Problem, impulses: Array, effort: Effort) -> Iterator[tup
     momentum = problem.masses * np.abs(problem.v[: len(problem.masses)])
     soft = max(float(np.abs(impulses).max()), float(momentum.max()))
     least = SHARP * soft
-    for _ in range(MOST_SMOOTHED):
+    for _ in range(MOST_STEPS["smoothed"]):
         found = _linearised(problem, impulses, v, soft)
         if found.distance <= soft:
             soft = SHARPER * soft if soft > least else 0.0

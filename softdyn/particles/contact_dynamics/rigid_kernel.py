@@ -11,7 +11,7 @@ from softdyn.kernels import choose_target, kept_manifest, loaded
 
 
 @dataclass(frozen=True)
-class GrainKernel:
+class RigidKernel:
     """A loaded kernel of rigid contacts; see the template ``rigid``.
 
     Attributes
@@ -41,11 +41,11 @@ class GrainKernel:
     kicks: Callable[..., None]
     sweeps: Callable[..., int]
     residual: Callable[..., int]
-    linearise: Callable[..., None]
+    linearise: Callable[..., float]
     follow: Callable[..., None]
 
 
-def grain_manifest(dimension: int, target: str) -> dict[str, Any]:
+def rigid_manifest(dimension: int, target: str) -> dict[str, Any]:
     """Derive the kernel in some dimension; imports the derivation stage."""
     from softdyn.derive.emit import write
     from softdyn.derive.kernel_form import operations_of
@@ -67,7 +67,7 @@ def grain_manifest(dimension: int, target: str) -> dict[str, Any]:
     }
 
 
-def get_grain_kernel(dimension: int, target: str = "auto") -> GrainKernel:
+def get_rigid_kernel(dimension: int, target: str = "auto") -> RigidKernel:
     """Kernel of rigid contacts in 1, 2 or 3 dimensions, from the cache or made now.
 
     Raises
@@ -77,10 +77,10 @@ def get_grain_kernel(dimension: int, target: str = "auto") -> GrainKernel:
     began = time.perf_counter()
     target = choose_target(target)
     manifest = kept_manifest(
-        "rigid", dimension, target, {"dimension": dimension}, lambda: grain_manifest(dimension, target)
+        "rigid", dimension, target, {"dimension": dimension}, lambda: rigid_manifest(dimension, target)
     )
     key, _, functions = loaded(target, manifest)
-    return GrainKernel(
+    return RigidKernel(
         law="rigid grains",
         target=target,
         key=key,
