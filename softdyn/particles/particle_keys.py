@@ -441,8 +441,8 @@ class ParticleScene:
         Key(
             "[method] step",
             POSITIVE,
-            "Longest step of contact dynamics. By default a grain moves by a tenth of its radius in it, at the speed that "
-            "it may fall with, or by less. Steps are of one length between two output times.",
+            "Longest step of contact dynamics. By default a grain moves by a tenth of its radius in it, at the speed "
+            "that it may fall with, or by less. Steps are of one length between two output times.",
             "time",
         ),
     ] = None

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
 from softdyn.particles.contact_dynamics.rigid_kernel import RigidKernel
+from softdyn.particles.geometry import dot
 from softdyn.particles.linear import (
     PER_FACTOR,
     PER_FACTOR_NONZERO,
@@ -49,6 +50,10 @@ NEWTON_ENDS = 1e-13
 PROXIMAL = 1e8
 #: Nonzeros of a factor, over those of the matrix, before there was one.
 FILL = 4.0
+#: Largest damping of sweeps that go in circles, as they may where friction is large.
+MOST_DAMPING = 64.0
+#: Velocity at which contacts that must not close may do so, over the largest that there is.
+CLOSING = 0.02
 #: Slowest decrease of a sweep that is told from none.
 SLOWEST = 1 - 1e-7
 
@@ -134,6 +139,21 @@ class Problem:
         )
         return slips
 
+    @cached_property
+    def speed(self) -> float:
+        """Largest relative velocity that there would be without contacts, or that is asked for."""
+        free = float(np.abs(self.slips(self.v)).max(initial=0.0))
+        return max(free, float(np.abs(self.bounds[self.bounds < 0]).max(initial=0.0)))
+
+    def closes(self, v: Array) -> bool:
+        """Whether some contact closes that must not, by a velocity that is none of rounding.
+
+        Where there is no solution, as for a grain between two others that are driven together, impulses grow without
+        bound, and what they are off by vanishes beside them.
+        """
+        apart = dot(self.slips(v), self.normals) + self.bounds
+        return bool(apart.min(initial=0.0) < -CLOSING * self.speed)
+
     def residual(self, impulses: Array, v: Array) -> tuple[float, int]:
         """How far the impulses are from both laws at the worst contact, relative to the largest; and which that is."""
         found = np.empty(2)
@@ -206,20 +226,30 @@ class Solution:
 
 @dataclass
 class _Sweeping:
-    """Gauss-Seidel's iteration, as it goes."""
+    """Gauss-Seidel's iteration, as it goes.
+
+    Attributes
+    ----------
+    done : int
+        Sweeps.
+    error, rate : float
+        Of the impulses, relative to the largest; and what a sweep leaves of it.
+    damping : float
+        Factor of the mobilities that the projections take: of large ones they change less, and go in no circles.
+    """
 
     impulses: Array
     v: Array
     done: int = 0
     error: float = math.inf
     rate: float = SLOWEST
-    changes: Array = field(default_factory=lambda: np.empty(0))
+    damping: float = 1.0
 
     def left(self, tolerance: float) -> float:
         """How many sweeps are still to come, as far as their rate tells."""
-        if not self.error < math.inf:
+        if not self.error < math.inf or self.error <= tolerance:
             return MOST_SWEEPS
-        return max(1.0, math.log(self.error / tolerance) / -math.log(self.rate)) if self.error > tolerance else 0.0
+        return max(1.0, math.log(self.error / tolerance) / -math.log(self.rate))
 
 
 def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> Solution:
@@ -242,8 +272,9 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
     batch, stubborn = FIRST_SWEEPS, 1.0
     per_sweep = len(problem) * problem.kernel.operations["sweep"] * PER_PRODUCT
     while state.done < MOST_SWEEPS:
+        before = state.error
         _sweep(problem, state, min(batch, MOST_SWEEPS - state.done), tolerance, effort)
-        if state.error <= tolerance:
+        if state.error <= tolerance and not problem.closes(state.v):
             break
         ahead = state.left(tolerance)
         tried = False
@@ -256,12 +287,14 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
                 effort.learn(kind, found is not None)
                 if found is not None:
                     return found
+        if batch == MOST_BATCH and not state.error < before / 2:
+            state.damping = min(2 * state.damping, MOST_DAMPING)
         # after an attempt without success others wait, ever longer
         stubborn *= 2 if tried else 1
-        batch = min(2 * batch, MOST_BATCH) if tried else max(batch, int(min(ahead, 2 * batch)))
+        batch = min(2 * batch if tried else max(batch, int(min(ahead, 2 * batch))), MOST_BATCH)
     v = problem.velocities(state.impulses)
     residual, worst = problem.residual(state.impulses, v)
-    return Solution(state.impulses, v, residual, worst, state.error <= tolerance)
+    return Solution(state.impulses, v, residual, worst, state.error <= tolerance and not problem.closes(v))
 
 
 def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, effort: Effort) -> None:
@@ -273,7 +306,9 @@ def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, eff
         1e-3 * tolerance,
         problem.first,
         problem.second,
-        *problem.laws,
+        *problem.laws[:3],
+        state.damping * problem.laws[3],
+        problem.laws[4],
         problem.inverse.reshape(-1),
         state.impulses.reshape(-1),
         state.v.reshape(-1),
@@ -308,6 +343,8 @@ def _newton(problem: Problem, state: _Sweeping, kind: str, tolerance: float, eff
     start = state.impulses
     path = {"exact": _as_they_are, "smoothed": _smoothed}[kind]
     best = _best(problem, path(problem, start.copy(), effort), tolerance)
+    if not len(best.v) or problem.closes(best.v):
+        return None
     if best.residual <= 1e-3 * tolerance:
         return Solution(best.impulses, best.v, best.residual, best.worst, True)
     if best.residual < problem.residual(start, problem.velocities(start))[0]:

@@ -63,6 +63,7 @@ def rigid_manifest(dimension: int, target: str) -> dict[str, Any]:
         "source": written.text,
         "suffix": written.suffix,
         "functions": written.functions,
+        "later": ["linearise", "follow"],
         "depends": {},
     }
 
