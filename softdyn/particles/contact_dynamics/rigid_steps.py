@@ -385,10 +385,7 @@ def frame_of(system: RigidSystem, state: RigidState) -> Frame:
     if state.box.periodic.all():
         stress = stress / state.box.volume
     cell = lattice(state.box, state.t)
-    shown = Contacts(
-        contacts.i[rows], contacts.j[rows], contacts.shift[rows], contacts.S[rows], contacts.q[:, rows],
-        contacts.h[rows], contacts.touched[rows], contacts.T[rows],
-    )  # fmt: skip
+    shown = some_of(contacts, rows)
     _, r = directions(shown, state.x, cell, state.walls)
     energy = np.array([*(state.work[name] for name in system.works), 0.0])
     turning = system.width > d
