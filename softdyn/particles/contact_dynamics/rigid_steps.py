@@ -33,6 +33,7 @@ from softdyn.particles.geometry import (
     dot,
     find_pairs,
     lattice,
+    some_of,
 )
 from softdyn.particles.neighbours import SKIN, Listed, common, travelled
 from softdyn.particles.resolve import breaks
