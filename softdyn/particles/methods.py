@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from softdyn.particles.system import ValidatedScene
 
 #: Fields of a scene that the implicit method does not know yet.
-NOT_YET = {"inertia": "[inertia]", "friction": "[friction]"}
+NOT_YET = {"friction": "[friction]"}
 
 
 def method_of(facts: ValidatedScene) -> str:

@@ -87,9 +87,7 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
-    if (
-        scene.law is not None and scene.inertia is None and not ends
-    ):  # of grains with inertia their method knows what they need
+    if scene.law is not None and not ends:
         faults += range_faults(scene, radii)
     for name in ("velocities", "spins") if scene.inertia is None else ():
         if getattr(scene, name) is not None:

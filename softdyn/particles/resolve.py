@@ -90,6 +90,9 @@ def sensitivity(system: System, state: State) -> Sensitivity:
         force = np.maximum(force, alone)
         if d > 1:
             strain *= max(1.0, float((np.abs(state.x[:, 1]) / system.radii).max()))
+    for mechanism in system.having["per_impulse"]:
+        own = mechanism.per_impulse(system)
+        force = force if own is None else np.maximum(force, own)
     return Sensitivity(
         force, (gaps[1], gaps[2]), 1 / (float(system.radii.min()) * system.rtol), strain, 2 * float(system.radii.max())
     )

@@ -170,6 +170,10 @@ class Mechanism:
         """Errors of a step relative to what is allowed, from those that the method estimates, by names of the rates."""
         return []
 
+    def per_impulse(self, system: System) -> Array | None:
+        """Errors, in units of what is allowed, that a unit of an impulse on each particle makes in what it integrates."""
+        return None
+
     # contacts
 
     def solve(
@@ -319,7 +323,7 @@ def having(mechanisms: Sequence[Mechanism], name: str) -> tuple[Mechanism, ...]:
 ASKED = (
     "driven", "begin", "rates_of", "errors", "act", "tangent", "contact_tangents", "unresisted", "follow", "gradient",
     "strain", "powers", "stored", "kept", "stats", "require", "solve", "pairs", "central", "central_energy", "ends",
-    "note", "marks", "columns",
+    "note", "marks", "columns", "per_impulse",
 )  # fmt: skip
 
 

@@ -14,13 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.particles.densities import DENSITY, densities, volumes
-from softdyn.particles.mechanisms import Mechanism
+from softdyn.particles.force_balance import largest
+from softdyn.particles.geometry import flow
+from softdyn.particles.mechanisms import Action, Mechanism
 from softdyn.particles.names import which
+from softdyn.particles.until import run_end
 from softdyn.scene.keys import Key, with_keys
 from softdyn.scene.kinds import choice
 
 if TYPE_CHECKING:
-    from softdyn.particles.system import ValidatedScene
+    from softdyn.particles.energy import Rates
+    from softdyn.particles.force_balance import Balance, StageInput
+    from softdyn.particles.geometry import Contacts
+    from softdyn.particles.system import System, ValidatedScene
 
 Array = NDArray[np.float64]
 
@@ -55,12 +61,75 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Masses(Mechanism):
-    """Masses and moments of inertia, shape (N,) each."""
+    """Masses and moments of inertia, shape (N,) each.
+
+    An implicit step integrates the velocities beside the positions, coordinates (x, R theta) as these. At a stage x =
+    x* + s v and v = v* + s dv/dt, so that dv/dt = ((x - x*)/s - v*)/s resists the positions with m/s^2. The rate that
+    is kept is that of the forces, whatever Newton's iteration leaves: those of a contact cancel, and momentum is
+    conserved to rounding.
+
+    The stages do without the rate at the start of a step, and would not see a force that is there from before the first
+    of them on, as that of a dashpot whose surfaces come to touch. So accelerations are kept, too: what the embedded
+    method makes of them over a step, times s, is an error of the velocities, of their own order where all is smooth.
+    """
 
     mass: Array
     moment: Array
 
     takes = ("kinetic",)
+    moves_freely = True
+
+    def inertia(self, system: ValidatedScene) -> Array:
+        """Force over acceleration of each coordinate, shape (N, d + rotations)."""
+        whole = np.repeat(self.mass[:, None], system.width, axis=1)
+        whole[:, system.x.shape[1] :] = (self.moment / system.radii**2)[:, None]
+        return whole
+
+    def kept(self, system: System) -> dict[str, Array]:
+        """Velocities, and radii times angular velocities."""
+        v, spin = start_velocities(system, [])
+        if system.scene.velocities is None:
+            v = flow(system.box, system.x)
+        whole = np.concatenate([v, spin * system.radii[:, None]], axis=1)
+        return {"velocity": whole, "acceleration": np.zeros_like(whole)}
+
+    def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action | None:
+        """See :class:`Mechanism`."""
+        if given.s <= 0:
+            return None
+        v, mass = (at.x - given.x_star) / given.s, self.inertia(system)
+        force = mass * (v - given.own["velocity"]) / given.s
+        return Action(force, largest(force), largest(mass) / given.s**2, notes={"inertia": v, "stage": given.s})
+
+    def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array | None:
+        """See :class:`Mechanism`."""
+        return self.inertia(system) / given.s**2 if given.s > 0 else None
+
+    def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
+        """Accelerations: those of the forces where these move a coordinate, and those that are given elsewhere.
+
+        And velocities, as follows from them.
+        """
+        before = given.own["velocity"]
+        rate = (at.notes["inertia"] - before) / given.s - np.where(system.fixed, 0.0, at.reaction) / self.inertia(system)
+        v = np.where(system.fixed, at.notes["inertia"], before + given.s * rate)
+        return {"velocity": rate, "acceleration": (rate - given.own["acceleration"]) / given.s, "x": v}
+
+    def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
+        """Of the velocities, relative to the largest, or to one that takes the whole run for a radius."""
+        unseen = at.notes["stage"] * np.abs(errors["acceleration"])
+        wrong = np.where(system.fixed, 0.0, np.maximum(np.abs(errors["velocity"]), unseen))
+        slowest = float(system.radii.min()) / run_end(system.scene)
+        relative = np.linalg.norm(wrong, axis=1) / (system.rtol * max(largest(at.notes["inertia"]), slowest))
+        return [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
+
+    def per_impulse(self, system: System) -> Array:
+        """See :class:`Mechanism`. An impulse J changes a velocity by J/m, and until the end a place by that times t."""
+        return run_end(system.scene) / (self.mass * system.radii * system.rtol)
+
+    def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
+        """The rate of the kinetic energy."""
+        return {"kinetic": float(np.sum(self.inertia(system) * rates.own["velocity"] * rates.v))}
 
 
 def check(facts: ValidatedScene, faults: list[str]) -> Masses | None:
