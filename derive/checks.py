@@ -581,8 +581,6 @@ def _origin_faults(law: ContactLaw) -> list[str]:
             f"F_ela must vanish at delta = 0, where it is {at_rest}; a law with a force at delta = 0, as that of JKR, "
             "is declared with general=True"
         ]
-    if law.zeta == 0:
-        return [f"zeta = 0 declares a dry contact: F_ela must vanish at delta = 0, where it is {at_rest}"]
     if at_rest.has(oo, -oo, zoo, nan):
         return [f"F_ela must be finite at delta = 0, where it is {at_rest}"]
     kinks = sorted({str(node) for name in SIGNATURES for node in _of_side(getattr(law, name))})
@@ -663,8 +661,8 @@ def _signs_of(law: ContactLaw) -> Iterator[Sign]:
                 continue  # spheres that just touch, dry, have no contact area
             if value == 0 and not explicit.has(delta):
                 continue
-            if value < 0 and pressed_only(law):
-                continue
+            if value < 0 and (law.zeta == 0 or pressed_only(law)):
+                continue  # surfaces that do not touch are not deflected, dry
             expr = tidy(explicit.subs(delta, value * _SIZE))
             yield Sign(name, quantity, words, sign_on_domain(expr, law))
 

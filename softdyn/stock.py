@@ -53,7 +53,7 @@ def generated_files() -> dict[str, str]:
     from softdyn.derive.contact_kernel import contact_ir
     from softdyn.derive.emit import emit, suffix
     from softdyn.derive.films import find_films
-    from softdyn.derive.law import is_dry, is_rigid
+    from softdyn.derive.law import is_dry
     from softdyn.derive.limits import check_limits
     from softdyn.derive.pair_kernel import kernel_ir
     from softdyn.derive.regimes import discover
@@ -69,9 +69,9 @@ def generated_files() -> dict[str, str]:
         files[f"{name}/limits.txt"] = limits_text(law.name, check_limits(law))
         diagram = discover(law)
         files[f"{name}/regimes.txt"] = regimes_text(diagram, find_films(diagram), presence_of(diagram))
-        made: dict[str, KernelIR] = {kind: kernel_ir(law, needs) for kind, needs in kinds().items()}
-        if not is_rigid(law) and not is_dry(law):
-            made["contacts"] = contact_ir(law, contact_needs(law))
+        of_many = is_dry(law) and (law.dashpot != 0 or law.F_adh != 0)  # a pair of such is a scene of many
+        made: dict[str, KernelIR] = {kind: kernel_ir(law, needs) for kind, needs in kinds().items() if not of_many}
+        made["contacts"] = contact_ir(law, contact_needs(law))
         kernels = {f"{kind}{suffix(target)}": emit(ir, target) for kind, ir in made.items() for target in TARGETS}
         if name == SHOWN:
             files |= {f"{name}/{file}": text for file, text in kernels.items()}

@@ -16,7 +16,9 @@ from sympy import Symbol, exp, sqrt
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, Tangential, a, delta, eta, h
 from softdyn.derive.gapless_equations import force_of_contact
 from softdyn.derive.laws.lubrication_rigid import law as lubrication_rigid
+from softdyn.derive.limits import check_limits
 from softdyn.errors import IntegrationError, LawError, SceneError
+from softdyn.laws import law_of
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.geometry import Wall
 from softdyn.particles.mechanisms.gravity import Gravity
@@ -196,3 +198,38 @@ def test_a_film_has_no_dashpot_and_a_pair_of_dry_ones_with_one_is_a_scene() -> N
         ContactLaw(name="wrong", a=R, F_ela=E * R * delta, zeta=0, dashpot=eta)
     with pytest.raises(LawError, match="dashpot must be positive"):
         ContactLaw(name="gains", a=R, F_ela=E * R * delta, zeta=0, dashpot=-eta * R)
+
+
+@pytest.mark.parametrize("law", ["linear_spring", "hertz", "dmt"])
+def test_every_claim_of_the_dry_laws_is_proved(law: str) -> None:
+    found = check_limits(law_of(law))
+    assert len(found) >= 3
+    assert {finding.verdict for finding in found} == {"proved"}
+
+
+def test_the_pull_off_force_of_dmt_is_that_of_its_reduced_radius() -> None:
+    """-2 pi w R1 R2/(R1 + R2): the least force of the law, where surfaces just touch, and none is left far away."""
+    w, R1, R2 = 1e-3, 1.0, 3.0
+    reduced = R1 * R2 / (R1 + R2)
+    kernel = get_contact_kernel("dmt", fading=True)
+    named = {"R": 2 * reduced, "E": 1.0, "nu": 0.5, "w": w, "z0": 1e-3}
+    overlap = np.concatenate([-np.logspace(-8, 0, 60)[::-1], [0.0], np.logspace(-8, -1, 60)])
+    p = np.array([named[name] for name in kernel.uniform])
+    _, F, _ = contacts(kernel, overlap, np.zeros(len(overlap)), 1.0, p)
+    assert F.min() == pytest.approx(-2 * math.pi * w * reduced, rel=1e-5)
+    assert overlap[np.argmin(F)] == pytest.approx(0.0, abs=1e-7)
+    assert F[0] == 0.0
+
+
+def test_two_spheres_with_adhesion_stick_until_they_are_pulled_off() -> None:
+    """At 0.9 of the pull-off force they stay within a thousandth of the radius; at 1.1 of it they are far apart."""
+    w, force = 1e-3, 2 * math.pi * 1e-3 * 0.5
+    for part, sticks in ((0.9, True), (1.1, False)):
+        scene = ParticleScene(
+            "dmt", {"E": 1.0, "nu": 0.5, "w": w, "z0": 0.01, "eta": 0.01}, positions=[[0.0], [2.0]], radii=1.0,
+            drag=1.0, push=[Push([0], [-part * force]), Push([1], [part * force])], range=0.5, until_t=1e3, times=2,
+        )  # fmt: skip
+        result = simulate_particles(scene)
+        gap = float(result.x[-1, 1, 0] - result.x[-1, 0, 0]) - 2.0
+        assert (gap < 0.0) if sticks else (gap > 1.0)
+        assert abs(result.energy["imbalance"]) < 2e-3

@@ -25,7 +25,7 @@ from softdyn.kernels import loaded, manifest_of
 from softdyn.lammps.carried import Prepared, crossover, explicit_limit, prepared
 from softdyn.lammps.inputs import data_text, home_cells, input_text, plugin, run_times, segments, write_inputs
 from softdyn.lammps.lammps_run import NAME, built, read_frames, run_lammps, simulate_in_lammps
-from softdyn.laws import find, law_of, stock_laws
+from softdyn.laws import contact_kind, find, law_of, stock_laws
 from softdyn.particles import ParticleResult, ParticleScene, Push, simulate
 from softdyn.particles.contact_kernels import contact_manifest
 from softdyn.particles.packing import Packing
@@ -223,7 +223,7 @@ def test_what_explicit_steps_ask_of_the_kernel_is_what_it_says_of_the_state() ->
 
 def test_stock_laws_are_all_here() -> None:
     """Those that many particles can have; of the others the contacts have no gap, or no deflection."""
-    assert set(stock_laws()) - set(PARAMETERS) == {"hertz_dry", "lubrication_rigid"}
+    assert set(PARAMETERS) == {name for name in stock_laws() if contact_kind(name) == "film"}
 
 
 def test_options_of_lammps_are_refused_elsewhere(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

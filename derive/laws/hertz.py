@@ -6,7 +6,7 @@ tau dF_ela/dx, x = 2 delta the overlap (Kuwabara & Kono, Jpn. J. Appl. Phys. 26 
 Hertzsch & Poschel, Phys. Rev. E 53 (1996) 5382). It vanishes where surfaces just touch, and the coefficient of
 restitution tends to 1 as the velocity of the collision tends to 0, as v^(1/5).
 
-Without it a collision at the velocity v lasts 2.8683 (m^2/(R* E*^2 v))^(1/5), with the reduced mass m, the reduced radius
+Without it a collision at the velocity v lasts 2.8683 (m^2/(R* E*^2 v))^(1/5), with the reduced mass m, the radius
 R* = R/2 and E* = E/(2 (1 - nu^2)) (Johnson, Contact Mechanics, 1985, sec. 11.4).
 """
 

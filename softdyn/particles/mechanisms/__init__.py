@@ -171,7 +171,7 @@ class Mechanism:
         return []
 
     def per_impulse(self, system: System) -> Array | None:
-        """Errors, in units of what is allowed, that a unit of an impulse on each particle makes in what it integrates."""
+        """Errors, in units of what is allowed, that a unit of an impulse on each particle makes."""
         return None
 
     # contacts

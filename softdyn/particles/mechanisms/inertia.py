@@ -111,7 +111,9 @@ class Masses(Mechanism):
         And velocities, as follows from them.
         """
         before = given.own["velocity"]
-        rate = (at.notes["inertia"] - before) / given.s - np.where(system.fixed, 0.0, at.reaction) / self.inertia(system)
+        rate = (at.notes["inertia"] - before) / given.s - np.where(system.fixed, 0.0, at.reaction) / self.inertia(
+            system
+        )
         v = np.where(system.fixed, at.notes["inertia"], before + given.s * rate)
         return {"velocity": rate, "acceleration": (rate - given.own["acceleration"]) / given.s, "x": v}
 
