@@ -143,7 +143,8 @@ def uniform_values(facts: ValidatedScene, kernel: TakesParameters) -> Array:
             elif name in kernel.positive and not number > 0:
                 faults.append(f"[parameters] {name} must be positive, not {number!r}")
     eta = given.get("eta")
-    if scene.drag and (isinstance(eta, Mapping) or not is_number(eta) or not float(eta or 0) > 0):
+    wrong = isinstance(eta, Mapping) or not is_number(eta) or not float(eta or 0) > 0
+    if scene.drag and "eta" in names and wrong:
         faults.append("[parameters] eta is missing, and the drag on a particle is 6 pi eta R")
     if faults:
         raise SceneError(listed(faults))

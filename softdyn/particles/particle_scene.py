@@ -87,7 +87,7 @@ def check(scene: ParticleScene) -> ValidatedScene:
             f"[contacts] gap = {scene.gap:g} must not exceed half of the range, {reach / 2:g}: from there on "
             "contacts fade"
         )
-    if scene.law is not None and not ends:
+    if scene.law is not None:
         faults += range_faults(scene, radii)
     for name in ("velocities", "spins") if scene.inertia is None else ():
         if getattr(scene, name) is not None:
@@ -129,7 +129,7 @@ def check(scene: ParticleScene) -> ValidatedScene:
 
 def range_faults(scene: ParticleScene, radii: Array) -> list[str]:
     """Faults of soft contacts without a range, where they need one."""
-    if scene.range is not None:
+    if scene.range is not None or _reach(scene, radii)[1]:
         return []
     if scene.box is not None and any(length is not None for length in scene.box):
         return ["in a periodic box contacts need a range, beyond which there are none: [contacts] range"]
