@@ -1,4 +1,4 @@
-"""The bubble model in numpy alone, all pairs, by Heun's steps: what the engine is held against. Nothing of softdyn's."""
+"""The bubble model in numpy alone, all pairs, by Heun's steps, which the engine is held against."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def by_hand(result: ParticleResult, rate: float, strain: float, dt: float) -> tu
 
 
 def test_bubbles_start_to_flow_as_they_do_by_hand() -> None:
-    """The stress along the first tenth of strain: before rearrangements tell small errors from none, to a thousandth."""
+    """The stress along the first tenth of strain, before rearrangements tell small errors from none: to 1e-3."""
     result = sheared(30, 0.05, 0.1, 6, 1e-5)
     strains, stresses = by_hand(result, 0.05, 0.105, 0.01)
     expected = np.interp(result.t * 0.05, strains, stresses)

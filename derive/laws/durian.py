@@ -1,9 +1,9 @@
 """The bubble model: linear springs where bubbles overlap, and a drag on each, without inertia.
 
 Durian, Phys. Rev. Lett. 75 (1995) 4780; Phys. Rev. E 55 (1997) 1739: two bubbles that overlap by x = R_i + R_j - r push
-each other apart with F_0 x/(2 <R>) = k x, whatever their own radii, and each is dragged against the mean flow around it,
-b (v_i - <v>). In its mean-field form, which is that of this law's drag, <v> is the affine flow. Steady shear has a yield
-stress and a power of the rate above it. Lengths, forces and times are those of <R>, k <R> and b/k.
+each other apart with F_0 x/(2 <R>) = k x, whatever their own radii, and each is dragged against the mean flow around
+it, b (v_i - <v>). In its mean-field form, that of this law's drag, <v> is the affine flow. Steady shear has a yield
+stress, and a power of the rate above it. Lengths, forces and times are those of <R>, k <R> and b/k.
 """
 
 from sympy import Symbol, sqrt
