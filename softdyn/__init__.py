@@ -19,7 +19,8 @@ from softdyn import particles
 from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
 
 if TYPE_CHECKING:
-    from softdyn.api import check, films, load_result, read_scene, regimes, scene_of, simulate, write_report
+    from softdyn.api import check, films, fit, load_result, read_scene, regimes, scene_of, simulate, write_report
+    from softdyn.fitting.fit_result import Fit
     from softdyn.pair.batch import Batch
     from softdyn.results.pair_result import PairResult
     from softdyn.scene.pair_scene import Scene
@@ -29,6 +30,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Batch",
     "CompileError",
+    "Fit",
     "IntegrationError",
     "LawError",
     "PairResult",
@@ -38,6 +40,7 @@ __all__ = [
     "Table",
     "check",
     "films",
+    "fit",
     "load_result",
     "particles",
     "read_scene",

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.fitting.fit import fit
+from softdyn.fitting.fit_result import Fit
 from softdyn.laws import law_of, law_or_closure_of, potential_named
 from softdyn.pair.batch import Batch, simulate_batch
 from softdyn.pair.pair_run import simulate_pair
@@ -38,11 +40,13 @@ P = ParamSpec("P")
 
 __all__ = [
     "Batch",
+    "Fit",
     "PairResult",
     "Scene",
     "Table",
     "check",
     "films",
+    "fit",
     "load_result",
     "read_scene",
     "regimes",

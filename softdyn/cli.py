@@ -19,6 +19,7 @@ import softdyn
 from softdyn.citation import citation
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
+from softdyn.fitting.fit_command import add_fit
 from softdyn.laws import law_or_closure_of, potential_named
 from softdyn.rheology.options import SWEPT, VERBS, add_sweep_options, runs_folder
 from softdyn.scene.stock_scenes import found_scene
@@ -49,6 +50,7 @@ examples:
   softdyn flow-curve emulsion --rates 'logspace(-5,-3,5)' -o curve.csv     steady shear, with error bars and fits
   softdyn oscillate emulsion --frequency 1e-4,1e-2 --amplitude 0.01 -o moduli.csv     G' and G''
   softdyn step emulsion --strain 0.01 --time 1e4 -o relaxation.csv         relaxation; with --stress, creep
+  softdyn fit steric afm.csv --free L,h ...  a law fitted to a measured curve, with errors (softdyn fit --help)
   softdyn plot result.npz                    draw the result
   softdyn run emulsion -o emulsion.npz       many particles: a scene that comes with softdyn
   softdyn plot emulsion.npz -o emulsion.gif  an animation of it
@@ -281,7 +283,7 @@ def _parser() -> argparse.ArgumentParser:
     many = add("sweep", _sweep, "simulate a scene for many values of some of its numbers", SWEPT)
     add_sweep_options(many, required=True)
 
-    for verb in VERBS:
+    for verb in (*VERBS, add_fit):
         verb(add)
 
     rerun = add("rerun", _rerun, "run again the scene that made a saved result, and tell by how much the two differ")

@@ -14,7 +14,7 @@ import zipfile
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
@@ -40,7 +40,7 @@ _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 _WHOLE = re.compile(r"[+-]?\d+")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\]|/\s*\S+)\s*$")
-_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
+_BRACKETS = re.compile(r"\s*(?:\([^()]*\)|\[[^\[\]]*\])")
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
@@ -67,12 +67,16 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a table: under each name an array of numbers, or of names, shape (rows,)."""
+    """Columns of a table: under each name an array of numbers, or of names, shape (rows,).
+
+    ``units`` are what stands behind the headings, "nN" of "F [nN]"; numbers are as they are written.
+    """
 
     path: Path
     kind: str
     values: Mapping[str, NDArray[Any]]
     shape: Shape
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.values[name]
@@ -160,7 +164,8 @@ def read_columns(
         raise SceneError(f"the {kind} {path} is no table: {error}") from None
     except OSError as error:
         raise SceneError(f"cannot read the {kind} {path}: {error.strerror}") from None
-    read = Columns(path, kind, values, shape)
+    told = {name: _unit_of(title) for name, title in zip(names, shape.headings or [], strict=False) if name is not None}
+    read = Columns(path, kind, values, shape, {name: unit for name, unit in told.items() if unit})
     if len(read) > MOST_ROWS:
         raise SceneError(f"the {kind} {path} has more than {MOST_ROWS} rows, the most that are read")
     for name, column in values.items():
@@ -272,11 +277,40 @@ def _split(line: str, separator: str | None, width: int = 1) -> list[str]:
 
 def _titles(line: str, separator: str | None) -> list[str]:
     """Cells of a line that may be headings; between spaces, units in brackets are no cells of their own."""
-    return _split(_BRACKETS.sub(" ", line) if separator is None else line, separator)
+    return _split(_BRACKETS.sub(_joined, line.lstrip()) if separator is None else line, separator)
+
+
+def _joined(unit: re.Match[str]) -> str:
+    """A unit in brackets as a part of the word before it; without a word it is a remark."""
+    return "\N{MIDDLE DOT}".join(unit[0].split()) if unit.start() else " "
 
 
 def _starts_as_number(cell: str) -> bool:
     return bool(_NUMBER.match(cell) or _NOT_FINITE.fullmatch(cell))
+
+
+def headings_of(path: str | Path, kind: str, known: Sequence[Column]) -> list[str]:
+    """Headings of a table, without units; none if it has none.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read as text.
+    """
+    path = Path(path)
+    try:
+        shape = _shape(path, _encoding(path, kind), known)
+    except UnicodeError:
+        raise SceneError(f"the {kind} {path} is not text in UTF-8: save it as such") from None
+    except OSError as error:
+        raise SceneError(f"cannot read the {kind} {path}: {error.strerror}") from None
+    return [_UNIT.sub("", heading).strip() for heading in shape.headings or ()]
+
+
+def _unit_of(heading: str) -> str:
+    """The unit behind a heading, without its brackets."""
+    found = _UNIT.search(heading)
+    return found[1].strip("()[]/ \t") if found else ""
 
 
 def _shape(path: Path, encoding: str, known: Sequence[Column]) -> Shape:
@@ -339,10 +373,10 @@ def _commented(comment: str, mark: str | None, width: int, known: Sequence[Colum
         cells = comment.removeprefix("format ").split("_")
     else:
         cells = _titles(comment, mark if mark and mark in comment else "," if "," in comment else None)
-    cells = [_UNIT.sub("", cell) for cell in cells]
-    if len(cells) != width or not all(_WORD.fullmatch(cell) for cell in cells):
+    bare = [_UNIT.sub("", cell) for cell in cells]
+    if len(cells) != width or not all(_WORD.fullmatch(cell) for cell in bare):
         return None
-    meant = any(_meaning(cell, known) for cell in cells)
+    meant = any(_meaning(cell, known) for cell in bare)
     return cells if meant or (mark is not None and mark in comment) else None
 
 

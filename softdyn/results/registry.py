@@ -28,6 +28,7 @@ KINDS = {
     "pair": ("softdyn.results.pair_result:pair_from", "softdyn.scene.pair_scene:Scene"),
     "particles": ("softdyn.particles.results:result_from", "softdyn.particles.particle_scene:ParticleScene"),
     "fluid": ("softdyn.fluid.fluid_result:fluid_from", "softdyn.fluid.fluid_scene:FluidScene"),
+    "fit": ("softdyn.fitting.fit_result:fit_from", ""),  # data make a fit, no scene
 }
 #: Of those whose frames are on disk, what reads these of a run that has not ended.
 UNFINISHED = {
@@ -83,6 +84,8 @@ def scene_of(result: PairResult | ParticleResult | FluidResult) -> Scene | Parti
     >>> result = softdyn.load_result("run.npz")                                             # doctest: +SKIP
     >>> longer = softdyn.simulate(dataclasses.replace(softdyn.scene_of(result), until_t=9)) # doctest: +SKIP
     """
+    if not KINDS[result.kind][1]:
+        raise SceneError(f"a {result.kind} is made of data: there is no scene of it")
     if result.origin is None:
         raise SceneError("the result does not tell the scene that made it: an earlier version of softdyn has saved it")
     found: Scene | ParticleScene | FluidScene = scene_from(result.origin, _found(KINDS[result.kind][1]))

@@ -79,6 +79,12 @@ def _functions(law: str) -> tuple[Callable[..., Array], Callable[..., list[Array
     return lambdify(arguments, expr, "numpy"), lambdify(arguments, [expr.diff(name) for name in names], "numpy")
 
 
+def stress_and_slopes(law: str, rates: Array, values: Array) -> tuple[Array, Array]:
+    """Stress of a law at some rates, and its derivatives by the parameters, shape (rates, parameters)."""
+    function, derivatives = _functions(law)
+    return function(rates, *values), _columns(derivatives(rates, *values), len(rates))
+
+
 def parameters_of(law: str) -> tuple[Symbol, ...]:
     """Parameters of a law, in their order."""
     return tuple(name for name in (sigma_y, K, n) if name in FLOW_LAWS[law].free_symbols)

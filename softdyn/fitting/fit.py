@@ -1,0 +1,332 @@
+"""Fitting a law to curves that were measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import SceneError
+from softdyn.fitting.curve_data import ERROR, FLOW_COLUMNS, STIFFNESS, CurveData, read_curve
+from softdyn.fitting.fit_result import Fit
+from softdyn.fitting.least_squares import (
+    LOSSES,
+    Direction,
+    Model,
+    Parameter,
+    Profile,
+    Solution,
+    profile,
+    solve,
+    undetermined,
+)
+from softdyn.fitting.pair_model import (
+    OF_DRIVE,
+    PairModel,
+    curves_of,
+    free_parameters,
+    plain_numbers,
+    scene_fields,
+    sigma_of,
+)
+from softdyn.scene.pair_scene import Scene
+from softdyn.scene.units import Powers, in_base_units
+from softdyn.words import suggestion
+
+Array = NDArray[np.float64]
+
+#: Laws of flow, by the names that a command line likes.
+FLOW_LAWS = {"herschel-bulkley": "Herschel-Bulkley", "power-law": "power law"}
+#: Rates of a curve of a law of flow.
+LINES = 200
+
+
+def fit(
+    law: Any,
+    data: Any,
+    *,
+    free: Sequence[str] | Mapping[str, tuple[float, float] | None] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    h: Any = None,
+    drive: Mapping[str, Any] | None = None,
+    delta: Any = None,
+    constants: Mapping[str, Any] | None = None,
+    loss: str = "linear",
+    profiles: bool = True,
+    target: str = "auto",
+) -> Fit:
+    """Fit a law to curves that were measured, and tell how well each parameter is known.
+
+    Trajectories are integrated, with their derivatives by the parameters (:mod:`softdyn.pair.sensitivities`), and the
+    sum of the squares of what the data differ by, in standard errors, is made least.
+
+    Parameters
+    ----------
+    law : ContactLaw, str, Path or Scene
+        A law of contacts, a scene of two particles, which has all that follows, or a law of flow: "herschel-bulkley" or
+        "power-law".
+    data : path, mapping from str to array, or list of these
+        A table with headings, as ``t [s]``, ``F [nN]``, or arrays by such names: t, and at least one of h, X, delta, a
+        and F; standard errors as F_error, where they are known. Where a heading has a unit, numbers become those of SI
+        units. Several curves are fitted at once. Of a flow curve: rate, stress and stress_error.
+    free : list of str, or mapping from str to (low, high) or None
+        What is fitted: parameters of the law, "h" and "delta" at the start (of each curve its own), "stiffness" of a
+        spring, a "force", "velocity" or "position" that is a number, constants of the drive.
+    parameters : mapping from str to number
+        Of the law; where the fit starts, of those that are free. With units, "50 um", or in the units of the data.
+        Parameters that are not given have the law's typical values if they are free.
+    h : number
+        Gap at the start, or one for each curve.
+    drive : mapping
+        What drives the pair, one of force, velocity, position and spring, as a scene has it; or the name of a column:
+        ``{"spring": {"stiffness": "0.05 N/m", "base": "Z"}}``, "-Z" if Z grows on approach. A position or a base that
+        is a column counts from its first row, where the pair is at the gap h, not deflected. With ``"speed"``, of a
+        base or a position that is a column, no column of times is needed.
+    delta : number
+        Deflection at the start, if the drive is a velocity.
+    constants : mapping from str to number
+        Of expressions in the drive.
+    loss : "linear", "soft_l1", "huber" or "cauchy"
+        All but the first give less weight to points that are far off.
+    profiles : bool
+        Whether to find the intervals by profiles, which takes as long again, and more.
+    target : "auto", "c" or "numba"
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    SceneError, LawError, CompileError, IntegrationError
+
+    Examples
+    --------
+    The viscosity, from how fast a film drains:
+
+    >>> import softdyn
+    >>> spheres = {"R": 1.0, "E": 1.0, "eta": 1.0}
+    >>> run = softdyn.simulate(
+    ...     law="rognon_gay", parameters=spheres, h=0.1, force=1e-3, until_t=1e5, times=[0, 2e4, 4e4, 6e4, 8e4, 1e5]
+    ... )
+    >>> found = softdyn.fit(
+    ...     "rognon_gay", {"t": run.t, "h": run.h}, free=["eta"], parameters={**spheres, "eta": 2.0}, h=0.1,
+    ...     drive={"force": 1e-3},
+    ... )
+    >>> round(found.values["eta"], 6)
+    1.0
+    """
+    if loss not in LOSSES:
+        raise SceneError(f"loss must be one of {', '.join(LOSSES)}, not {loss!r}")
+    several = list(data) if isinstance(data, (list, tuple)) else [data]
+    if not several:
+        raise SceneError("there are no data to fit")
+    if isinstance(law, str) and law.lower().replace(" ", "-") in FLOW_LAWS:
+        given = (free, parameters, h, drive, delta, constants)
+        if any(one is not None for one in given):
+            raise SceneError(f"{law}: all parameters of a law of flow are fitted, and nothing else is given")
+        return _fit_flow(FLOW_LAWS[law.lower().replace(" ", "-")], several, loss, profiles)
+    scene = {} if not isinstance(law, Scene) else scene_fields(law)
+    told = {"parameters": parameters, "h": h, "delta": delta, "constants": constants, "target": target}
+    for name in drive or {}:
+        if name not in (*OF_DRIVE, "spring", "speed"):
+            raise SceneError(f"drive: unknown {name!r}{suggestion(name, ('force', 'velocity', 'position', 'spring'))}")
+    given_all = {"law": law, **scene, **{k: v for k, v in told.items() if v is not None}, **(drive or {})}
+    if free is None:
+        raise SceneError("free names what is fitted, as free=['A', 'h']")
+    return _fit_pair(given_all, several, free, loss, profiles)
+
+
+def _fit_pair(given: dict[str, Any], data: list[Any], free: Any, loss: str, profiles: bool) -> Fit:
+    """A law of contacts."""
+    from softdyn.derive.law import dimensions_for, parameters_of, plain_ranges, typical_values
+    from softdyn.laws import law_of
+
+    law = law_of(given["law"])
+    symbols = parameters_of(law)
+    dimensions: dict[str, Powers] = {
+        symbol.name: (of.mass, of.length, of.time) for symbol, of in dimensions_for(law).items() if symbol in symbols
+    }
+    if given.get("h") is None:
+        raise SceneError("a fit needs h, the gap at the start; a guess will do if h is free")
+    given = plain_numbers({**given, "parameters": dict(given.get("parameters") or {})}, dimensions)
+    for symbol, value in typical_values(law).items():
+        if symbol in symbols and symbol.name in free and symbol.name not in given["parameters"]:
+            given["parameters"][symbol.name] = _in_units(float(value), dimensions[symbol.name], given["parameters"])
+    numbers = {**given["constants"], **given["parameters"]}
+    curves = curves_of(data, given, numbers)
+    positive = [symbol.name for symbol in symbols if symbol.is_positive]
+    parameters, places = free_parameters(free, curves, positive, plain_ranges(law))
+    model = PairModel(curves, places)
+    measured, sigma, groups = sigma_of(curves)
+    solution = solve(model, parameters, measured, sigma, groups, loss)
+
+    units = {}
+    if all(curve.data.with_units for curve in curves):
+        of_start = dict.fromkeys(("h", "delta"), dimensions["R"]) | OF_DRIVE | {"stiffness": STIFFNESS}
+        known = {**of_start, **dimensions}
+        units = {shown: in_base_units(known[name]) for shown, (_, name) in places.items() if name in known}
+        units = {name: "" if unit.startswith("a number") else unit for name, unit in units.items()}
+    arrays: dict[str, Array] = {}
+    about = []
+    place = 0
+    for n, curve in enumerate(curves, start=1):
+        arrays[f"t_{n}"] = np.array(curve.scene.times)[curve.order]
+        for name in curve.measured:
+            end = place + len(curve.order)
+            arrays |= _compared(f"{name}_{n}", measured[place:end], solution, slice(place, end))
+            place = end
+        about.append({"name": curve.data.name, "abscissa": "t", "quantities": list(curve.measured)})
+    mixed = [
+        f"{curve.data.name}: {', '.join(name for name in curve.data.columns if name not in curve.data.with_units)} "
+        "without a unit, where others have one: taken as in SI units"
+        for curve in curves
+        if curve.data.with_units and len(curve.data.with_units) < len(curve.data.columns)
+    ]
+    kept = {name: value for name, value in numbers.items() if name not in places}
+    found = _told(model, solution, measured, profiles)
+    kernel = next(iter(model.kernels.values()))
+    return _result(kernel.law, kernel.target, kept, solution, found, arrays, about, units, tuple(mixed))
+
+
+def _in_units(value: float, of: Powers, parameters: Mapping[str, float]) -> float:
+    """A typical value, which is told in units of R, E and eta."""
+    from softdyn.derive.dimensions import Dimension, powers_of_units
+
+    powers = powers_of_units(Dimension(*of))
+    missing = [name for name, power in zip(("R", "E", "eta"), powers, strict=True) if power and name not in parameters]
+    if missing:
+        raise SceneError(f"[parameters] {', '.join(missing)} is missing: typical values are in units of R, E and eta")
+    units = (parameters[name] ** float(power) for name, power in zip(("R", "E", "eta"), powers, strict=True) if power)
+    return value * float(math.prod(units))
+
+
+def _fit_flow(law: str, data: list[Any], loss: str, profiles: bool) -> Fit:
+    """A law of flow."""
+    from softdyn.rheology.flow_laws import fit_flow_law, parameters_of, stress_and_slopes
+
+    curves = [read_curve(one, n, FLOW_COLUMNS, {}) for n, one in enumerate(data, start=1)]
+    for curve in curves:
+        missing = [name for name in FLOW_COLUMNS if name not in curve.columns]
+        if missing:
+            raise SceneError(
+                f"data {curve.name}: {' and '.join(missing)} missing; there are {', '.join(curve.columns)}"
+            )
+        if not (curve.columns["rate"] > 0).all():
+            raise SceneError(f"data {curve.name}: rates must be positive")
+    rates = np.concatenate([curve.columns["rate"] for curve in curves])
+    measured = np.concatenate([curve.columns["stress"] for curve in curves])
+    sigma = np.concatenate([_error_of(curve) for curve in curves])
+    groups = np.concatenate([np.full(len(curve.columns["rate"]), n) for n, curve in enumerate(curves)])
+    size = float(np.abs(measured).max())
+    guess = fit_flow_law(law, rates, measured, np.where(np.isnan(sigma), 0.01 * size, sigma))
+    parameters = [_flow_parameter(str(symbol), guess.values[str(symbol)]) for symbol in parameters_of(law)]
+
+    def model(values: Array) -> tuple[Array, Array]:
+        return stress_and_slopes(law, rates, values)
+
+    solution = solve(model, parameters, measured, sigma, groups, loss)
+    arrays: dict[str, Array] = {}
+    place = 0
+    for n, curve in enumerate(curves, start=1):
+        end = place + len(curve.columns["rate"])
+        arrays[f"rate_{n}"] = curve.columns["rate"]
+        arrays |= _compared(f"stress_{n}", measured[place:end], solution, slice(place, end))
+        place = end
+    about = [{"name": curve.name, "abscissa": "rate", "quantities": ["stress"]} for curve in curves]
+    units = {}
+    if all(curve.with_units for curve in curves):
+        units = {"sigma_y": "Pa", "K": f"Pa s^{solution.values['n']:.3g}"}
+    return _result(law, "", {}, solution, _told(model, solution, measured, profiles), arrays, about, units, ())
+
+
+def _error_of(curve: CurveData) -> Array:
+    return curve.columns.get(f"stress{ERROR}", np.full(len(curve.columns["rate"]), math.nan))
+
+
+def _flow_parameter(name: str, value: float) -> Parameter:
+    """A yield stress may be none, and then comes out on either side of 0; the others are positive."""
+    return Parameter(name, value, by_log=False) if name == "sigma_y" else Parameter(name, max(value, 1e-300), low=0.0)
+
+
+def _compared(name: str, measured: Array, solution: Solution, rows: slice) -> dict[str, Array]:
+    return {name: measured, f"{name}_fit": solution.fitted[rows], f"{name}_error": solution.sigma[rows]}
+
+
+def _told(model: Model, solution: Solution, measured: Array, profiles: bool) -> dict[str, Profile]:
+    """Profiles of all parameters, if they are asked for."""
+    names = [one.name for one in solution.parameters]
+    return {name: profile(model, solution, measured, i) for i, name in enumerate(names)} if profiles else {}
+
+
+def _result(
+    law: str,
+    target: str,
+    kept: Mapping[str, float],
+    solution: Solution,
+    profiles: Mapping[str, Profile],
+    arrays: dict[str, Array],
+    curves: list[dict[str, Any]],
+    units: Mapping[str, str],
+    warnings: tuple[str, ...],
+) -> Fit:
+    names = tuple(one.name for one in solution.parameters)
+    intervals = {**solution.intervals(), **{name: (one.low, one.high) for name, one in profiles.items()}}
+    for name, one in profiles.items():
+        arrays |= {f"profile_{name}": one.values, f"profile_{name}_chi2": one.rise}
+    scale = np.array(
+        [one.outer(float(x)) if one.by_log else 1.0 for one, x in zip(solution.parameters, solution.x, strict=True)]
+    )
+    bounds = [
+        f"{name} is at a bound, {solution.values[name]:.4g}: its error says little" for name in solution.at_bounds
+    ]
+    return Fit(
+        law=law,
+        target=target,
+        parameters=dict(kept),
+        names=names,
+        values=solution.values,
+        errors=solution.errors,
+        intervals=intervals,
+        covariance=solution.covariance * np.outer(scale, scale),
+        chi2=solution.chi2,
+        dof=solution.dof,
+        undetermined=tuple(direction_words(moved, known) for moved, known in undetermined(solution)),
+        warnings=(*warnings, *bounds),
+        about={
+            "curves": curves, "loss": solution.loss, "evaluations": solution.evaluations,
+            "estimated": solution.estimated, "units": dict(units),
+            "linear": [one.name for one in solution.parameters if not one.by_log],
+        },
+        arrays=arrays,
+    )  # fmt: skip
+
+
+#: A factor larger than this is not told: the error is of the linearised problem.
+LARGEST_FACTOR = 100.0
+#: A smaller change is told in per cent.
+SMALL_CHANGE = 0.5
+
+
+def direction_words(moved: Direction, known: Direction | None) -> str:
+    """Words for a direction that the data do not determine, and for what they do of the same parameters."""
+    changes = [_change(name, moved.error * power) for name, power in moved.powers.items()]
+    alone = len(changes) == 1
+    words = f"{changes[0]} changes" if alone else f"{', '.join(changes[:-1])} and {changes[-1]}, together, change"
+    words = f"{words} chi2 by 1 only"
+    if known is None:
+        return words
+    product = " ".join(name if power == 1 else f"{name}^{power:.3g}" for name, power in known.powers.items())
+    return f"{words}; known is {product}, to {100 * known.error:.2g} %"
+
+
+def _change(name: str, size: float) -> str:
+    """Words for a change of a logarithm."""
+    way = "up" if size > 0 else "down"
+    if abs(size) < SMALL_CHANGE:
+        return f"{name} {way} by {100 * math.expm1(abs(size)):.2g} %"
+    factor = f"{math.exp(abs(size)):.2g}" if abs(size) < math.log(LARGEST_FACTOR) else f"more than {LARGEST_FACTOR:g}"
+    return f"{name} {way} by a factor of {factor}"
