@@ -327,6 +327,6 @@ def _change(name: str, size: float) -> str:
     """Words for a change of a logarithm."""
     way = "up" if size > 0 else "down"
     if abs(size) < SMALL_CHANGE:
-        return f"{name} {way} by {100 * math.expm1(abs(size)):.2g} %"
+        return f"{name} {way} by {100 * abs(math.expm1(size)):.2g} %"
     factor = f"{math.exp(abs(size)):.2g}" if abs(size) < math.log(LARGEST_FACTOR) else f"more than {LARGEST_FACTOR:g}"
     return f"{name} {way} by a factor of {factor}"

@@ -33,6 +33,8 @@ CONFIDENCE = 0.95
 PROFILE_STEPS = (0.7, 1.4, 2.1, 2.8)
 LONGER = 1.7
 MOST_STEPS = 7
+#: The profile of a positive parameter goes no farther than this factor from its value.
+FARTHEST_PROFILE = 1e3
 
 
 @dataclass(frozen=True)
@@ -260,7 +262,7 @@ def _minimised(
     sigma: Array,
     x: Array,
     loss: str,
-    tolerance: float = 1e-10,
+    tolerance: float = 1e-9,
     most: int = 1000,
 ) -> tuple[_Residuals, Array]:
     from scipy.optimize import least_squares
@@ -441,7 +443,11 @@ def profile(model: Model, solution: Solution, measured: Array, number: int) -> P
         before = (0.0, 0.0)
         for k in range(MOST_STEPS):
             reach = PROFILE_STEPS[k] if k < len(PROFILE_STEPS) else reach * LONGER
-            shift = side * reach * min(spread, 10.0 if one.by_log else math.inf)
+            shift = side * reach * spread
+            if one.by_log and abs(shift) > math.log(FARTHEST_PROFILE):
+                if k and abs(before[0]) >= math.log(FARTHEST_PROFILE):
+                    break
+                shift = side * math.log(FARTHEST_PROFILE)
             out = (solution.x[number] + shift - bound) * side >= 0
             shift = bound - solution.x[number] if out else shift
             try:

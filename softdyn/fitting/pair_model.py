@@ -42,6 +42,10 @@ OF_DRIVE: dict[str, Powers] = {"force": FORCE, "velocity": VELOCITY, "position":
 OF_SCENE = ("law", "parameters", "h", "delta", "constants", "rtol", "target", *DRIVES)
 
 
+#: Steps that a run may take, and more for each row of the data: parameters for which it takes more are far off.
+MOST_STEPS, STEPS_OF_ROW = 3000, 10
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of the data that drives a pair, with its sign: "-Z" goes the other way."""
@@ -119,7 +123,10 @@ class PairModel:
             here = [k for k, (owner, _) in enumerate(self.free.values()) if owner in (None, n)]
             names = [list(self.free.values())[k][1] for k in here]
             scene = curve.at(dict(zip(names, (float(values[k]) for k in here), strict=True)))
-            run = sensitivities(scene, names, kernel_of=partial(self._kernel), relative=curve.driven is not None)
+            most = MOST_STEPS + STEPS_OF_ROW * len(curve.order)
+            run = sensitivities(
+                scene, names, kernel_of=partial(self._kernel), relative=curve.driven is not None, most=most
+            )
             size = len(curve.order)
             for m, name in enumerate(curve.measured):
                 place = self.starts[n] + m * size

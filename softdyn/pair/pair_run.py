@@ -113,9 +113,12 @@ def simulate_pair(
 
 
 def simulated(
-    scene: Scene, progress: Progress | None = None, kernel_of: Callable[..., Kernel] = get_kernel
+    scene: Scene,
+    progress: Progress | None = None,
+    kernel_of: Callable[..., Kernel] = get_kernel,
+    most: float = MOST_STEPS,
 ) -> tuple[PairResult, Trajectory]:
-    """Return the result of :func:`simulate_pair`, and the steps that it comes from."""
+    """Return the result of :func:`simulate_pair`, and the steps that it comes from, ``most`` of them at most."""
     check_scene(scene)
     drive = drive_of(scene)
     kernel = kernel_of(scene.law, scene.target, **kernel_needs(scene, drive))
@@ -138,7 +141,7 @@ def simulated(
         steps = np.empty((0, kernel.width))
         t, h, stopped_by, stats = integrate_constant_force(scene, kernel, p, float(drive.constants[0]))
     else:
-        steps, t, h, stopped_by, stats = _integrate_to_tolerance(scene, kernel, p, drive, delta0, progress)
+        steps, t, h, stopped_by, stats = _integrate_to_tolerance(scene, kernel, p, drive, delta0, progress, most)
     if kernel.dry:
         h = np.zeros(len(t))  # closed from the start, whatever h was given
     given, given_rate = drive_at(kernel, drive, t)
@@ -311,7 +314,7 @@ def step_rtol(scene: Scene, kernel: Kernel) -> float:
 
 
 def _integrate_to_tolerance(
-    scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, progress: Progress | None
+    scene: Scene, kernel: Kernel, p: Array, drive: Drive, delta0: float, progress: Progress | None, allowed: float
 ) -> tuple[Array, Array, Array, str, dict[str, Any]]:
     """Steps, times and gaps of the outputs, what stopped the run, and statistics; errors that grow on the way included.
 
@@ -320,7 +323,7 @@ def _integrate_to_tolerance(
     """
     asked = float(scene.rtol)
     rtol = step_rtol(scene, kernel)
-    steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, rtol, progress)
+    steps, stopped_by, stats = _integrate(scene, kernel, p, drive, delta0, rtol, progress, allowed)
     t, h = _sample(scene, kernel, drive, steps, stopped_by)
     stats["error"] = error = _estimated_error(scene, steps, t)
     for _ in range(REPEATS):
@@ -330,7 +333,7 @@ def _integrate_to_tolerance(
         rtol = max(rtol * 0.5 * min(ALLOWED_ERROR * asked / error, 0.2), TIGHTEST)
         try:
             # a tighter tolerance takes some more steps; where it takes far more, they are what cannot be held to it
-            most = min(MOST_STEPS, FURTHER_STEPS + 20 * stats["steps"])
+            most = min(allowed, FURTHER_STEPS + 20 * stats["steps"])
             again, stopped_again, stats_again = _integrate(scene, kernel, p, drive, delta0, rtol, progress, most)
             t_again, h_again = _sample(scene, kernel, drive, again, stopped_again)
         except IntegrationError:
@@ -477,6 +480,7 @@ def _what_happened(status: int, scene: Scene, rtol: float, state: Array, kernel:
     toward = "" if scene.until_h is None else f" before the gap reached until.h = {scene.until_h:g}"
     away = _moves_away(scene, h)
     end_by_time = "end the run by a time, until.t"
+    taken = int(state[AT["accepted"]] + state[AT["rejected"]])
     if away:
         long = f"the force moves the gap the other way; {end_by_time}"
     elif scene.until_t is None:
@@ -495,7 +499,7 @@ def _what_happened(status: int, scene: Scene, rtol: float, state: Array, kernel:
         "law or the force has a singularity there",
         -2: f"the time overflows {where}{toward}: {why}",
         -3: f"the gap has no finite rate {where}: the force or the law has no value there",
-        TOO_MANY: f"{MOST_STEPS} steps were not enough, {where}{toward}; {long}",
+        TOO_MANY: f"{taken} steps were not enough, {where}{toward}; {long}",
         RUNAWAY: f"the gap leaves the range of double precision {where}{toward}: {why}",
     }
     return reasons[status]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.expression import derivative, parse, pieces, places_of, values
 from softdyn.kernels import Kernel, get_kernel
-from softdyn.pair.pair_run import Trajectory, simulated, states_at
+from softdyn.pair.pair_run import MOST_STEPS, Trajectory, simulated, states_at
 from softdyn.pair.states import deflection, drive_at, evaluate
 from softdyn.results.pair_result import PairResult
 from softdyn.scene.pair_drive import Drive
@@ -57,7 +57,12 @@ class Sensitivities:
 
 
 def sensitivities(
-    scene: Scene, names: Sequence[str], *, kernel_of: Callable[..., Kernel] = get_kernel, relative: bool = False
+    scene: Scene,
+    names: Sequence[str],
+    *,
+    kernel_of: Callable[..., Kernel] = get_kernel,
+    relative: bool = False,
+    most: float = MOST_STEPS,
 ) -> Sensitivities:
     """Simulate a scene, and tell how its outputs depend on some of its parameters.
 
@@ -73,6 +78,8 @@ def sensitivities(
     relative : bool
         A position, or the base of a spring, is such that the deflection at the start does not depend on R and h: it is
         known up to a constant.
+    most : number
+        Of steps.
 
     Raises
     ------
@@ -99,7 +106,7 @@ def sensitivities(
     of_kernel = (*of_law, *(("compliance_p1",) if "stiffness" in names else ()))
     # what the state alone tells comes with any kernel: one parameter at least
     asked = of_kernel or (next(iter(scene.parameters)),)
-    result, run = simulated(scene, None, partial(kernel_of, sensitive=asked))
+    result, run = simulated(scene, None, partial(kernel_of, sensitive=asked), most)
     drive = _DriveSlopes(scene, run.drive, names)
     start = _at_start(scene, run, drive, names, asked, relative)
     own = _of_parameters(scene, names, asked)
