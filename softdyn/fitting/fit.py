@@ -150,6 +150,10 @@ def _fit_pair(given: dict[str, Any], data: list[Any], free: Any, loss: str, prof
     dimensions: dict[str, Powers] = {
         symbol.name: (of.mass, of.length, of.time) for symbol, of in dimensions_for(law).items() if symbol in symbols
     }
+    unknown = [name for name in given.get("parameters") or {} if name not in dimensions]
+    if unknown:
+        hints = (f"{name!r} is not a parameter of the law{suggestion(name, list(dimensions))}" for name in unknown)
+        raise SceneError(f"[parameters] {', '.join(hints)}")
     if given.get("h") is None:
         raise SceneError("a fit needs h, the gap at the start; a guess will do if h is free")
     given = plain_numbers({**given, "parameters": dict(given.get("parameters") or {})}, dimensions)

@@ -382,7 +382,7 @@ def undetermined(solution: Solution) -> list[tuple[Direction, Direction | None]]
             break
         parts = direction / direction[int(np.argmax(np.abs(direction)))]
         shares = np.abs(direction) * error / np.sqrt(np.diag(covariance))
-        taking = [i for i, share in enumerate(shares) if share >= TAKES_PART]
+        taking = [i for i, share in enumerate(shares) if share >= TAKES_PART * shares.max()]
         moved = Direction({names[i]: float(parts[i]) for i in taking}, error * float(np.max(np.abs(direction))))
         known = None
         if len(taking) > 1:
