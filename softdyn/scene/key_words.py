@@ -9,14 +9,16 @@ from typing import Any
 
 from softdyn.errors import SceneError
 from softdyn.scene.keys import Key, Row, Section, rows
-from softdyn.scene.kinds import Kind
+from softdyn.scene.kinds import Schema
 from softdyn.words import suggestion
 
 PAGE_HEAD = """# Keys of scenes
 
 Every key of a scene file, and its name in Python. Numbers are in any consistent units; beside a kind stands its
-dimension. `softdyn keys KEY` tells the same of one key, and `softdyn keys --schema` writes a JSON schema, with which
-editors complete and check scene files (of TOML by taplo, for one: `#:schema FILE` in the first line).
+dimension. A number that has one may have a unit, too, "50 um", "1 mN/m" or "0.89 mPa s", and so may parameters of a
+law; Python takes quantities of pint as well. It becomes a number in SI units; plain numbers beside it stay as they are.
+`softdyn keys KEY` tells the same of one key, and `softdyn keys --schema` writes a JSON schema, with which editors
+complete and check scene files (of TOML by taplo, for one: `#:schema FILE` in the first line).
 
 Written by `softdyn keys --markdown`, from the declarations: do not edit.
 """
@@ -220,8 +222,22 @@ def _object_of_section(section: Section) -> dict[str, Any]:
 
 def _described(key: Key) -> dict[str, Any]:
     unit = f" ({key.unit})" if key.unit else ""
-    return {"description": f"{key.text}{unit}", **_plain(key.kind)}
+    with_unit = bool(key.unit) or key.place == "[parameters]"
+    return {"description": f"{key.text}{unit}", **(_or_quantity(key.kind.schema) if with_unit else key.kind.schema)}
 
 
-def _plain(kind: Kind) -> dict[str, Any]:
-    return dict(kind.schema)
+#: A number with a unit.
+QUANTITY = {"type": "string", "pattern": r"^\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*[^\s0-9(*/+.-].*$"}
+
+
+def _or_quantity(schema: Schema) -> dict[str, Any]:
+    """A schema in which each number may have a unit."""
+    if schema.get("type") == "number":
+        return {"anyOf": [dict(schema), QUANTITY]}
+    found = dict(schema)
+    for name in ("items", "additionalProperties"):
+        if isinstance(schema.get(name), Mapping):
+            found[name] = _or_quantity(schema[name])
+    if "anyOf" in schema:
+        found["anyOf"] = [_or_quantity(one) for one in schema["anyOf"]]
+    return found

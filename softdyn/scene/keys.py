@@ -21,6 +21,7 @@ from typing import Any, TypeVar, get_type_hints, is_typeddict
 
 from softdyn.errors import SceneError
 from softdyn.scene.kinds import Kind
+from softdyn.scene.units import plain, powers_of
 from softdyn.words import suggestion
 
 T = TypeVar("T")
@@ -235,13 +236,51 @@ def driven_values(values: Any, cls: type | None = None) -> Iterator[Any]:
 
 def value_faults(key: Key, value: Any, where: str) -> list[str]:
     """What is wrong with a value of a key: a sentence that starts with the key's name, or nothing."""
+    try:
+        value = in_numbers(key, value, where)
+    except SceneError as error:
+        return [str(error)]
     fault = None if key.kind.fault is None else key.kind.fault(value)
     return [] if fault is None else [where + fault]
+
+
+def in_numbers(key: Key, value: Any, where: str) -> Any:
+    """The value of a key, with a number in SI units in the place of a quantity, as "50 um".
+
+    Raises
+    ------
+    SceneError
+        If its unit is unknown, or of another dimension.
+    """
+    return plain(where, value, powers_of(key.unit)) if key.unit else value
+
+
+def _of_field(row: Row, value: Any) -> Any:
+    """The same of a field, which may be a table of keys of its own."""
+    if isinstance(row.what, Key):
+        return in_numbers(row.what, value, row.what.place)
+    if not isinstance(value, Mapping):
+        return value
+    own = {inner.field: inner for inner in rows(row.what.cls)}
+    return {name: _of_field(own[name], one) if name in own else one for name, one in value.items()}
+
+
+def _parameters_of_law(law: Any, values: Any) -> Any:
+    """Parameters of a law as numbers, by the dimensions that it declares; it is looked up if there is a unit alone."""
+    if not isinstance(values, Mapping) or plain("[parameters]", values, None) == values:
+        return values
+    from softdyn.derive.law import dimensions_for
+    from softdyn.laws import law_of
+
+    known = {symbol.name: (of.mass, of.length, of.time) for symbol, of in dimensions_for(law_of(law)).items()}
+    return {name: plain(f"[parameters] {name}", value, known.get(name)) for name, value in values.items()}
 
 
 def with_keys(cls: type[T]) -> type[T]:
     """Let a dataclass say in its docstring what its fields are, and suggest a field in the place of an unknown one."""
     fields = [row.field for row in rows(cls)]
+    of = {row.field: row for row in rows(cls)}
+    order = list(getattr(cls, "__dataclass_fields__", fields))
     made = cls.__init__
 
     @wraps(made)
@@ -249,7 +288,14 @@ def with_keys(cls: type[T]) -> type[T]:
         faults = [f"{cls.__name__}: {hint}" for name in named if name not in fields for hint in [unknown(name, fields)]]
         if faults:
             raise SceneError("; ".join(faults))
-        made(self, *values, **named)
+        by_place = dict(zip(order, values, strict=False))
+        if len(values) > len(order) or set(by_place) & set(named):
+            made(self, *values, **named)  # says so
+        given = {**by_place, **named}
+        numbers = {name: _of_field(of[name], value) if name in of else value for name, value in given.items()}
+        if {"law", "parameters"} <= set(given):
+            numbers["parameters"] = _parameters_of_law(given["law"], given["parameters"])
+        made(self, **numbers)
 
     # what help() shows of each keyword: its type, without what is known of the key
     made.__annotations__ = {name: _bare(hint) for name, hint in made.__annotations__.items()}

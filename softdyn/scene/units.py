@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -134,17 +135,80 @@ def quantity(what: str, value: Any, powers: Powers | None) -> float:
             raise SceneError(f"{what} = {value!r}: {error}") from None
         require_powers(f"{what} = {value!r}", unit.powers, powers)
         return float(Fraction(found[1]) * unit.size)  # rounded once: 50 um is 5e-5
-    if hasattr(value, "to_base_units") and hasattr(value, "units"):
-        base = value.to_base_units()
-        unit = read_unit(f"{base.units:~C}" or "1") if not base.dimensionless else read_unit("1")
-        require_powers(f"{what} = {value}", unit.powers, powers)
-        return float(Fraction(float(base.magnitude)) * unit.size)
+    if _is_quantity(value):
+        return float(_of_pint(what, value, powers))
     if isinstance(value, bool) or (not isinstance(value, (int, float)) and not hasattr(value, "__float__")):
         raise SceneError(f"{what} must be a number, or one with a unit, not {value!r}")
     number = float(value)
     if not math.isfinite(number):
         raise SceneError(f"{what} must be finite, not {value!r}")
     return number
+
+
+def _is_quantity(value: Any) -> bool:
+    return hasattr(value, "to_base_units") and hasattr(value, "units")
+
+
+def _of_pint(what: str, value: Any, powers: Powers | None) -> Any:
+    """Number, or array, in SI units of a quantity of pint."""
+    base = value.to_base_units()
+    found = {str(name): Fraction(power).limit_denominator(1000) for name, power in base.unit_items()}
+    names = {"kilogram": 0, "gram": 0, "meter": 1, "second": 2, "radian": None}
+    unknown = [name for name in found if name not in names]
+    if unknown:
+        raise SceneError(f"{what} = {value}: {', '.join(unknown)} is no unit of mass, length or time")
+    own = [Fraction(0)] * 3
+    for name, power in found.items():
+        place = names[name]
+        if place is not None:
+            own[place] += power
+    require_powers(f"{what} = {value}", (own[0], own[1], own[2]), powers)
+    grams = float(found.get("gram", 0))  # of a registry whose base is not SI's
+    return base.magnitude * 1e-3**grams if grams else base.magnitude
+
+
+#: Of a dimension in words: force, length and time in mass, length and time.
+WORDS: dict[str, tuple[int, int, int]] = {"force": (1, 1, -2), "length": (0, 1, 0), "time": (0, 0, 1)}
+
+
+def powers_of(dimension: str) -> Powers:
+    """Powers of a dimension as keys tell it: "force time^2/length^4", "1/time"."""
+    total = [Fraction(0)] * 3
+    for k, part in enumerate(dimension.split("/")):
+        for factor in part.split():
+            name, _, power = factor.partition("^")
+            for i, one in enumerate(WORDS.get(name, (0, 0, 0))):
+                total[i] += one * int(power or 1) * (-1 if k else 1)
+    return total[0], total[1], total[2]
+
+
+def plain(what: str, value: Any, powers: Powers | None) -> Any:
+    """What is given, with each quantity in it as a number in SI units; all else stays as it is.
+
+    A text is a quantity if a number stands before a word, "50 um"; else it may be an expression.
+
+    Raises
+    ------
+    SceneError
+        If a unit is unknown, or of another dimension.
+    """
+    if isinstance(value, str):
+        found = _NUMBER.fullmatch(value)
+        named = found is not None and (found[2][:1].isalpha() or found[2][:1] == "%")
+        return quantity(what, value, powers) if named else value
+    if _is_quantity(value):
+        return _of_pint(what, value, powers)
+    if isinstance(value, (list, tuple)) and any(_may_hold(one) for one in value):
+        made = [plain(what, one, powers) for one in value]
+        return made if isinstance(value, list) else tuple(made)
+    if isinstance(value, Mapping) and "file" not in value:
+        return {name: plain(f"{what} {name}", one, powers) for name, one in value.items()}
+    return value
+
+
+def _may_hold(value: Any) -> bool:
+    """Whether there may be a quantity in it: long lists of numbers are not gone through."""
+    return isinstance(value, (str, list, tuple, Mapping)) or _is_quantity(value)
 
 
 def require_powers(what: str, powers: Powers, wanted: Powers | None) -> None:
