@@ -51,7 +51,7 @@ def scenes(page: str) -> list[dict[str, Any]]:
     """Scenes of a page; a block without a law or a fluid is what the scene before may say instead."""
     found: list[dict[str, Any]] = []
     for data in map(tomllib.loads, snippets(page, "toml")):
-        found.append(data if {"law", "mesh", "chains"} & set(data) else {**found[-1], **data})
+        found.append(data if {"law", "mesh", "chains", "inertia"} & set(data) else {**found[-1], **data})
     return found
 
 
