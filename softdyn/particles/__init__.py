@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from softdyn.particles.mechanisms.coulomb import Friction
     from softdyn.particles.mechanisms.gravity import Gravity
     from softdyn.particles.mechanisms.inertia import Inertia
+    from softdyn.particles.mechanisms.noise import Noise
     from softdyn.particles.mechanisms.potentials import PairPotential
     from softdyn.particles.observables import (
         coordination,
@@ -54,6 +55,7 @@ __all__ = [
     "Gravity",
     "Hold",
     "Inertia",
+    "Noise",
     "Packing",
     "PairPotential",
     "ParticleResult",
@@ -90,6 +92,7 @@ _HOME = {
     "Gravity": ("mechanisms.gravity", "Gravity"),
     "Hold": ("particle_keys", "Hold"),
     "Inertia": ("mechanisms.inertia", "Inertia"),
+    "Noise": ("mechanisms.noise", "Noise"),
     "PairPotential": ("mechanisms.potentials", "PairPotential"),
     "Packing": ("packing", "Packing"),
     "ParticleResult": ("results", "ParticleResult"),

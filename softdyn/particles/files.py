@@ -41,7 +41,7 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     box = data.get("box")
     endless = isinstance(box, Mapping) and "lengths" not in box and set(box) != {"depth"}
     lacking = ["[box] lengths is missing, one for each axis; 0 along those that are not periodic"] if endless else []
-    if "law" not in data and not data.keys() & {"inertia", "potential", "bond"}:
+    if "law" not in data and not data.keys() & {"inertia", "potential", "bond", "noise"}:
         lacking.append('law is missing: law = "NAME"')
     if "parameters" not in data and ("law" in data or "inertia" not in data):
         lacking.append("[parameters] is missing")

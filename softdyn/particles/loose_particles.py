@@ -27,8 +27,8 @@ NAME = "no contacts"
 
 
 def is_loose(scene: ParticleScene) -> bool:
-    """Whether a scene is of particles whose forces are potentials or bonds alone."""
-    return scene.law is None and scene.inertia is None and bool(scene.potential or scene.bond)
+    """Whether a scene is of particles whose forces are potentials, bonds or noise alone."""
+    return scene.law is None and scene.inertia is None and bool(scene.potential or scene.bond or scene.noise)
 
 
 @cache

@@ -1,8 +1,9 @@
 """Which method integrates a scene: the one that it names, or the one that costs least of those that can.
 
 Grains without a law are rigid: contact dynamics. A dry contact of grains with inertia is fast, as stiff as the grains,
-and has nothing that could be followed in longer steps than its own: explicit steps, which cost least each. All others
-are implicit: films are stiffer the thinner they get, and without inertia no step can be explicit.
+and has nothing that could be followed in longer steps than its own: explicit steps, which cost least each. Noise has
+steps of a fixed length, lest they follow what it has done: Brownian motion. All others are implicit: films are stiffer
+the thinner they get, and without inertia no step can be explicit.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.particles.loose_particles import is_loose
 from softdyn.particles.method_names import MODULES
+from softdyn.particles.names import is_number
 from softdyn.words import listed
 
 if TYPE_CHECKING:
@@ -35,7 +37,9 @@ def method_of(facts: ValidatedScene) -> str:
     scene = facts.scene
     name, faults = scene.method or _cheapest(facts), []
     rigid, inert = scene.law is None, scene.inertia is not None
-    if name == "contact_dynamics":
+    if scene.noise is not None or name == "brownian":
+        faults += _brownian_faults(facts, name)
+    elif name == "contact_dynamics":
         if not rigid:
             faults.append("[method] name: contact dynamics is for rigid grains, which have no law: leave law out")
         if not inert:
@@ -67,9 +71,35 @@ def module_of(name: str) -> Any:
 
 def _cheapest(facts: ValidatedScene) -> str:
     scene = facts.scene
+    if scene.noise is not None:
+        return "brownian"
     if scene.law is None:
         return "contact_dynamics" if scene.inertia is not None else "implicit"
     return "explicit" if scene.inertia is not None and _is_dry(scene.law) else "implicit"
+
+
+def _brownian_faults(facts: ValidatedScene, name: str) -> list[str]:
+    scene = facts.scene
+    if scene.noise is None:
+        return ["[method] name: Brownian motion needs a temperature: give [noise]"]
+    if name != "brownian":
+        return [f"[noise] is known to the method brownian alone: leave [method] name = {name!r} out"]
+    faults = []
+    if scene.law is not None:
+        faults.append(
+            "[noise] is that of the drag of each particle; the noise of a film, whose friction depends on its gap, is "
+            "not known: leave law out, and keep particles apart by a [[potential]]"
+        )
+    given = {
+        "[inertia]": scene.inertia is not None,
+        "[friction]": scene.friction is not None,
+        "[contacts] tangential": bool(scene.tangential),
+        "[stress]": bool(scene.stress) or scene.stress_viscosity is not None,
+    }
+    faults += [f"{place} has no meaning for Brownian motion without inertia" for place, there in given.items() if there]
+    if not is_number(scene.shear_rate):
+        faults.append("[flow] shear_rate: with noise the rate is a number, which steps of a fixed length resolve")
+    return faults
 
 
 def _not_yet(facts: ValidatedScene) -> list[str]:

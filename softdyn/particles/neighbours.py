@@ -90,7 +90,9 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
     """
     reach, box, walls = system.reach, system.box, system.walls
     skin = SKIN * float(system.radii.min())
-    i, j, shift = with_pairs(system, *find_pairs(x, system.radii, box, t, walls, system.listing + skin))
+    nothing = (np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, x.shape[1]), np.int16))
+    found = find_pairs(x, system.radii, box, t, walls, system.listing + skin) if system.searches else nothing
+    i, j, shift = with_pairs(system, *found)
     contacts = bare_contacts(i, j, shift, system.radii)
     contacts.q = mixed_parameters(system, system.kernel, i, j)
     cell = lattice(box, t)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from softdyn.particles.mechanisms.coulomb import Friction
     from softdyn.particles.mechanisms.gravity import Gravity
     from softdyn.particles.mechanisms.inertia import Inertia
+    from softdyn.particles.mechanisms.noise import Noise
     from softdyn.particles.mechanisms.potentials import PairPotential
     from softdyn.particles.packing import Packing
 
@@ -384,6 +385,10 @@ class ParticleScene:
             "[[bond]]", "softdyn.particles.mechanisms.bonds:Bond", "Bonds between pairs of particles, by a potential."
         ),
     ] = ()
+    noise: Annotated[
+        "Noise | None",
+        Section("[noise]", "softdyn.particles.mechanisms.noise:Noise", "Brownian motion, without inertia."),
+    ] = None
     push: Annotated[
         Sequence[Push],
         Section(

@@ -180,6 +180,11 @@ class System(PreparedScene):
         return max(self.reach, apart - 2 * float(self.radii.min()))
 
     @property
+    def searches(self) -> bool:
+        """Whether pairs are looked for at all: where there are contacts, or forces within a distance."""
+        return self.reach > 0 or any(mechanism.farthest > 0 for mechanism in self.mechanisms)
+
+    @property
     def timed(self) -> int:
         """How many potentials ask for how long two particles have been near."""
         return sum(mechanism.timed for mechanism in self.mechanisms)

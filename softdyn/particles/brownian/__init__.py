@@ -1,0 +1,1 @@
+"""Brownian motion without inertia: steps of a fixed length, with noise that drag and temperature give."""
