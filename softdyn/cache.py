@@ -282,7 +282,7 @@ def publish(
             digests = {name: sha256(content).hexdigest() for name, content in files.items()}
             entry = json.dumps({"digests": digests, **(note or {})}, indent=1)
             for name, content in {**files, "entry.json": entry.encode()}.items():
-                (made / name).parent.mkdir(mode=0o700, exist_ok=True)
+                (made / name).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
                 with open(os.open(made / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
                     file.write(content)
             try:

@@ -9,13 +9,15 @@ import ast
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from softdyn.errors import LawError, SceneError
@@ -111,6 +113,9 @@ def find(law: Any) -> LawReference:
         raise SceneError(f"law {text!r}: a path holds a NUL character, and no file has such a name")
     file, _, name = text.rpartition(":") if ".py:" in text else (text, "", "")
     if file.endswith(".py"):
+        moved = _moved.get().get(file)
+        if moved is not None:
+            return LawReference(text, moved, name)
         try:
             path = Path(file).expanduser().resolve()
             found = path.is_file()
@@ -132,6 +137,31 @@ def find(law: Any) -> LawReference:
         hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
         raise SceneError(f"unknown law {text!r}; {hint} (a law of your own is path/law.py or path/law.py:name)")
     return LawReference(text, None, text)
+
+
+#: Files in the place of those that are named; of a task that came from elsewhere.
+_moved: ContextVar[Mapping[str, Path]] = ContextVar("moved", default=MappingProxyType({}))
+
+
+@contextmanager
+def in_place_of(places: Mapping[str, Path]) -> Iterator[None]:
+    """Context: law files that are named so are elsewhere."""
+    token = _moved.set(places)
+    try:
+        yield
+    finally:
+        _moved.reset(token)
+
+
+def sources_of(path: Path) -> list[Path]:
+    """A law file, and the files beside it that it imports.
+
+    Raises
+    ------
+    LawError, SceneError
+        If it fails.
+    """
+    return [Path(file) for file in _declared_in(path)[1]]
 
 
 def load(reference: LawReference) -> tuple[ContactLaw, dict[str, str]]:

@@ -20,7 +20,12 @@ Found = TypeVar("Found")
 
 
 def carried_out(
-    work: Callable[[Task], Found], tasks: Sequence[Task], scheduler: str | None, *, alone: bool = False
+    work: Callable[[Task], Found],
+    tasks: Sequence[Task],
+    scheduler: str | None,
+    *,
+    alone: bool = False,
+    laws: Sequence[str] = (),
 ) -> Iterator[tuple[Task, Found]]:
     """Carry out tasks, and yield each with what it gave, as soon as it is done.
 
@@ -34,11 +39,13 @@ def carried_out(
         out by another one.
     alone : bool
         Whether this process carries out all of them, one after the other.
+    laws : sequence of str
+        Those that the tasks name: their files go with the tasks to other machines.
 
     Raises
     ------
     SceneError
-        If the scheduler cannot be reached.
+        If the scheduler cannot be reached, or a worker would compute another law.
     """
     if scheduler is not None:
         try:
@@ -50,8 +57,11 @@ def carried_out(
             client = Client(scheduler)
         except (OSError, ValueError) as error:
             raise SceneError(f"--scheduler {scheduler}: no Dask scheduler is reached there: {error}") from None
+        from softdyn.sent_sources import sources, with_sources
+
         with client:
-            futures = {client.submit(work, task, pure=False, retries=3): task for task in tasks}
+            given = sources(laws)
+            futures = {client.submit(with_sources, work, task, given, pure=False, retries=3): task for task in tasks}
             for future in dask_completed(futures):
                 yield futures[future], future.result()
         return

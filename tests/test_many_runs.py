@@ -142,7 +142,9 @@ def test_what_is_done_is_not_done_again(scene: Path, tmp_path: Path, monkeypatch
     made: list[int] = []
     work = module.make
     monkeypatch.setattr(module, "make", lambda run: (made.append(run.number), work(run))[1])
-    monkeypatch.setattr(module, "carried_out", lambda work, tasks, scheduler: ((task, work(task)) for task in tasks))
+    monkeypatch.setattr(
+        module, "carried_out", lambda work, tasks, scheduler, laws: ((task, work(task)) for task in tasks)
+    )
     carry_out(runs)
     assert made == [0, 2]
     carry_out(runs)

@@ -87,7 +87,8 @@ def sweep(
     tasks = [(scene, values, first, min(first + size, runs)) for first in missing]
     if len(tasks) > 1 and not is_plain(scene):
         run_part((scene, values, 0, 1))  # derive and compile once, before all workers want to
-    for (_, _, first, _), part in carried_out(run_part, tasks, scheduler, alone=is_plain(scene)):
+    laws = [str(scene.law)] if isinstance(scene.law, (str, Path)) else []
+    for (_, _, first, _), part in carried_out(run_part, tasks, scheduler, alone=is_plain(scene), laws=laws):
         done[first] = part
         if folder is not None:
             with written_whole(folder / f"{first}.npz") as temporary, temporary.open("wb") as file:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from itertools import product
 from pathlib import Path
@@ -25,6 +25,7 @@ from softdyn.particles.particle_keys import ParticleScene
 from softdyn.results.state_file import remove
 from softdyn.results.whole_files import written_whole
 from softdyn.scene.varied_content import with_values
+from softdyn.sent_sources import laws_in
 from softdyn.tasks import carried_out, is_begun
 
 Array = NDArray[np.float64]
@@ -201,7 +202,11 @@ def carry_out(
     failed: dict[int, str] = {}
     if len(missing) > 1:
         _prepared(missing)
-    for run, words in carried_out(work or make, missing, scheduler):
+    laws: list[str] = []
+    if scheduler is not None:  # workers have folders of their own
+        missing = [replace(run, home=run.home.absolute(), folder=run.folder.absolute()) for run in missing]
+        laws = [law for run in missing[:1] for law in laws_in(run.content, run.home)]
+    for run, words in carried_out(work or make, missing, scheduler, laws=laws):
         done += 1
         if words:
             failed[run.number] = words
