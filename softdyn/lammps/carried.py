@@ -60,6 +60,8 @@ def explicit_needs(facts: ValidatedScene) -> dict[str, object]:
 def faults_of(scene: ParticleScene) -> list[str]:
     """What LAMMPS cannot run of a scene, or only otherwise than softdyn does."""
     faults = []
+    if scene.law is None or scene.method not in (None, "implicit"):
+        faults.append("the plugin for LAMMPS is of a law of contacts, and of films that are implicit")
     for room in rooms_of(scene):
         name = room.__name__.rpartition(".")[2]
         if name not in KNOWN:

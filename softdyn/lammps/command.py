@@ -41,7 +41,7 @@ def run_in_lammps(path: Path, content: Mapping[str, Any], options: Any) -> int:
     folder = None if output is None else output.with_suffix(".lammps")
     ranks = 1 if options.ranks is None else options.ranks
     try:
-        result = simulate_in_lammps(scene, ranks, options.dt, folder)
+        result = simulate_in_lammps(scene, ranks, options.dt, folder, _tell)
     except IntegrationError as error:
         if isinstance(error.partial, ParticleResult) and output is not None:
             kept = output.with_suffix(".partial.npz")
@@ -71,6 +71,11 @@ def run_in_lammps(path: Path, content: Mapping[str, Any], options: Any) -> int:
     if written:
         print(f"wrote {' and '.join(map(str, written))}; the files of LAMMPS are in {folder}")
     return 0
+
+
+def _tell(words: str) -> None:
+    """Say on stderr what is about to be run."""
+    print(f"softdyn: {words}", file=sys.stderr, flush=True)
 
 
 def generate_lammps(options: Any) -> int:

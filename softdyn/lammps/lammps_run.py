@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -70,7 +70,11 @@ class Told:
 
 
 def simulate_in_lammps(
-    scene: ParticleScene, ranks: int = 1, dt: float | None = None, folder: Path | None = None
+    scene: ParticleScene,
+    ranks: int = 1,
+    dt: float | None = None,
+    folder: Path | None = None,
+    told: Callable[[str], None] | None = None,
 ) -> ParticleResult:
     """Integrate a scene by LAMMPS.
 
@@ -84,6 +88,8 @@ def simulate_in_lammps(
         are of the first order in it.
     folder : Path, optional
         Where the files of LAMMPS are, and stay; without it they are temporary.
+    told : function of str, optional
+        Called before the run with its number of steps, and with what they cost next to implicit ones.
 
     Returns
     -------
@@ -108,6 +114,9 @@ def simulate_in_lammps(
     chosen = dt if dt is not None else SHARE * ready.limit
     if not np.isfinite(chosen):
         chosen = float(run_times(ready.system)[-1]) / 1000
+    steps = sum(count for count, _ in segments(run_times(ready.system), chosen))
+    if told is not None:
+        told(f"{steps} steps, {crossover_words(ready, chosen, ranks=ranks)}")
     manifest = plugin(ready.system)
     library = built(manifest)
     compile_s = time.perf_counter() - began
@@ -120,8 +129,8 @@ def simulate_in_lammps(
         ran = time.perf_counter()
         words = run_lammps(place, f"{NAME}.in", ranks)
         wall = time.perf_counter() - ran
-        told = read_frames(place, len(ready.system.x))
-    result, fault = _result(ready, told, chosen, ranks, wall, compile_s)
+        frames = read_frames(place, len(ready.system.x))
+    result, fault = _result(ready, frames, chosen, ranks, wall, compile_s)
     if words or fault is not None:
         error = fault or IntegrationError(f"LAMMPS has stopped: {words}")
         error.partial = result if len(result) else None
@@ -163,22 +172,33 @@ def run_lammps(folder: Path, script: str, ranks: int = 1) -> str:
         others = environment.get("LD_LIBRARY_PATH")
         environment["LD_LIBRARY_PATH"] = f"{found.libraries}{os.pathsep + others if others else ''}"
     try:
-        done = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, errors="replace",
-            stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
+        code, said_out = _until_its_end(command, folder, environment)
     except OSError as error:
         raise SceneError(f"cannot start LAMMPS: {' '.join(command)}: {error}") from None
-    if done.returncode == 0:
+    if code == 0:
         return ""
     log = ""
     with suppress(OSError):
         log = (folder / "log.lammps").read_text(encoding="utf-8", errors="replace")
-    said = re.search(r"^ERROR(?: on proc \d+)?: (.*?)(?: \(\S*?:\d+\))?$", f"{log}\n{done.stdout}\n{done.stderr}", re.M)
+    said = re.search(r"^ERROR(?: on proc \d+)?: (.*?)(?: \(\S*?:\d+\))?$", f"{log}\n{said_out}", re.M)
     if said:
         return said[1]
-    words = (done.stderr + done.stdout).strip().splitlines()
-    return " ".join(words[-3:]) or f"it exited with {done.returncode}"
+    return " ".join(said_out.strip().splitlines()[-3:]) or f"it exited with {code}"
+
+
+def _until_its_end(command: list[str], folder: Path, environment: Mapping[str, str]) -> tuple[int, str]:
+    """Exit status of a program, and what it says; if this process is stopped meanwhile, all of its processes are."""
+    with subprocess.Popen(
+        command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    ) as running:
+        try:
+            said, _ = running.communicate()
+        except BaseException:
+            running.terminate()  # mpiexec ends those that it has started
+            with suppress(subprocess.TimeoutExpired):
+                running.wait(10)
+            raise
+    return running.returncode, said.decode(errors="replace")
 
 
 def read_frames(folder: Path, count: int, name: str = NAME) -> list[Told]:
