@@ -34,8 +34,8 @@ from softdyn.particles.linear import (
 Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
-#: Sweeps before anything is decided, between two decisions at most, and of all.
-FIRST_SWEEPS, MOST_BATCH, MOST_SWEEPS = 20, 2_000, 200_000
+#: Sweeps before anything is decided, of all at most, and after which those that get nowhere are damped.
+FIRST_SWEEPS, MOST_SWEEPS, CIRCLING = 20, 20_000, 1_000
 #: Steps of Newton's method, on the laws as they are and on smoothed ones: expected, and at most.
 EXPECTED_STEPS, MOST_STEPS = {"exact": 5, "smoothed": 40}, {"exact": 15, "smoothed": 80}
 #: Steps at most without getting nearer.
@@ -52,10 +52,12 @@ PROXIMAL = 1e8
 FILL = 4.0
 #: Largest damping of sweeps that go in circles, as they may where friction is large.
 MOST_DAMPING = 64.0
+#: Part of the error that a doubling of the sweeps leaves if they get nowhere; in a column it leaves less.
+STALLED = 0.8
+#: Change of the impulses that is none.
+ROUNDING = 1e-12
 #: Velocity at which contacts that must not close may do so, over the largest that there is.
 CLOSING = 0.02
-#: Slowest decrease of a sweep that is told from none.
-SLOWEST = 1 - 1e-7
 
 
 @dataclass(frozen=True)
@@ -232,8 +234,9 @@ class _Sweeping:
     ----------
     done : int
         Sweeps.
-    error, rate : float
-        Of the impulses, relative to the largest; and what a sweep leaves of it.
+    error : float
+        By how much the last half of them has changed a velocity, relative to the largest change by all impulses; or the
+        residual of the last one, if that is larger.
     damping : float
         Factor of the mobilities that the projections take: of large ones they change less, and go in no circles.
     """
@@ -242,14 +245,11 @@ class _Sweeping:
     v: Array
     done: int = 0
     error: float = math.inf
-    rate: float = SLOWEST
     damping: float = 1.0
 
     def left(self, tolerance: float) -> float:
-        """How many sweeps are still to come, as far as their rate tells."""
-        if not self.error < math.inf or self.error <= tolerance:
-            return MOST_SWEEPS
-        return max(1.0, math.log(self.error / tolerance) / -math.log(self.rate))
+        """How many sweeps are still to come: as many again for each power of ten, and more where there was none."""
+        return self.done * max(1.0, math.log10(self.error / tolerance)) if self.error < math.inf else MOST_SWEEPS
 
 
 def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> Solution:
@@ -261,7 +261,8 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
     guess : array, shape (n, d)
         Impulses to start from.
     tolerance : float
-        Error of the impulses that is allowed, relative to the largest: of sweeps as their rate tells it.
+        Residual that is allowed, relative to the largest impulse; and of sweeps error of a velocity, relative to the
+        largest change by the impulses.
     effort : Effort
         What it took is added.
     """
@@ -269,41 +270,43 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
         return Solution(guess, problem.v, 0.0, 0, True)
     impulses = np.ascontiguousarray(guess, dtype=float).copy()
     state = _Sweeping(impulses, problem.velocities(impulses))
-    batch, stubborn = FIRST_SWEEPS, 1.0
+    stubborn = 1.0
     per_sweep = len(problem) * problem.kernel.operations["sweep"] * PER_PRODUCT
     while state.done < MOST_SWEEPS:
         before = state.error
-        _sweep(problem, state, min(batch, MOST_SWEEPS - state.done), tolerance, effort)
+        _sweep(problem, state, min(max(FIRST_SWEEPS, state.done), MOST_SWEEPS - state.done), tolerance, effort)
         if state.error <= tolerance and not problem.closes(state.v):
             break
         ahead = state.left(tolerance)
-        tried = False
         for kind in ("exact", "smoothed"):
-            cost = _newton_cost(problem, effort, kind)
             odds = effort.odds if kind == "exact" else effort.odds_smoothed
-            if stubborn * cost < odds * ahead * per_sweep:
-                tried = True
+            if stubborn * _newton_cost(problem, effort, kind) < odds * ahead * per_sweep:
                 found = _newton(problem, state, kind, tolerance, effort)
                 effort.learn(kind, found is not None)
                 if found is not None:
                     return found
-        if batch == MOST_BATCH and not state.error < before / 2:
+                stubborn *= 2
+        if state.done >= CIRCLING and not state.error < STALLED * before:
+            # impulses that are not unique may go in circles: how far they are from the laws counts
+            if problem.residual(state.impulses, problem.velocities(state.impulses))[0] <= tolerance:
+                break
             state.damping = min(2 * state.damping, MOST_DAMPING)
-        # after an attempt without success others wait, ever longer
-        stubborn *= 2 if tried else 1
-        batch = min(2 * batch if tried else max(batch, int(min(ahead, 2 * batch))), MOST_BATCH)
     v = problem.velocities(state.impulses)
     residual, worst = problem.residual(state.impulses, v)
-    return Solution(state.impulses, v, residual, worst, state.error <= tolerance and not problem.closes(v))
+    converged = state.error <= tolerance or residual <= tolerance
+    return Solution(state.impulses, v, residual, worst, converged and not problem.closes(v))
 
 
 def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, effort: Effort) -> None:
-    """Go on by some sweeps; judge the error by their last change and the rate at which these fall."""
-    changes = np.empty((count, 2))
+    """Go on by some sweeps, and judge the error by what they have changed.
+
+    The last change by itself would not tell: in a column of n grains it is smaller than the error by n^2.
+    """
+    changes, before = np.empty((count, 2)), state.v.copy()
     done = problem.kernel.sweeps(
         len(problem),
         count,
-        1e-3 * tolerance,
+        ROUNDING,
         problem.first,
         problem.second,
         *problem.laws[:3],
@@ -314,17 +317,16 @@ def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, eff
         state.v.reshape(-1),
         changes.reshape(-1),
     )
-    state.done += done
     effort.sweeps += done
     effort.operations += done * len(problem) * problem.kernel.operations["sweep"]
-    changed, largest = changes[:done].T
-    if not changed[-1]:
-        state.error, state.rate = 0.0, 0.0
-        return
-    back = max(1, done // 2)
-    earlier = changed[-1 - back] if done > back else math.inf
-    state.rate = min(SLOWEST, float(changed[-1] / earlier) ** (1 / back)) if earlier < math.inf else SLOWEST
-    state.error = float(changed[-1] / largest[-1]) / (1 - state.rate)
+    changed, largest = changes[done - 1]
+    if not changed or done < count:
+        state.error = 0.0
+    else:
+        moved, whole = float(np.abs(state.v - before).max()), float(np.abs(state.v - problem.v).max())
+        # from the warm start on, the first sweeps have no half that could be compared
+        state.error = max(moved / whole if whole else math.inf, state.damping * float(changed / largest))
+    state.done += done
 
 
 def _newton_cost(problem: Problem, effort: Effort, kind: str) -> float:

@@ -50,6 +50,10 @@ MARGIN = 0.02
 MOST_STEPS, ATTEMPTS = 10_000_000, 40
 
 
+#: Part of the longest step that a step which does not converge is shortened to, before the run ends.
+SHORTEST = 0.1
+
+
 def integrate(
     system: RigidSystem,
     state: RigidState,
@@ -70,17 +74,8 @@ def integrate(
     if not len(state.frames) and system.times[0] == 0.0:
         state.frames.append(frame_of(system, state))
     while state.t < until:
-        goal = float(goals[np.searchsorted(goals, state.t, side="right")])
-        if goal != state.goal:
-            state.began, state.goal, state.step = state.t, goal, 0
-            state.steps = max(1, math.ceil((goal - state.t) / system.dt * (1 - 1e-12)))
-            if state.steps + state.counts["steps"] > MOST_STEPS:
-                raise IntegrationError(
-                    f"{MOST_STEPS} steps of {system.dt:.3g} are not enough: t={state.t:.6g} of {until:.6g} is "
-                    "reached; give longer steps, [method] step, or end the run before"
-                )
         told = len(state.frames)
-        made = _step(system, state)
+        made = _step(system, state, float(goals[np.searchsorted(goals, state.t, side="right")]))
         with undisturbed():
             _accept(system, state, made)
             if state.t in system.times:
@@ -121,6 +116,10 @@ def list_contacts(system: RigidSystem, state: RigidState, skin: float) -> None:
     state.listed = Listed(state.x.copy(), lattice(state.box, state.t), walls, skin)
 
 
+class _NotConverged(Exception):
+    """No impulses were found that satisfy the laws."""
+
+
 @dataclass(frozen=True)
 class _Made:
     """A step that is made, but not yet taken over.
@@ -151,15 +150,41 @@ class _Made:
     pressed: int
 
 
-def _step(system: RigidSystem, state: RigidState) -> _Made:
+def take_step(system: RigidSystem, state: RigidState, goal: float) -> None:
+    """Carry a state on by a step towards a goal.
+
+    Raises
+    ------
+    IntegrationError
+    """
+    _accept(system, state, _step(system, state, goal))
+
+
+def _step(system: RigidSystem, state: RigidState, goal: float) -> _Made:
     """Make a step; contacts that it turns out to need are added, and it is made again."""
-    end = state.goal
-    if state.step + 1 < state.steps:
-        end = state.began + (state.goal - state.began) * ((state.step + 1) / state.steps)
-    dt = (state.goal - state.began) / state.steps
+    if goal != state.goal:
+        state.began, state.goal, state.step = state.t, goal, 0
+        state.steps = max(1, math.ceil((goal - state.t) / system.dt * (1 - 1e-12)))
+        if state.steps + state.counts["steps"] > MOST_STEPS:
+            raise IntegrationError(
+                f"{MOST_STEPS} steps of {system.dt:.3g} are not enough: t={state.t:.6g} is reached, and {goal:.6g} is "
+                "next; give longer steps, [method] step, or end the run before"
+            )
     skin = SKIN * float(system.radii.min())
     for _ in range(ATTEMPTS):
-        made = _attempt(system, state, end, dt)
+        end = state.goal
+        if state.step + 1 < state.steps:
+            end = state.began + (state.goal - state.began) * ((state.step + 1) / state.steps)
+        dt = (state.goal - state.began) / state.steps
+        try:
+            made = _attempt(system, state, end, dt)
+        except _NotConverged as error:
+            if dt < SHORTEST * system.dt:
+                raise IntegrationError(str(error)) from None
+            # up to the next output time steps are half as long
+            state.counts["rejected"] += 1
+            state.began, state.step, state.steps = state.t, 0, 2 * (state.steps - state.step)
+            continue
         walls = _walls_at(system, state, end)
         farthest = 2 * float(system.radii.max()) + state.listed.skin
         moved = travelled(state.listed, made.x, state.box, end, farthest, walls)
@@ -240,7 +265,7 @@ def _require_converged(
     if solution.converged and np.isfinite(solution.v).all():
         return
     named = pair_named(contacts, int(rows[solution.worst]), len(state.x)) if len(rows) else "no contact"
-    raise IntegrationError(
+    raise _NotConverged(
         f"contact dynamics does not converge in the step from t={state.t:.6g}: after {state.effort.sweeps} sweeps and "
         f"{state.effort.newton_steps} steps of Newton's method the impulses are off by {solution.residual:.2g} of the "
         f"largest, most of all at {named}; rtol = {system.rtol:g} is asked for: give shorter steps, [method] step, or "
