@@ -119,7 +119,9 @@ def _meeting(system: FluidSystem, name: str, times: Ints) -> tuple[Ints, Array, 
     return elements, points, facet_normals(mesh.at, facets)
 
 
-def measured(system: FluidSystem, measures: Measures, equations: FlowEquations, x: Array, residual: Array) -> Array:
+def measured(
+    system: FluidSystem, measures: Measures, equations: FlowEquations, x: Array, residual: Array, least: float = 0.0
+) -> Array:
     """What is told of a solution, in the order of ``Measures.columns``.
 
     Parameters
@@ -129,6 +131,8 @@ def measured(system: FluidSystem, measures: Measures, equations: FlowEquations, 
     equations : FlowEquations
         Those that it solves.
     x, residual : array, shape (unknowns,)
+    least : float
+        Size of velocities below which they do not matter: imbalances are relative to at least what these make.
 
     Returns
     -------
@@ -173,10 +177,12 @@ def measured(system: FluidSystem, measures: Measures, equations: FlowEquations, 
     # forces of walls may add up to little, and what is added over all rows to nothing: it is rounding of these sizes
     added = equations.without("past").of_elements(x)[:v] - still
     sizes = sum(float(np.abs(one).sum()) for one in (rate, added, force, passive))
+    slow = density * equations.numbers["rate"] * least * float(measures.sizes.sum())
+    through = least * sum(float(np.abs(normals).sum()) for _, normals in measures.through.values())
     imbalances = [
-        _ratio(sum(mixed), sum(map(abs, mixed))),
-        _ratio(np.abs(total).max(), sizes),
-        _ratio(powers[0] + powers[1] - powers[2] - powers[3] - powers[4], sum(map(abs, powers))),
+        _ratio(sum(mixed), sum(map(abs, mixed)) + through),
+        _ratio(np.abs(total).max(), sizes + slow),
+        _ratio(powers[0] + powers[1] - powers[2] - powers[3] - powers[4], sum(map(abs, powers)) + slow * least),
     ]
     return np.concatenate([*forces, fluxes, *momentum, powers, [kinetic], imbalances])
 

@@ -7,10 +7,10 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from softdyn.fluid.fluid_result import HISTORY, FlowFrame, FluidResult, frame_of
 from softdyn.fluid.fluid_scene import FluidScene
 from softdyn.fluid.krylov import LARGE, is_there
 from softdyn.fluid.linear_solvers import LinearSolver
-from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march
+from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march, restart
 from softdyn.fluid.newton import Solution
 from softdyn.fluid.steady import steady_flow
 from softdyn.fluid.time_steps import METHODS
@@ -32,6 +32,9 @@ from softdyn.results.frame_file import FrameFile, begin, go_on, unended
 from softdyn.results.origin import about, origin_now, scene_from
 from softdyn.results.state_file import frames_beside, plain, read_state, remove, write_state
 from softdyn.signals import held_back, terminable
+
+if TYPE_CHECKING:
+    from softdyn.fluid.watched import Watch
 
 Array = NDArray[np.float64]
 #: Seconds between two checkpoints.
@@ -211,9 +214,47 @@ def _carry(run: Run, progress: Progress | None, after: Callable[[], None] | None
         run.state = begun(system, run.solver, x, until, stepping)
         if 0.0 in goals:
             run.frames.append(frame_of(system, 0.0, run.state.xs[0]))
-    for goal in sorted(goals | {until}):
+    watched = _watch(run, until, stepping)
+    seeing: Callable[[FlowState, float], float] | None = None
+    breaks: set[float] = set()
+    if watched is not None:
+        run.solver.least = watched.least
+        stepping = replace(stepping, least=watched.least)
+        seeing, breaks = _seeing(run, watched, stepping), set(watched.ends)
+    for goal in sorted(goals | {until} | breaks):
         if goal > run.state.t:
-            march(system, run.solver, run.state, goal, until, stepping, after_step)
+            march(system, run.solver, run.state, goal, until, stepping, after_step, seeing)
+        if goal in breaks and goal == run.state.t:
+            restart(run.state)
+
+
+def _watch(run: Run, until: float, stepping: Stepping) -> Watch | None:
+    """Watch of all that is given as a function of time; None where there is nothing."""
+    if not run.system.of_time:
+        return None
+    from softdyn.fluid.watched import watch
+
+    watched = watch(run.system, until, stepping.rtol)
+    for name in watched.doubtful:
+        run.system.warnings.setdefault(f"{name} has kinks or jumps too many, or too close, to be told", 0.0)
+    return watched
+
+
+def _seeing(run: Run, watched: Watch, stepping: Stepping) -> Callable[[FlowState, float], float]:
+    """What shortens steps until they see all of it; where their length is given, it warns."""
+
+    def seeing(state: FlowState, dt: float) -> float:
+        if stepping.dt is None:
+            dt, missed = watched.length(state, dt)
+        else:
+            error, name = watched.missed(state, dt)
+            missed = name if error > 1 else ""
+        if missed:
+            words = f"{missed} changes too fast for the steps: what it does may be missed"
+            run.system.warnings.setdefault(words, state.t)
+        return dt
+
+    return seeing
 
 
 def _stand_alone(run: Run, times: list[float], goals: set[float], done: Callable[[Solution, float, int], None]) -> None:
@@ -237,7 +278,7 @@ def _stand_alone(run: Run, times: list[float], goals: set[float], done: Callable
 def _tell(run: Run, t: float, dt: float, solution: Solution, rate: float, past: Array | None, error: float) -> None:
     """Keep what is told of a step."""
     equations = run.system.equations(t, rate, past)
-    told = measured(run.system, run.measures, equations, solution.x, solution.residual)
+    told = measured(run.system, run.measures, equations, solution.x, solution.residual, run.solver.least)
     run.history.append([t, dt, float(solution.iterations), solution.measure, error, *told.tolist()])
 
 

@@ -96,6 +96,8 @@ class LinearSolver:
         Factorisations, solutions, refinements, and those made with all pivots free.
     worst : float
         Largest linear residual so far.
+    least : float
+        Size of velocities below which they do not matter.
     """
 
     kinds: Indices
@@ -108,6 +110,7 @@ class LinearSolver:
         default_factory=lambda: dict.fromkeys(("factorisations", "solutions", "refinements", "pivoted"), 0)
     )
     worst: float = 0.0
+    least: float = 0.0
 
     def factorise(self, matrix: csc_matrix) -> None:
         """Take the factor of a matrix.
@@ -186,7 +189,7 @@ class LinearSolver:
         """Residual of a solution, relative to the sizes of its terms, and what is left over."""
         assert self.matrix is not None
         remainder = right - self.matrix @ x
-        scales = scales_of(self.sizes, x, right, self.kinds)
+        scales = scales_of(self.sizes, x, right, self.kinds, self.least)
         return float(np.max(np.abs(relative(remainder, scales, self.kinds)), initial=0.0)), remainder
 
 
@@ -228,7 +231,7 @@ class _Nothing:
         return right
 
 
-def scales_of(sizes: Any, x: Array, right: Array, kinds: Indices) -> Array:
+def scales_of(sizes: Any, x: Array, right: Array, kinds: Indices, least: float = 0.0) -> Array:
     """Largest size of the terms of a row, of forces and of fluxes: what a residual is relative to, in any units.
 
     Fluxes are not told from rounding where they are as small as those of the velocities that SILENT of the largest
@@ -242,16 +245,19 @@ def scales_of(sizes: Any, x: Array, right: Array, kinds: Indices) -> Array:
         Unknowns, and what else is in the rows.
     kinds : array of int, shape (unknowns,)
         0 of velocities, whose rows are forces; 1 of pressures, whose rows are fluxes.
+    least : float
+        Size of velocities below which they count as such.
 
     Returns
     -------
     array, shape (2,)
     """
     forces = kinds == 0
-    largest = float(np.max((sizes @ np.abs(x) + np.abs(right))[forces], initial=0.0))
+    size = np.maximum(np.abs(x), np.where(forces, least, 0.0))
+    largest = float(np.max((sizes @ size + np.abs(right))[forces], initial=0.0))
     diagonal = sizes.diagonal()
     silent = np.divide(SILENT * largest, diagonal, out=np.zeros_like(diagonal), where=forces & (diagonal > 0))
-    return np.array([largest, np.max((sizes @ np.maximum(np.abs(x), silent))[~forces], initial=0.0)])
+    return np.array([largest, np.max((sizes @ np.maximum(size, silent))[~forces], initial=0.0)])
 
 
 def relative(residual: Array, scales: Array, kinds: Indices) -> Array:

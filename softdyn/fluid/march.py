@@ -61,11 +61,14 @@ class Stepping:
         Error of the velocities that is allowed in a step, relative to the largest.
     dt : float, optional
         Length of all steps, which then follows from no error.
+    least : float
+        Size of velocities below which they do not matter: a fluid at rest may start as slowly as it likes.
     """
 
     order: int
     rtol: float
     dt: float | None = None
+    least: float = 0.0
 
 
 @dataclass
@@ -150,8 +153,22 @@ def march(
     until: float,
     stepping: Stepping,
     after_step: Callable[[FlowStep], None],
+    seeing: Callable[[FlowState, float], float] | None = None,
 ) -> None:
     """Step on until the goal, an output time.
+
+    Parameters
+    ----------
+    flow : MovingFlow
+    solver : LinearSolver
+    state : FlowState
+        Changed in place.
+    goal, until : float
+        Where to end here, and where the run ends.
+    stepping : Stepping
+    after_step : function of a FlowStep
+    seeing : function of the state and a length, optional
+        Length of a step, at most the given one, that sees all that is given as a function of time.
 
     Raises
     ------
@@ -159,7 +176,8 @@ def march(
         If no step is short enough: naming the time and the cause. The state is the last good one.
     """
     while state.t < goal:
-        dt, when = length_to(state.t, state.dt, goal)
+        wanted = state.dt if seeing is None else seeing(state, min(state.dt, goal - state.t))
+        dt, when = length_to(state.t, wanted, goal)
         first = len(state.times) == 1 and stepping.dt is None
         try:
             steps = (_halves if first else _whole)(flow, solver, state, dt, when, stepping)
@@ -182,6 +200,11 @@ def march(
             state.largest = max(state.largest, _size(step.solution.x, flow.unknowns))
             state.counts["steps"] += 1
             after_step(step)
+
+
+def restart(state: FlowState) -> None:
+    """Go on behind a kink or a jump of what is given: the states before it tell no derivative behind it."""
+    state.times, state.xs = state.times[:1], state.xs[:1]
 
 
 def _shorten(state: FlowState, dt: float, new: float, until: float, cause: str, stepping: Stepping) -> None:
@@ -213,7 +236,7 @@ def _halves(
     state.scales, state.rate, state.size = start.scales, start.rate, start.size
     velocities = flow.unknowns.kinds == 0
     wrong = (end.solution.x - whole.solution.x)[velocities]
-    error = relative_error(wrong, end.solution.x[velocities], state.largest)
+    error = relative_error(wrong, end.solution.x[velocities], max(state.largest, stepping.least))
     return [half, replace(end, error=error / stepping.rtol)]
 
 
@@ -228,7 +251,7 @@ def _whole(
     velocities = flow.unknowns.kinds == 0
     u = step.solution.x[velocities]
     wrong = u - predicted(state.times[: order + 1], [x[velocities] for x in state.xs[: order + 1]], step.t)
-    error = error_share(state.times, step.t, order) * relative_error(wrong, u, state.largest)
+    error = error_share(state.times, step.t, order) * relative_error(wrong, u, max(state.largest, stepping.least))
     return [replace(step, error=error / stepping.rtol)]
 
 

@@ -112,7 +112,7 @@ def solve(
     last = np.inf
     for iteration in range(MOST_ITERATIONS + 1):
         if matrix is not None:
-            scales = scales_of(abs(matrix), x, residual, unknowns.kinds)
+            scales = scales_of(abs(matrix), x, residual, unknowns.kinds, solver.least)
         assert scales is not None
         free = unknowns.free_of(residual)
         measure = _largest(free, scales, unknowns.free_kinds)
@@ -129,7 +129,7 @@ def solve(
                 x, residual = found
                 continue
             residual, matrix = equations.linearised(x)
-            scales = scales_of(abs(matrix), x, residual, unknowns.kinds)
+            scales = scales_of(abs(matrix), x, residual, unknowns.kinds, solver.least)
         solver.factorise(unknowns.free_matrix(matrix))
         step = -(unknowns.basis @ solver.solve(unknowns.free_of(residual)))
         better = _searched(equations, unknowns, x, step, free, scales)

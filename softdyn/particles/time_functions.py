@@ -9,15 +9,15 @@ expressions: by Gauss's rule on pieces that are halved until a bound of what the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.enclosure import RADII, intervals, models, unseen
+from softdyn.enclosure import RADII, enclose, intervals, models, unseen
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.expression import Expression, derivative, evaluate, parse, pieces, values
 from softdyn.particles.method import NODES
@@ -34,14 +34,32 @@ ROUNDING, LEAST = 1e-16, 1e-19
 MOST_PIECES = 2**18
 
 _GAUSS = np.polynomial.legendre.leggauss(POINTS)
-_theta = np.linspace(0.0, 1.0, 20_001)
-_BASES = [np.prod([(_theta - NODES[j]) / (NODES[k] - NODES[j]) for j in range(3) if j != k], axis=0) for k in range(3)]
-#: Mean over a step of the sum of the sizes of the parabolas that are 1 at a stage and 0 at the others.
-_LEBESGUE = float(np.mean(np.sum(np.abs(_BASES), axis=0)))
+#: The stages of a step of many particles, from -1 to 1.
+_STAGES = tuple((2 * NODES - 1).tolist())
 
-#: The same of what the parabola misses of x^3, x from -1 to 1 over the step.
-_X = 2 * _theta - 1
-_CUBIC = float(np.mean(np.abs(_X**3 - np.sum([(2 * NODES[k] - 1) ** 3 * _BASES[k] for k in range(3)], axis=0))))
+
+@lru_cache(maxsize=64)
+def _misses(nodes: tuple[float, ...], start: float) -> tuple[float, float]:
+    """What a parabola through three values misses, in means over a step.
+
+    Parameters
+    ----------
+    nodes : tuple of float
+        The three places at which values are known, in units in which these reach from -1 to 1.
+    start : float
+        Of the step, which ends at 1.
+
+    Returns
+    -------
+    lowest : float
+        Of x^3.
+    lebesgue : float
+        The sum of the sizes of the polynomials that are 1 at a node and 0 at the others.
+    """
+    x = np.linspace(start, 1.0, 2001)
+    bases = [np.prod([(x - nodes[j]) / (nodes[k] - nodes[j]) for j in range(3) if j != k], axis=0) for k in range(3)]
+    missed = x**3 - sum(nodes[k] ** 3 * bases[k] for k in range(3))
+    return float(np.mean(np.abs(missed))), float(np.mean(np.sum(np.abs(bases), axis=0)))
 
 
 @dataclass(frozen=True)
@@ -118,23 +136,47 @@ class TimeFunction:
         part = np.array([self._part(float(starts[k]), "right")])
         return float(sums[k] + self._gauss(starts[k : k + 1], np.array([t]), part)[0][0])
 
-    def missed(self, t: float, dt: float) -> float:
-        """Bound of the integral of |f - p| over a step without breaks, p the parabola through its values at the stages.
+    def missed(self, t: float, dt: float, seen: Sequence[float] | None = None) -> float:
+        """Bound of the integral of |f - p| over a step without breaks, p the parabola through values that it knows.
 
-        inf where there is no bound.
+        Parameters
+        ----------
+        t, dt : float
+            Start and length of the step.
+        seen : sequence of float, optional
+            Times of three of these values, the last the end of the step, the first not behind its start, and no break
+            in between. Those of the stages of a step of many particles, by default.
+
+        Returns
+        -------
+        float
+            inf where there is no bound.
         """
         if self.expression is None:
             return 0.0
         # a step that ends at a break is before it; the ends of steps are rounded
         part = self.parts[self._part(t + dt / 2, "right")]
-        best, ends = math.inf, (np.array([t]), np.array([t + dt]))
+        first = t if seen is None else seen[0]
+        half = (t + dt - first) / 2
+        nodes = _STAGES if seen is None else tuple((when - first) / half - 1 for when in seen)
+        lowest, lebesgue = _misses(nodes, (t - first) / half - 1)
+        best, ends = math.inf, (np.array([first]), np.array([t + dt]))
         for radius in RADII:
-            # in the disc the coefficient of x^k is at most the bound over the radius to k
-            higher = (1 + _LEBESGUE) * radius**-4.0 / (1 - 1 / radius)
             found = models(part.shape, part.constants, *ends, radius, radius**-3.0, 0.0)[0]
-            bound = (_CUBIC * radius**-3.0 + higher) * found[3] + (1 + _LEBESGUE) * found[4]
+            # in the disc the coefficient of x^k is at most the bound over the radius to k
+            higher = (1 + lebesgue) * radius**-4.0 / (1 - 1 / radius)
+            bound = (lowest * radius**-3.0 + higher) * found[3] + (1 + lebesgue) * found[4]
             best = min(best, bound) if not math.isnan(bound) else best
         return dt * float(best)
+
+    def largest(self, start: float, end: float) -> float:
+        """Bound of the size of an expression between two times without a break in between; inf where there is none."""
+        if self.expression is None:
+            return abs(self.number)
+        part = self.parts[self._part(start + (end - start) / 2, "right")]
+        least, most = enclose((part.shape, part.constants), start, end)
+        found = max(abs(float(least)), abs(float(most)))
+        return math.inf if math.isnan(found) else found
 
     def _part(self, t: float, side: str) -> int:
         """Number of the part that holds before or behind a time."""
