@@ -629,3 +629,12 @@ def test_a_force_without_a_bound_is_told_of() -> None:
     (warning,) = result.stats["warnings"]
     assert warning.startswith("[[push]] 0: force along x changes too fast to be bounded near t=371.23, however short")
     assert np.abs(result.x[:, 0, 0] - result.t / T).max() < 10 * RTOL
+
+
+@given(decades=st.floats(0, 12), place=st.floats(0.1, 0.9))
+def test_the_integral_of_a_pulse_of_any_width_is_exact(decades: float, place: float) -> None:
+    """Also where the argument of the exponential is so large that sums of its terms have no digit left."""
+    width = 0.03 * 10.0**-decades
+    function = time_function("1 + h*exp(-((t - p)/w)**2)", "f", {"h": 1 / width, "p": place, "w": width}, 1.0)
+    wrong = 4 * np.finfo(float).eps / width  # times are rounded
+    assert function.integral(1.0) == pytest.approx(1 + math.sqrt(math.pi), rel=1e-12 + wrong)

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.errors import SceneError
 from softdyn.fluid.fields import AXES, FieldFunction
 from softdyn.fluid.flow_system import FluidSystem
 from softdyn.fluid.march import SHORTEST, FlowState
@@ -130,13 +131,13 @@ class Watch:
 
     def _scale(self, kind: str, function: TimeFunction, state: FlowState, dt: float) -> float:
         """Size of what is given that is an error of all of the velocity."""
+        velocity = max(state.largest, self.least)
+        if kind == FORCE:
+            return self.density * velocity / dt
+        if kind == PRESSURE:
+            return self.density * velocity * self.size / dt
         largest = function.largest(state.t, state.t + dt)
-        if kind == VELOCITY:
-            return max(state.largest, self.least, largest)
-        if kind == OTHER:
-            return largest
-        inertia = self.density * (self.size if kind == PRESSURE else 1.0) / dt
-        return max(max(state.largest, self.least) * inertia, largest)
+        return max(velocity, largest) if kind == VELOCITY else largest
 
 
 def watch(system: FluidSystem, until: float, rtol: float) -> Watch:
@@ -161,17 +162,26 @@ def watch(system: FluidSystem, until: float, rtol: float) -> Watch:
     breaks = np.unique(np.concatenate([np.empty(0), *(one.breaks for each in watched for one in each.functions)]))
     at, density = system.mesh.at, float(system.scene.density)
     size = float((at.max(axis=0) - at.min(axis=0)).max())
-    parts = list(itertools.pairwise([0.0, *breaks[breaks < until].tolist(), until]))
-    reached = [0.0]
-    for each in watched:
-        largest = max(function.largest(*part) for function in each.functions for part in parts)
-        if each.kind == VELOCITY:
-            reached.append(largest)
-        elif each.kind != OTHER:
-            force = largest / size if each.kind == PRESSURE else largest
-            reached.append(force * min(until / density, size**2 / float(system.scene.viscosity)))
+    reached = [0.0, *(_reached(each, breaks, system, until, size) for each in watched)]
     least = NEGLIGIBLE * max(each for each in reached if math.isfinite(each))
     return Watch(watched, breaks, until, rtol, density, size, least)
+
+
+def _reached(watched: Watched, breaks: Array, system: FluidSystem, until: float, size: float) -> float:
+    """Bound of the velocities that the fluid may have by what is given: of all that acts, or of what viscosity lets."""
+    if watched.kind == OTHER:
+        return 0.0
+    parts = list(itertools.pairwise([0.0, *breaks[breaks < until].tolist(), until]))
+    largest = max(function.largest(*part) for function in watched.functions for part in parts)
+    if watched.kind == VELOCITY:
+        return largest
+    try:
+        impulse = max(function.size() for function in watched.functions)
+    except SceneError:  # no integral is found
+        impulse = largest * until
+    over = size if watched.kind == PRESSURE else 1.0
+    density, viscosity = float(system.scene.density), float(system.scene.viscosity)
+    return min(impulse / density, largest * size**2 / viscosity) / over
 
 
 def _given(system: FluidSystem) -> Iterator[tuple[str, FieldFunction, Array]]:

@@ -131,7 +131,7 @@ class TimeFunction:
             return _area(self.table, self._cumulative, t)
         if self.expression is None:
             return self.number * t
-        starts, sums = self._pieces
+        starts, sums, _ = self._pieces
         k = max(0, int(np.searchsorted(starts, t, side="right")) - 1)
         part = np.array([self._part(float(starts[k]), "right")])
         return float(sums[k] + self._gauss(starts[k : k + 1], np.array([t]), part)[0][0])
@@ -168,6 +168,16 @@ class TimeFunction:
             bound = (lowest * radius**-3.0 + higher) * found[3] + (1 + lebesgue) * found[4]
             best = min(best, bound) if not math.isnan(bound) else best
         return dt * float(best)
+
+    def size(self) -> float:
+        """Integral of the size of an expression over the run.
+
+        Raises
+        ------
+        SceneError
+            If it changes too often, or is singular somewhere.
+        """
+        return abs(self.number) * self.end if self.expression is None else self._pieces[2]
 
     def largest(self, start: float, end: float) -> float:
         """Bound of the size of an expression between two times without a break in between; inf where there is none."""
@@ -220,8 +230,8 @@ class TimeFunction:
         return found
 
     @cached_property
-    def _pieces(self) -> tuple[Array, Array]:
-        """Starts of the pieces of an expression, and the integral from 0 to each."""
+    def _pieces(self) -> tuple[Array, Array, float]:
+        """Starts of the pieces of an expression, the integral from 0 to each, and that of the size over the run."""
         ends = np.concatenate([[0.0], self.breaks, [self.end]])
         a, b, part = ends[:-1], ends[1:], np.arange(len(ends) - 1)
         total, size, wrong = *self._gauss(a, b, part), self._bounds(a, b, part)
@@ -243,7 +253,7 @@ class TimeFunction:
             at = float(a[~np.isfinite(wrong)][0])
             raise SceneError(f"{self.name} = {self._text!r} has no bound near t={at:.6g}: is it singular there?")
         order = np.argsort(a)
-        return a[order], _sums(total[order])[:-1]
+        return a[order], _sums(total[order])[:-1], float(size.sum())
 
 
 _OFTEN = (
