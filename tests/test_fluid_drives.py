@@ -138,6 +138,7 @@ def test_steps_of_a_given_length_that_see_all_are_silent() -> None:
     assert driven("1 + t**2", dt=0.05).stats["warnings"] == []
 
 
+@settings(deadline=None)
 @given(
     a=st.floats(-3, 3),
     b=st.floats(0.1, 30),

@@ -631,6 +631,7 @@ def test_a_force_without_a_bound_is_told_of() -> None:
     assert np.abs(result.x[:, 0, 0] - result.t / T).max() < 10 * RTOL
 
 
+@settings(deadline=None)
 @given(decades=st.floats(0, 12), place=st.floats(0.3, 0.7))
 def test_the_integral_of_a_pulse_of_any_width_is_exact(decades: float, place: float) -> None:
     """Also where the argument of the exponential is so large that sums of its terms have no digit left."""
