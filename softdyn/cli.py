@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import softdyn
 from softdyn.citation import citation
+from softdyn.completion import complete
 from softdyn.endings import STATUSES, ended
 from softdyn.errors import SceneError, SoftdynError
 from softdyn.fitting.fit_command import add_fit
@@ -122,7 +123,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = argparse.Namespace()
 
     def run() -> int:
-        _parser().parse_args(given, options)
+        parser = _parser()
+        complete(parser)
+        parser.parse_args(given, options)
         command: Command = options.command
         return command(options)
 
