@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
+from softdyn.errors import SceneError
 from softdyn.mathtext import literal
+from softdyn.words import suggestion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +29,26 @@ SMALLEST = 1e-15
 FEW = 200
 
 
-def plot_pair(result: PairResult) -> Figure:
+#: Widths of figures, in inches: of a column of a journal, and of a page.
+WIDTHS = {"column": 3.4, "page": 7.0}
+#: Panels that can be asked for: of the arrays over time, and of the local exponents.
+LINES = {
+    "h": ("gap $h$", {"h": ("$h$", BLUE)}),
+    "delta": (r"deflection $\delta$", {"delta": (r"$\delta$", ORANGE)}),
+    "X": ("distance of centres $X$", {"X": ("$X$", GREEN)}),
+    "F": ("force $F$", {"F": ("$F$", PURPLE)}),
+}
+EXPONENTS = {"lambda1": (r"$\lambda_1$", ORANGE), "lambda2": (r"$\lambda_2$", BLUE)}
+PANELS = (*LINES, "exponents")
+
+
+def plot_pair(
+    result: PairResult,
+    *,
+    width: str | float = "page",
+    panels: Sequence[str] | None = None,
+    ax: Axes | None = None,
+) -> Figure:
     """Draw a run of two particles.
 
     Gap and deflection against time; distance of the centres X and force F, where the result has them; the local
@@ -35,46 +58,92 @@ def plot_pair(result: PairResult) -> Figure:
     Parameters
     ----------
     result : PairResult
+    width : "column", "page" or number
+        Of the figure; a number is in inches.
+    panels : sequence of str, optional
+        Which panels, in their order: of "h", "delta", "X", "F" and "exponents"; all that there are without it, gap and
+        deflection in one where they compare.
+    ax : matplotlib Axes, optional
+        Where to draw a single panel, in a figure of one's own.
 
     Returns
     -------
     matplotlib.figure.Figure
         It belongs to no window; ``figure.savefig(path)`` writes it, and a notebook shows it.
+
+    Raises
+    ------
+    SceneError
+        If a panel is unknown, or if the result lacks what it shows.
     """
-    gap, deflection = {"h": ("$h$", BLUE)}, {"delta": (r"$\delta$", ORANGE)}
-    # the two compare on one axis, unless only one of them can be logarithmic
-    together = bool(np.all(result.delta > 0))
-    series = (
-        {r"gap $h$, deflection $\delta$": {**gap, **deflection}}
-        if together
-        else {"gap $h$": gap, r"deflection $\delta$": deflection}
+    drawn = _default_panels(result) if panels is None else [_panel(result, name) for name in panels]
+    inches = WIDTHS.get(width) if isinstance(width, str) else float(width)
+    if inches is None or not inches > 0:
+        raise SceneError(f"width must be one of {', '.join(WIDTHS)}, or a number of inches, not {width!r}")
+    if ax is not None:
+        if len(drawn) != 1:
+            raise SceneError(f"ax takes a single panel, as panels=['h'], and here there are {len(drawn)}")
+        _draw_panel(ax, result, *drawn[0])
+        whole = ax.get_figure(root=True)
+        assert whole is not None
+        return whole
+    narrow = inches < 5
+    figure = Figure(
+        figsize=(inches, 0.6 + 0.6 * (not narrow) + min(2.2, 0.62 * inches) * len(drawn)), layout="constrained"
     )
-    series |= {"distance of centres $X$": {"X": ("$X$", GREEN)}, "force $F$": {"F": ("$F$", PURPLE)}}
-    against_time = {label: lines for label, lines in series.items() if set(lines) <= set(result.arrays)}
-    exponents = {
-        name: style
-        for name, style in {"lambda1": (r"$\lambda_1$", ORANGE), "lambda2": (r"$\lambda_2$", BLUE)}.items()
-        if name in result.arrays
-    }
-    panels = len(against_time) + bool(exponents)
-    figure = Figure(figsize=(7, 1.2 + 2.2 * panels), layout="constrained")
-    figure.suptitle(_title(result), fontsize="medium")
-    grid = figure.add_gridspec(panels, 1)
+    if not narrow:  # else the caption says it
+        figure.suptitle(_title(result), fontsize="medium")
+    grid = figure.add_gridspec(max(1, len(drawn)), 1)
+    over_time = [k for k, (_, _, over) in enumerate(drawn) if over == "t"]
     first: Axes | None = None
-    for i, (label, lines) in enumerate(against_time.items()):
-        axes = figure.add_subplot(grid[i], sharex=first)
-        draw_lines(axes, result, "t", lines)
-        axes.set_ylabel(label)
-        if i < len(against_time) - 1:
-            axes.tick_params(labelbottom=False)
-        else:
-            axes.set_xlabel("time $t$")
-        first = first or axes
-    if exponents:
-        axes = figure.add_subplot(grid[-1])
-        draw_lines(axes, result, "h/R", exponents)
-        axes.set(xlabel="$h/R$", ylabel="local exponents")
+    for k, panel in enumerate(drawn):
+        axes = figure.add_subplot(grid[k], sharex=first if panel[2] == "t" else None)
+        _draw_panel(axes, result, *panel)
+        if panel[2] == "t":
+            first = first or axes
+            if k != over_time[-1]:
+                axes.tick_params(labelbottom=False)
+                axes.set_xlabel("")
     return figure
+
+
+#: A panel: its label, its lines, and what these are drawn over.
+Panel = tuple[str, dict[str, tuple[str, str]], str]
+
+
+def _default_panels(result: PairResult) -> list[Panel]:
+    """All that the result has."""
+    # gap and deflection compare on one axis, unless only one of them can be logarithmic
+    together = bool(np.all(result.delta > 0))
+    both = {**LINES["h"][1], **LINES["delta"][1]}
+    drawn: list[Panel] = [(r"gap $h$, deflection $\delta$", both, "t")] if together else []
+    rest = ("X", "F") if together else tuple(LINES)
+    drawn += [(*LINES[name], "t") for name in rest if set(LINES[name][1]) <= set(result.arrays)]
+    exponents = {name: style for name, style in EXPONENTS.items() if name in result.arrays}
+    return [*drawn, *([("local exponents", exponents, "h/R")] if exponents else [])]
+
+
+def _panel(result: PairResult, name: str) -> Panel:
+    """A panel by its name."""
+    if name not in PANELS:
+        raise SceneError(f"unknown panel {name!r}{suggestion(name, PANELS)}")
+    label, lines, over = ("local exponents", EXPONENTS, "h/R") if name == "exponents" else (*LINES[name], "t")
+    held = {key: style for key, style in lines.items() if key in result.arrays}
+    if not held:
+        raise SceneError(f"panel {name!r}: the result has no {' or '.join(lines)}; ask for it: [output] quantities")
+    return label, held, over
+
+
+def _draw_panel(axes: Axes, result: PairResult, label: str, lines: dict[str, tuple[str, str]], over: str) -> None:
+    draw_lines(axes, result, over, lines)
+    axes.set_ylabel(label)
+    axes.set_xlabel("time $t$" if over == "t" else "$h/R$")
+    for axis, scale in ((axes.xaxis, axes.get_xscale()), (axes.yaxis, axes.get_yscale())):
+        if scale == "linear":
+            # 1.02 x 10^-4, once, in the place of 0.0001020 at each tick
+            formatter = ScalarFormatter(useMathText=True)
+            formatter.set_powerlimits((-2, 4))
+            axis.set_major_formatter(formatter)
 
 
 def _title(result: PairResult) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -18,6 +18,7 @@ from softdyn.results.result import Result, dataset, table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
@@ -123,11 +124,17 @@ class PairResult(Result):
                 np.savetxt(temporary, columns, delimiter=",", header=",".join(self.arrays), comments="", fmt="%.17g")
         return path
 
-    def plot(self) -> Figure:
-        """Draw the gap and the deflection against time, and the local exponents against the gap."""
+    def plot(
+        self, *, width: str | float = "page", panels: Sequence[str] | None = None, ax: Axes | None = None
+    ) -> Figure:
+        """Draw the gap and the deflection against time, and the local exponents against the gap.
+
+        ``width`` is "column", "page" or inches; ``panels`` are some of "h", "delta", "X", "F" and "exponents"; ``ax``
+        takes a single one: see :func:`softdyn.pair.pair_plots.plot_pair`.
+        """
         from softdyn.pair.pair_plots import plot_pair
 
-        return plot_pair(self)
+        return plot_pair(self, width=width, panels=panels, ax=ax)
 
     def to_xarray(self) -> Dataset:
         """Everything over time as an xarray.Dataset; needs ``pip install 'softdyn[data]'``."""
