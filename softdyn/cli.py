@@ -245,8 +245,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SCENE",
         type=Path,
         help="a .toml file, with [pair] for two particles, [particles], [packing] or [chains] for many, [fluid] for a "
-        "fluid; or a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, chains, "
-        "platelets, colloids, of a fluid cavity, channel, cylinder, cylinder_shedding, bed, darcy",
+        "fluid; or a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, bubbles, "
+        "chains, platelets, colloids, of a fluid cavity, channel, cylinder, cylinder_shedding, bed, darcy",
     )
     run.add_argument(
         "-o",
@@ -357,10 +357,16 @@ def _parser() -> argparse.ArgumentParser:
     )
 
     reproduce = add(
-        "reproduce", _reproduce, "draw the papers' figures from runs: 3 and 4 of part 1; the duration of T1 processes"
+        "reproduce",
+        _reproduce,
+        "draw the papers' figures from runs: 3 and 4 of part 1; the duration of T1 processes; three models",
     )
     reproduce.add_argument(
-        "what", nargs="?", choices=("pair", "t1"), default="pair", help="part 1, or the T1 (default: %(default)s)"
+        "what",
+        nargs="?",
+        choices=("pair", "t1", "models"),
+        default="pair",
+        help="part 1; the T1; or one packing sheared as dry grains, bubbles and soft spheres (default: %(default)s)",
     )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
@@ -1023,6 +1029,10 @@ def _reproduce(options: argparse.Namespace) -> int:
         from softdyn.particles.t1 import reproduce_t1
 
         return reproduce_t1(options.folder, options.target)
+    if options.what == "models":
+        from softdyn.particles.three_models import reproduce_models
+
+        return reproduce_models(options.folder)
     from softdyn.study.reproduce import reproduce
 
     return reproduce(options.folder, target=options.target)

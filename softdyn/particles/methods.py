@@ -75,7 +75,9 @@ def _cheapest(facts: ValidatedScene) -> str:
         return "brownian"
     if scene.law is None:
         return "contact_dynamics" if scene.inertia is not None else "implicit"
-    return "explicit" if scene.inertia is not None and _is_dry(scene.law) else "implicit"
+    # explicit steps know no remote force
+    dry = scene.inertia is not None and _is_dry(scene.law) and law_of(scene.law).F_adh == 0
+    return "explicit" if dry else "implicit"
 
 
 def _brownian_faults(facts: ValidatedScene, name: str) -> list[str]:
