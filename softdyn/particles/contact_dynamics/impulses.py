@@ -57,7 +57,7 @@ STALLED = 0.8
 #: Change of the impulses that is none.
 ROUNDING = 1e-12
 #: Velocity at which contacts that must not close may do so, over the largest that there is.
-CLOSING = 0.02
+CLOSING = 0.2
 
 
 @dataclass(frozen=True)
@@ -324,8 +324,8 @@ def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, eff
         state.error = 0.0
     else:
         moved, whole = float(np.abs(state.v - before).max()), float(np.abs(state.v - problem.v).max())
-        # from the warm start on, the first sweeps have no half that could be compared
-        state.error = max(moved / whole if whole else math.inf, state.damping * float(changed / largest))
+        last = state.damping * float(changed / largest) if largest else math.inf
+        state.error = max(moved / whole if whole else math.inf, last)
     state.done += done
 
 

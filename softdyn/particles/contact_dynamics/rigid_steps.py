@@ -269,7 +269,8 @@ def _require_converged(
         f"contact dynamics does not converge in the step from t={state.t:.6g}: after {state.effort.sweeps} sweeps and "
         f"{state.effort.newton_steps} steps of Newton's method the impulses are off by {solution.residual:.2g} of the "
         f"largest, most of all at {named}; rtol = {system.rtol:g} is asked for: give shorter steps, [method] step, or "
-        "a larger [accuracy] rtol"
+        "a larger [accuracy] rtol; or nothing can keep the grains apart, as where they are driven together, or jam in "
+        "a box of a constant volume"
     )
 
 
