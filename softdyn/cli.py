@@ -323,7 +323,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument(
         "what",
         nargs="?",
-        choices=("pair", "particles", "fluid"),
+        choices=("pair", "particles", "grains", "fluid"),
         default="pair",
         help="what to measure (default: %(default)s)",
     )
@@ -1005,6 +1005,10 @@ def _bench(options: argparse.Namespace) -> int:
         from softdyn.particles.step_times import bench_particles
 
         return bench_particles(options.folder)
+    if options.what == "grains":
+        from softdyn.bench.grain_bench import bench_grains
+
+        return bench_grains(options.folder)
     if options.what == "fluid":
         from softdyn.bench.fluid_bench import bench_fluid
 
