@@ -64,8 +64,8 @@ def prepare(facts: ValidatedScene) -> GrainSystem:
     kernel = get_grain_kernel(scene.law, scene.target, needs)
     p = uniform_values(facts, kernel)
     made = prepared(facts, facts.mechanisms, kernel.law, kernel.target, kernel.fingerprint)
-    if kernel.damped:
-        made = replace(made, works=(*made.works, "dashpot"))
+    if kernel.damped and "dashpots" not in made.works:
+        made = replace(made, works=(*made.works, "dashpots"))
     load = np.zeros((len(facts.x), d)) if made.force.base is None else made.force.base[:, :d].copy()
     walls = facts.walls
     assert scene.inertia is not None

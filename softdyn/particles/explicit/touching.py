@@ -228,7 +228,7 @@ def exchanged(system: GrainSystem, state: Grains, contacts: Touching) -> dict[st
     work["gravity"] = float(np.sum(system.load * (by_number(state, state.x) - state.x0)))
     work["kinetic"] = kinetic_energy(system, state) - state.kinetic0
     work["stored"] = normal + tangential - state.stored0
-    work["dashpot"] = dashpot
+    work["dashpots"] = dashpot
     # what went into the springs of friction, and is not in them
     work["friction"] = rubbed - tangential
     return {name: amount for name, amount in work.items() if name in system.works or name == "stored"}
