@@ -10,9 +10,9 @@ Without it a collision at the velocity v lasts 2.8683 (m^2/(R* E*^2 v))^(1/5), w
 R* = R/2 and E* = E/(2 (1 - nu^2)) (Johnson, Contact Mechanics, 1985, sec. 11.4).
 """
 
-from sympy import Interval, Rational, Symbol, sqrt
+from sympy import Interval, Rational, Symbol, oo, sqrt
 
-from softdyn.derive import DIMENSIONLESS, TIME, ContactLaw, E, F, Limit, R, a, delta, eta
+from softdyn.derive import DIMENSIONLESS, TIME, ContactLaw, E, F, Limit, R, Tangential, a, delta, eta
 
 nu = Symbol("nu", real=True)  # Poisson's ratio
 tau = Symbol("tau", positive=True)  # by how much stresses are ahead of strains
@@ -27,6 +27,8 @@ law = ContactLaw(
     F_ela=Rational(4, 3) * modulus * a * delta,
     zeta=0,
     dashpot=tau * modulus * a,
+    # where both surfaces stick: Mindlin's 8 G* a, see hertz_dry
+    tangential=Tangential(sliding=oo, k_t=2 * E * a / ((1 + nu) * (2 - nu))),
     parameters={nu: DIMENSIONLESS, tau: TIME},
     ranges={nu: Interval.Lopen(-1, Rational(1, 2))},
     typical={nu: Rational(1, 2), tau: eta / E},

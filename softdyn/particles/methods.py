@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.particles.loose_particles import is_loose
+from softdyn.particles.mechanisms import rooms_of
 from softdyn.particles.method_names import MODULES
 from softdyn.particles.names import is_number
 from softdyn.words import listed
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
 
 #: Fields of a scene that the implicit method does not know yet.
 NOT_YET = {"friction": "[friction]"}
+
+#: Rooms of mechanisms that explicit steps know; contacts are their own.
+KNOWN_TO_EXPLICIT = (
+    "soft_films", "dry_contacts", "pushes", "gravity", "inertia", "coulomb", "holds", "walls", "shear",
+)  # fmt: skip
 
 
 def method_of(facts: ValidatedScene) -> str:
@@ -78,6 +84,8 @@ def _cheapest(facts: ValidatedScene) -> str:
     # explicit steps know no remote force
     dry = scene.inertia is not None and _is_dry(scene.law) and law_of(scene.law).F_adh == 0
     return "explicit" if dry else "implicit"
+    fast = scene.inertia is not None and _is_dry(scene.law) and not _unknown_to_explicit(facts)
+    return "explicit" if fast else "implicit"
 
 
 def _brownian_faults(facts: ValidatedScene, name: str) -> list[str]:
@@ -110,18 +118,23 @@ def _not_yet(facts: ValidatedScene) -> list[str]:
 
 def _unknown_to_explicit(facts: ValidatedScene) -> list[str]:
     scene = facts.scene
-    given = {
-        "[flow] drag": bool(scene.drag),
-        "[stress]": bool(scene.stress) or scene.stress_viscosity is not None,
-        "[contacts] gap": scene.gap is not None,
-    }
-    return [f"{place} is not known to the explicit method: leave it out" for place, there in given.items() if there]
+    found = [f"[{name}]" if name != "drag" else "[flow] drag" for name in _strangers(facts)]
+    found += ["[contacts] gap"] if scene.gap is not None else []
+    found += ["[contacts] tangential"] if scene.tangential else []
+    found += ["the remote force F_adh of the law"] if _is_dry(scene.law) and law_of(scene.law).F_adh != 0 else []
+    return [f"{what} is not known to the explicit method: leave it out, or take another" for what in found]
+
+
+def _strangers(facts: ValidatedScene) -> list[str]:
+    """Rooms of mechanisms that the scene asks for, and explicit steps do not know."""
+    rooms = [room.__name__.rpartition(".")[2] for room in rooms_of(facts.scene)]
+    return [name for name in rooms if name not in KNOWN_TO_EXPLICIT]
 
 
 def _is_dry(law: Any) -> bool:
     from softdyn.derive.law import is_dry
 
-    return is_dry(law_of(law))
+    return law is not None and is_dry(law_of(law))
 
 
 def _is_there(module: str) -> bool:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.expression import values as expression_values
+
 if TYPE_CHECKING:
     from softdyn.particles.driven import Term
     from softdyn.particles.system import PreparedScene
@@ -110,6 +112,9 @@ def given_over(system: PreparedScene, groups: Groups, times: Array, tilts: Array
 def _values(function: TimeFunction, times: Array) -> Array:
     if function.constant:
         return np.full(len(times), function.number)
+    if function.expression is not None and len(times) > 2:  # no stretch has a jump within
+        inner = expression_values(function.expression.shape, times[1:-1], function.expression.constants)
+        return np.array([function.after(float(times[0])), *inner, function(float(times[-1]))])
     return np.array([function.after(float(times[0])), *(function(float(t)) for t in times[1:])])
 
 
