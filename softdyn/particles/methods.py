@@ -81,9 +81,6 @@ def _cheapest(facts: ValidatedScene) -> str:
         return "brownian"
     if scene.law is None:
         return "contact_dynamics" if scene.inertia is not None else "implicit"
-    # explicit steps know no remote force
-    dry = scene.inertia is not None and _is_dry(scene.law) and law_of(scene.law).F_adh == 0
-    return "explicit" if dry else "implicit"
     fast = scene.inertia is not None and _is_dry(scene.law) and not _unknown_to_explicit(facts)
     return "explicit" if fast else "implicit"
 
