@@ -14,6 +14,7 @@ from scipy.special import lambertw
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles.chains import Chains, chain_pairs, placed_chains
 from softdyn.particles.files import read_particle_scene
+from softdyn.particles.free_plots import bonds_at
 from softdyn.particles.mechanisms.bonds import Bond
 from softdyn.particles.mechanisms.potentials import PairPotential
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
@@ -293,3 +294,33 @@ def test_a_bond_that_is_torn_beyond_its_length_ends_the_run_by_name() -> None:
     with pytest.raises(IntegrationError, match=r"particles 0 and 1, at r=.*beyond the distances") as told:
         simulate_particles(scene)
     assert told.value.partial.step_t[-1] == pytest.approx(0.9, abs=1e-3)
+
+
+def test_a_picture_of_bonds_shows_those_that_hold(tmp_path: Path) -> None:
+    """Across the faces of the box, too."""
+    chains = Chains(count=2, beads=5, radius=1.0, spacing=2.1, box=[16.0, 16.0], seed=2)
+    bond = Bond("chains", "hooke", {"k": 1.0, "d": 2.0}, breaks_at_length=2.11)
+    result = simulate_particles(
+        ParticleScene(
+            parameters={"eta": 1.0}, chains=chains, bond=[bond], drag=1.0, shear_rate=1.0, until_t=0.3, times=4
+        )
+    )
+    assert 0 < result.stats["bonds_broken"] < 8
+    i, j, along, tension = bonds_at(result, -1)
+    assert len(i) == len(j) == 8 - result.stats["bonds_broken"]
+    np.testing.assert_allclose(np.linalg.norm(along, axis=1) - 2.0, tension, rtol=1e-9)
+    picture = tmp_path / "chains.png"
+    result.plot().savefig(picture)
+    assert picture.stat().st_size > 10_000
+
+
+def test_beside_a_dry_contact_a_potential_has_a_share_of_its_own_in_the_balance() -> None:
+    """Drawn into touch by a well: what is stored is that of both, and drag takes the rest."""
+    result = simulate_particles(
+        pair(2.2, law="hertz_dry", parameters={"eta": 1 / (6 * math.pi), "E": 2.0, "nu": 0.5}, until_t=2.0, rtol=1e-6,
+             potential=[PairPotential("morse", {"De": 1.0, "b": 2.0, "d": 1.8}, cut_off=4.0)])
+    )  # fmt: skip
+    assert 1.8 < distance(result) < 2.0
+    assert result.contact_F[-1] > 0
+    assert abs(result.energy["imbalance"]) < 1e-5
+    assert result.energy["drag"] == pytest.approx(-result.energy["stored"], rel=1e-5)

@@ -16,6 +16,7 @@ from scipy.integrate import quad
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.particles.brownian.brownian_run import drawn, step_of
+from softdyn.particles.free_plots import pair_distribution
 from softdyn.particles.mechanisms.bonds import Bond
 from softdyn.particles.mechanisms.noise import Noise
 from softdyn.particles.mechanisms.potentials import PairPotential
@@ -227,3 +228,17 @@ def test_steps_above_the_limit_of_stability_end_the_run_by_name(tmp_path: Path) 
         simulate_particles(scene, None, file)
     assert told.value.partial is not None
     assert file.exists()
+
+
+def test_spheres_that_do_not_meet_have_no_order_and_a_picture_shows_it(tmp_path: Path) -> None:
+    """g(r) = 1: pairs at each distance as many as chance has, to two errors in all together."""
+    x = np.random.default_rng(1).uniform(0, 40.0, (1500, 2))
+    result = simulate_particles(
+        ParticleScene(**{**UNIT, "times": 3}, positions=x, box=[40.0, 40.0], until_t=1e3, noise=Noise(1.0, seed=6))
+    )
+    r, g = pair_distribution(result)
+    pairs = 2 * 1500 * 1499 / 2 * 2 * math.pi * r * (r[1] - r[0]) / 40**2  # in two frames
+    assert np.sum((g - 1) ** 2 * pairs) / len(r) == pytest.approx(1.0, abs=2 * math.sqrt(2 / len(r)))
+    picture = tmp_path / "spread.png"
+    result.plot().savefig(picture)
+    assert picture.stat().st_size > 10_000

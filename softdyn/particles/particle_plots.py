@@ -22,6 +22,7 @@ from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.errors import SceneError
 from softdyn.mathtext import literal
 from softdyn.particles.export import boxed, lines, outline, padded
+from softdyn.particles.free_plots import bonds_at, draw_bond_lengths, draw_pair_distribution, draw_spread
 from softdyn.particles.observables import (
     coordination,
     force_distribution,
@@ -100,11 +101,16 @@ def plot_particles(result: ParticleResult) -> Figure:
     middle: list[Panel] = [_draw_stress]
     middle += [_draw_viscosity] if has_viscosity(result) else []
     middle += [_draw_normal_stresses] if is_periodic(result) and result.x.shape[2] > 1 else []
-    middle += [_draw_coordination]
+    touching = len(result.contact_h) > 0
+    middle += [_draw_coordination] if touching else []
     right: list[Panel] = [_draw_gaps, _draw_forces] if few else [_draw_gap_distribution, _draw_force_distribution]
     right = (
         right if (result.contact_h > 0).any() or not len(result.contact_h) else right[1:]
     )  # dry contacts have no gap
+    if not touching:
+        right = [draw_pair_distribution] if is_periodic(result) else []
+        right += [draw_spread]
+    right += [draw_bond_lengths] if "bond_r" in result.arrays and result.bond_r.size else []
     right += [_draw_profile] if is_sheared(result) and not few else []
     window = _window(result, [-1]) if not _in_space(result) else np.array([[0.0, 0.0], [1.0, 1.0]])
     wide, high = np.ptp(window, axis=0)
@@ -160,7 +166,8 @@ def _parameters(result: ParticleResult) -> str:
 def _network_title(result: ParticleResult) -> str:
     if not _in_space(result):
         third = f", seen along {'xyz'[_hidden(result)]}" if result.x.shape[2] == 3 else ""
-        return f"particles, and forces at their contacts{third}"
+        links = "contacts" if len(result.contact_h) else "bonds" if "bond_r" in result.arrays else ""
+        return f"particles, and forces at their {links}{third}" if links else f"particles{third}"
     shown = len(result.contacts(-1)["h"])
     return f"forces at the {f'{MOST} strongest of {shown}' if shown > MOST else shown} contacts, seen obliquely"
 
@@ -228,6 +235,7 @@ def _when(result: ParticleResult, frame: int) -> str:
 def largest_force(result: ParticleResult, frames: Iterable[int]) -> float:
     """Force that all but one in a hundred contacts of each of the frames stay below: the scale of their colours."""
     sizes = [np.abs(result.contacts(frame)["F"]) for frame in frames]
+    sizes += [np.abs(bonds_at(result, frame)[3]) for frame in frames]
     return max((float(np.quantile(size, 0.99, method="higher")) for size in sizes if len(size)), default=0.0) or 1.0
 
 
@@ -311,6 +319,14 @@ def draw_network(
     widths = _widths(axes, F[end], largest, 0.3 * float(radii.mean()) / float(np.ptp(window, axis=0).max()))
     network = LineCollection(list(halves), colors=colours.to_rgba(F[end]), linewidths=list(widths))
     artists: list[Artist] = [axes.add_collection(particles), axes.add_collection(network)]
+    i, j, along, tension = bonds_at(result, frame)
+    if len(i):
+        half = _in_plane(result, along) / 2
+        drawn, end = _matches(instance, np.concatenate([i, j]))
+        ends = np.stack([place[drawn], place[drawn] + np.concatenate([half, -half])[end]], axis=1)
+        pull = np.concatenate([tension, tension])[end]
+        bonds = LineCollection(list(ends), colors=colours.to_rgba(-pull), linewidths=2.0, capstyle="round")
+        artists.append(axes.add_collection(bonds))
     normals = _in_plane(result, result.wall_normal)
     for point, normal in zip(_in_plane(result, result.wall_point[frame]), normals, strict=True):
         if math.isclose(float(np.linalg.norm(normal)), 1.0, rel_tol=1e-6):  # seen from the side
