@@ -16,6 +16,7 @@ from softdyn.particles.chains import Chains, chain_pairs, placed_chains
 from softdyn.particles.files import read_particle_scene
 from softdyn.particles.free_plots import bonds_at
 from softdyn.particles.mechanisms.bonds import Bond
+from softdyn.particles.mechanisms.inertia import Inertia
 from softdyn.particles.mechanisms.potentials import PairPotential
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.particles.particle_run import simulate_particles
@@ -279,6 +280,8 @@ def test_chains_without_room_or_bonds_are_refused() -> None:
         ({"potential": [PairPotential("morse", MORSE.parameters, between=["a", "b"])]}, "there is no species 'a'"),
         ({"potential": [MORSE], "range": 1.0}, r"\[contacts\] range is of contacts with a law"),
         ({"potential": [MORSE], "parameters": {}}, "eta is missing"),
+        ({"bond": [Bond(**HOOKE)], "inertia": Inertia(1.0), "drag": 0.0, "law": "hertz_dry",
+          "parameters": {"E": 1.0, "nu": 0.5}}, r"\[\[bond\]\] is not known to the method explicit"),
         ({}, "law is missing"),
     ],
 )  # fmt: skip

@@ -63,6 +63,9 @@ def method_of(facts: ValidatedScene) -> str:
         faults += _unknown_to_explicit(facts)
     else:
         faults += [f"{place} is not known to the implicit method yet" for place in _not_yet(facts)]
+    if name not in ("implicit", "brownian"):
+        between = {"[[potential]]": scene.potential, "[[bond]]": scene.bond}
+        faults += [f"{place} is not known to the method {name}: leave it out" for place in between if between[place]]
     if not faults and name in MODULES and not _is_there(MODULES[name]):
         faults.append(f"[method] name: {name!r} is not there yet")
     if faults:
