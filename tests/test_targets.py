@@ -182,17 +182,18 @@ def test_the_decimal_reference_is_that_of_mpmath() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", TARGETS)
-def test_every_output_is_accurate_against_mpmath(target: str) -> None:
+def test_every_output_is_accurate_against_mpmath() -> None:
     for states in all_states():
-        computed = outputs_of("rognon_gay", target, states)
         with mpmath.workdps(DIGITS):
             evaluate = exact(rognon_gay)
             values, sizes = _collect(
                 [evaluate(_in(mpmath.mpf, states.p), *map(mpmath.mpf, row)) for row in states.rows()]
             )
-        for name in OUTPUTS:
-            assert (values[name].error(computed[name]) / ulp(sizes[name])).max() <= ALLOWED[name], name
+        for target in TARGETS:
+            computed = outputs_of("rognon_gay", target, states)
+            for name in OUTPUTS:
+                error = (values[name].error(computed[name]) / ulp(sizes[name])).max()
+                assert error <= ALLOWED[name], (target, name)
 
 
 #: Values of the invented laws' own parameters, by name, for R = 1.37.
@@ -428,5 +429,5 @@ def test_no_name_of_the_text_or_of_a_language_gets_in_the_way(target: str, tmp_p
     refused = refused_names(names, {"real": True})
     allowed = [name for name in names if name not in refused]
     assert len(allowed) > 20, "the names left are what the test is about"
-    for i in range(0, len(allowed), 6):
-        evaluate_with_parameters(allowed[i : i + 6], {"real": True}, target, tmp_path)
+    for i in range(0, len(allowed), 48):
+        evaluate_with_parameters(allowed[i : i + 48], {"real": True}, target, tmp_path)
