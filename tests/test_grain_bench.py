@@ -25,10 +25,12 @@ def test_it_tells_ratios_to_who_is_there_and_names_who_is_not(
     monkeypatch.setattr(grain_bench, "time_ours", lambda cells, steps: figures)
     monkeypatch.setattr(grain_bench, "time_lammps", lambda cells, steps: doubled)
     monkeypatch.setattr(grain_bench, "measured", lambda work, cells, steps, threads: work(cells, steps))
+    monkeypatch.setattr(grain_bench, "tell_columns", lambda tell: tell("columns of rigid grains"))
     for there in (True, False):
         monkeypatch.setattr(grain_bench, "find_spec", lambda name, there=there: there or None)
         assert grain_bench.bench_grains(tmp_path) == 0
         text = (tmp_path / "grains.txt").read_text()
+        assert "columns of rigid grains" in text
         assert ("ours over theirs: per contact and step 0.5, memory 0.5" in text) == there
         assert ("not installed, and so not measured: LAMMPS" in text) != there
     capsys.readouterr()

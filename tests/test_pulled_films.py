@@ -47,6 +47,7 @@ def test_the_reference_converges() -> None:
     np.testing.assert_allclose(wider[inside], found(ehd.RINGS, ehd.FIRST)[inside], rtol=0.015)
 
 
+@pytest.mark.slow
 def test_the_table_is_what_the_solver_finds() -> None:
     np.testing.assert_allclose(found(ehd.RINGS, ehd.FIRST), ROWS[:, 1:], rtol=1e-3)
 

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.bench.record import told
+from softdyn.bench.rigid_bench import tell_columns
 from softdyn.particles.portions import processors
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ def bench_grains(folder: Path) -> int:
             if processors() > 1:
                 one, two = (measured(time_ours, cells, steps, threads)["clock"] for threads in (1, 2))
                 tell(f"    two threads: {one / two:.2g} times faster on the clock")
+        tell_columns(tell)
     return 0
 
 

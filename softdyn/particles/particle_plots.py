@@ -146,9 +146,9 @@ def plot_particles(result: ParticleResult) -> Figure:
         if axes.get_xscale() == "linear" and isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
             axes.ticklabel_format(axis="x", scilimits=(-3, 5))  # longer times run into each other
     count, d = result.x.shape[1:]
+    given = f"\nin the units of the scene: {_parameters(result)}" if result.parameters else ""
     figure.suptitle(
-        f"{literal(result.law)}: {count} particles in {DIMENSIONS[d]}, at the end: {_when(result, -1)}\n"
-        f"in the units of the scene: {_parameters(result)}",
+        f"{literal(result.law)}: {count} particles in {DIMENSIONS[d]}, at the end: {_when(result, -1)}{given}",
         fontsize="medium",
     )
     return figure
