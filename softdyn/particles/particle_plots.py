@@ -595,13 +595,15 @@ def _draw_energy(axes: Axes, result: ParticleResult) -> None:
     taken = {name: result.arrays[f"energy_{name}"] for name in (*TAKEN, *kinds) if name in kinds and name not in put_in}
     axes.plot(along, given, color="0.8", linewidth=4, label="given")
     axes.plot(along, sum(taken.values()), color="k", linestyle="--", linewidth=1, label="taken, in all")
+    used = {TAKEN[name][1]["color"] for name, values in taken.items() if name in TAKEN and values.any()}
+    others = itertools.cycle(colour for colour in COLOURS if colour not in used)
     for name, values in taken.items():
-        words, style = TAKEN.get(name, (name, {}))
         if values.any():
+            words, style = TAKEN[name] if name in TAKEN else (name, {"color": next(others)})
             axes.plot(along, values, label=words, **style)
     axes.set(xlabel=label, ylabel="energy since the start")
     axes.set_title("balance of energy", **TITLE)
-    axes.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, frameon=False)
+    axes.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=4, ncols=4, frameon=False)
     axes.grid(alpha=0.3)
 
 
