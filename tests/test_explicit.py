@@ -79,6 +79,17 @@ def test_a_collision_takes_the_time_of_hertz(speed: float) -> None:
     np.testing.assert_allclose(result.v[-1, :, 0], [-speed / 2, speed / 2], rtol=1e-5)
 
 
+@pytest.mark.parametrize("z", [0.03, 0.3])
+def test_a_linear_dashpot_gives_the_known_restitution(z: float) -> None:
+    """As in implicit steps: while surfaces overlap their dashpot may pull, as the closed form has it."""
+    k = 50.0
+    c = 2 * z * math.sqrt(k * MASS / 2)
+    linear = {"law": "linear_spring", "parameters": {"k": k, "c": c}, "method": "explicit"}
+    result = simulate(head_on(0.1, until_t=0.01 + 1.5 * math.pi * math.sqrt(MASS / 2 / k), rtol=1e-5, **linear))
+    left = float(result.v[-1, 1, 0] - result.v[-1, 0, 0]) / 0.1
+    assert left == pytest.approx(math.exp(-math.pi * z / math.sqrt(1 - z**2)), rel=2e-3)
+
+
 def test_the_method_is_of_second_order() -> None:
     """A tolerance is one of frequencies, which steps change by their square: the error falls as the tolerance."""
     errors = [abs(measured(0.1, rtol) / lasts(0.1) - 1) for rtol in (1e-3, 1e-4, 1e-5)]

@@ -120,7 +120,7 @@ def touching(system: GrainSystem, state: Grains, walls: Array, wall_v: Array) ->
     )
     out = law_of_contacts(system, overlap, R, kind)
     force, dashpot = out["F_ela"], out.get("dashpot", np.zeros(len(r)))
-    N = np.maximum(0.0, force + dashpot * dot(moving, n)) if kernel.damped else force
+    N = force + dashpot * dot(moving, n) if kernel.damped else force
     k_t = out.get("k_t", np.zeros(len(r)))
     return Touching(
         i, j, shift, n, r, overlap, R, kind.astype(np.int32), force, out["stiffness"], dashpot, k_t, N, history
