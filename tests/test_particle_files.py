@@ -270,7 +270,7 @@ def test_a_signal_keeps_the_state_says_so_and_the_run_goes_on(
     command = [sys.executable, "-m", "softdyn", "run", str(path), "-o", str(tmp_path / "a.npz")]
     # a checkpoint of every step would slow it down: the first step is what a sleep cannot tell
     code = (
-        "import signal, sys, softdyn.particles.particle_run as run; from softdyn.cli import main;"
+        "import signal, sys, softdyn.results.carried as run; from softdyn.cli import main;"
         "signal.signal(signal.SIGINT, signal.default_int_handler); run.CHECKPOINT_EVERY = 0.0;"
         f"sys.exit(main({command[3:]!r}))"
     )
@@ -295,7 +295,7 @@ def test_a_result_that_cannot_be_saved_leaves_its_checkpoint(
     """A disk that fills at the end does not take hours of work with it."""
     path = written(tmp_path, EMULSION)
     output, checkpoint = tmp_path / "a.npz", tmp_path / "a.checkpoint.npz"
-    monkeypatch.setattr("softdyn.particles.particle_run.CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setattr("softdyn.results.carried.CHECKPOINT_EVERY", 0.0)
     with monkeypatch.context() as patch:
 
         def full(result: object, path: Path) -> Path:
@@ -314,7 +314,7 @@ def test_a_killed_run_resumes(tmp_path: Path) -> None:
     """SIGKILL in the middle; the last checkpoint is whole."""
     path = written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1.0"))
     code = (
-        "import sys, softdyn.particles.particle_run as run; from softdyn.cli import main; run.CHECKPOINT_EVERY = 0.0;"
+        "import sys, softdyn.results.carried as run; from softdyn.cli import main; run.CHECKPOINT_EVERY = 0.0;"
         f"sys.exit(main(['run', {str(path)!r}, '-o', {str(tmp_path / 'a.npz')!r}]))"
     )
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

@@ -6,17 +6,16 @@ import json
 import math
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from softdyn.errors import IntegrationError, SceneError
+from softdyn.errors import SceneError
 from softdyn.fluid.balances import Measures, measured, measures_of
 from softdyn.fluid.fields import fields_of, vectors_at
 from softdyn.fluid.flow_system import FluidSystem, prepared
@@ -28,17 +27,15 @@ from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march, res
 from softdyn.fluid.newton import Solution
 from softdyn.fluid.steady import steady_flow
 from softdyn.fluid.time_steps import METHODS
+from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
 from softdyn.results.origin import about, origin_now, scene_from
 from softdyn.results.state_file import frames_beside, plain, read_state, remove, write_state
-from softdyn.signals import held_back, terminable
 
 if TYPE_CHECKING:
     from softdyn.fluid.watched import Watch
 
 Array = NDArray[np.float64]
-#: Seconds between two checkpoints.
-CHECKPOINT_EVERY = 30.0
 #: Imbalance of mass and of momentum from which a result warns.
 IMBALANCE = 1e-9
 #: Fields of a scene that say when it ends and how much it tells.
@@ -105,27 +102,18 @@ def simulate_fluid(
         made = about(origin_now(scene, system.kernel.key), beside)
         head = {"kind": FluidResult.kind, "key": key, **made}
         run.frames = begin(frames_beside(checkpoint), FlowFrame, head, beside)
-    with terminable() if checkpoint is not None else nullcontext():
-        try:
-            if checkpoint is None:
-                _carry(run, progress, None)
-            else:
-                with held_back() as let_go:
-                    _carry(run, progress, _now_and_then(run, checkpoint, key, let_go))
-        except IntegrationError as error:
-            if not isinstance(run.state, FlowState):
-                raise
-            error.partial = _result(run, began)
-            if checkpoint is None:
-                raise
-            _save(run, checkpoint, key)
-            stopped = IntegrationError(f"{error}; the last good state, at t={run.state.t:.6g}, is in {checkpoint}")
-            stopped.partial = error.partial
-            raise stopped from None
-        except KeyboardInterrupt:
-            if checkpoint is not None and run.state is not None:
-                _save(run, checkpoint, key)
-            raise
+
+    def save() -> None:
+        if run.state is not None:
+            _save(run, cast(Path, checkpoint), key)
+
+    carried(
+        lambda after: _carry(run, progress, after),
+        checkpoint,
+        save,
+        lambda: None if run.state is None else _result(run, began),
+        lambda: math.nan if run.state is None else run.state.t,
+    )
     result = _result(run, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)
@@ -330,19 +318,6 @@ def fingerprint(system: FluidSystem) -> str:
     given = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name not in LEFT_OUT}
     total.update(json.dumps(given, default=str, sort_keys=True).encode())
     return total.hexdigest()
-
-
-def _now_and_then(run: Run, checkpoint: Path, key: str, let_go: Callable[[], None]) -> Callable[[], None]:
-    last = time.monotonic()
-
-    def after() -> None:
-        nonlocal last
-        if time.monotonic() - last > CHECKPOINT_EVERY:
-            _save(run, checkpoint, key)
-            last = time.monotonic()
-        let_go()
-
-    return after
 
 
 #: Numbers of a state, and of a solver.

@@ -49,7 +49,7 @@ def integrate(
     newton: Newton,
     state: State,
     progress: Progress | None = None,
-    after_step: Callable[[State], None] | None = None,
+    after_step: Callable[[], None] | None = None,
     on_frame: Callable[[Frame], None] | None = None,
 ) -> None:
     """Carry a state on to the end of the scene, in place.
@@ -131,7 +131,7 @@ def integrate(
             for frame in range(told, len(state.frames)):
                 on_frame(state.frames[frame])
         if after_step is not None:
-            after_step(state)
+            after_step()
 
 
 def _look_at_start(system: System, state: State) -> None:

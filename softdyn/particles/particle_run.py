@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import IntegrationError, SceneError
+from softdyn.errors import SceneError
 from softdyn.kernels import choose_target
 from softdyn.laws import contact_kind, law_of
 from softdyn.particles import checkpoint as checkpoints
@@ -30,15 +29,13 @@ from softdyn.particles.results import Frame, ParticleResult, gather
 from softdyn.particles.start import start
 from softdyn.particles.state import State, present, stored_energy
 from softdyn.particles.system import PreparedScene, System, ValidatedScene, turns_freely, with_mechanisms
+from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
-from softdyn.signals import held_back, terminable
 from softdyn.words import listed
 
 Array = NDArray[np.float64]
-#: Seconds between two checkpoints.
-CHECKPOINT_EVERY = 30.0
 #: Words by which warnings that a number may be wrong are known: of the energy, of what is given as a function of time.
 UNBALANCED, UNSEEN = "the balance of energy is off by", "changes too fast to be bounded"
 DOUBTFUL = "has kinks or jumps too many, or too close, to be told"
@@ -101,35 +98,14 @@ def simulate_particles(
             beside: dict[str, NDArray[Any]] = {}
             made = about(origin_now(scene, system.kernel.fingerprint), beside)
             state.frames = begin(frames_beside(checkpoint), Frame, {"key": key, **made}, beside)
-    last = time.monotonic()
 
-    def now_and_then(state: State) -> None:
-        nonlocal last
-        assert checkpoint is not None
-        if time.monotonic() - last > CHECKPOINT_EVERY:
-            checkpoints.save(checkpoint, state, newton, key)
-            last = time.monotonic()
-        let_go()
+    def go(after: Callable[[], None] | None) -> None:
+        integrate(system, newton, state, progress, after, on_frame)
 
-    with terminable() if checkpoint is not None else nullcontext():
-        try:
-            if checkpoint is None:
-                integrate(system, newton, state, progress, None, on_frame)
-            else:
-                with held_back() as let_go:
-                    integrate(system, newton, state, progress, now_and_then, on_frame)
-        except IntegrationError as error:
-            error.partial = _result(system, newton, state, began)
-            if checkpoint is None:
-                raise
-            checkpoints.save(checkpoint, state, newton, key)
-            stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
-            stopped.partial = error.partial
-            raise stopped from None
-        except KeyboardInterrupt:
-            if checkpoint is not None:
-                checkpoints.save(checkpoint, state, newton, key)
-            raise
+    def save() -> None:
+        checkpoints.save(cast(Path, checkpoint), state, newton, key)
+
+    carried(go, checkpoint, save, lambda: _result(system, newton, state, began), lambda: state.t)
     result = _result(system, newton, state, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)

@@ -14,9 +14,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,15 +37,13 @@ from softdyn.particles.start import start
 from softdyn.particles.state import State, frame_now, stored_energy
 from softdyn.particles.system import System, ValidatedScene, with_mechanisms
 from softdyn.particles.until import run_end
+from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
-from softdyn.signals import held_back, terminable
 
 Array = NDArray[np.float64]
 
-#: Seconds between two checkpoints.
-CHECKPOINT_EVERY = 30.0
 #: Of the skin, how far particles go before neighbours are looked for again.
 FAR = 0.8
 #: Steps that a run may take: they are cheap.
@@ -90,31 +87,14 @@ def simulate(
             beside: dict[str, NDArray[Any]] = {}
             made = about(origin_now(facts.scene, system.kernel.fingerprint), beside)
             state.frames = begin(frames_beside(checkpoint), Frame, {"key": key, **made}, beside)
-    last = time.monotonic()
+
+    def go(after: Callable[[], None] | None) -> None:
+        _carry_on(system, state, progress, after, on_frame)
 
     def save() -> None:
-        if checkpoint is not None:
-            checkpoints.save(checkpoint, state, Newton(whole=False), key)
+        checkpoints.save(cast(Path, checkpoint), state, Newton(whole=False), key)
 
-    def now_and_then() -> None:
-        nonlocal last
-        if checkpoint is not None and time.monotonic() - last > CHECKPOINT_EVERY:
-            save()
-            last = time.monotonic()
-        if let_go is not None:
-            let_go()
-
-    with terminable() if checkpoint is not None else nullcontext():
-        try:
-            with held_back() if checkpoint is not None else nullcontext() as let_go:
-                _carry_on(system, state, progress, now_and_then, on_frame)
-        except IntegrationError as error:
-            error.partial = _result(system, state, began)
-            save()
-            raise
-        except KeyboardInterrupt:
-            save()
-            raise
+    carried(go, checkpoint, save, lambda: _result(system, state, began), lambda: state.t)
     result = _result(system, state, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)
@@ -129,7 +109,7 @@ def _carry_on(
     system: System,
     state: State,
     progress: Progress | None,
-    after_step: Callable[[], None],
+    after_step: Callable[[], None] | None,
     on_frame: Callable[[Frame], None] | None,
 ) -> None:
     """Carry a state on to the end of the scene, in place."""
@@ -186,7 +166,8 @@ def _carry_on(
             _keep(system, state, now, on_frame)
         if progress is not None:
             progress(state.t, state.counts["steps"], 0)
-        after_step()
+        if after_step is not None:
+            after_step()
 
 
 def step_of(system: System) -> float:

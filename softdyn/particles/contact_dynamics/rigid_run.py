@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import IntegrationError, SceneError
+from softdyn.errors import SceneError
 from softdyn.particles.contact_dynamics import rigid_checkpoint
 from softdyn.particles.contact_dynamics.rigid_kernel import get_rigid_kernel
 from softdyn.particles.contact_dynamics.rigid_steps import Progress, integrate, list_contacts
@@ -24,16 +24,14 @@ from softdyn.particles.mechanisms.inertia import Masses, start_velocities
 from softdyn.particles.neighbours import SKIN, Listed
 from softdyn.particles.results import Frame, ParticleResult, gather
 from softdyn.particles.system import PreparedScene, ValidatedScene, prepared
+from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
-from softdyn.signals import held_back, terminable
 from softdyn.words import listed
 
 Array = NDArray[np.float64]
 
-#: Seconds between two checkpoints.
-CHECKPOINT_EVERY = 30.0
 #: Overlap at the start, in smaller radii, that is rounding of positions.
 TOUCHING = 1e-9
 #: Steps in which a grain moves by its radius, at the speed that it may get to, and in which it falls by it from rest.
@@ -184,34 +182,14 @@ def simulate(
             beside: dict[str, NDArray[Any]] = {}
             made = about(origin_now(facts.scene, system.fingerprint), beside)
             state.frames = begin(frames_beside(checkpoint), Frame, {"key": key, **made}, beside)
-    last = time.monotonic()
 
-    def now_and_then(state: RigidState) -> None:
-        nonlocal last
-        assert checkpoint is not None
-        if time.monotonic() - last > CHECKPOINT_EVERY:
-            rigid_checkpoint.save(checkpoint, state, key)
-            last = time.monotonic()
-        let_go()
+    def go(after: Callable[[], None] | None) -> None:
+        integrate(system, state, progress, after, on_frame)
 
-    try:
-        if checkpoint is None:
-            integrate(system, state, progress, None, on_frame)
-        else:
-            with terminable(), held_back() as let_go:
-                integrate(system, state, progress, now_and_then, on_frame)
-    except IntegrationError as error:
-        error.partial = _result(system, state, began)
-        if checkpoint is None:
-            raise
-        rigid_checkpoint.save(checkpoint, state, key)
-        stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
-        stopped.partial = error.partial
-        raise stopped from None
-    except KeyboardInterrupt:
-        if checkpoint is not None:
-            rigid_checkpoint.save(checkpoint, state, key)
-        raise
+    def save() -> None:
+        rigid_checkpoint.save(cast(Path, checkpoint), state, key)
+
+    carried(go, checkpoint, save, lambda: _result(system, state, began), lambda: state.t)
     result = _result(system, state, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)

@@ -58,7 +58,7 @@ def integrate(
     system: RigidSystem,
     state: RigidState,
     progress: Progress | None = None,
-    after_step: Callable[[RigidState], None] | None = None,
+    after_step: Callable[[], None] | None = None,
     on_frame: Callable[[Frame], None] | None = None,
 ) -> None:
     """Carry a state on to the end of the scene, in place.
@@ -86,7 +86,7 @@ def integrate(
             for frame in range(told, len(state.frames)):
                 on_frame(state.frames[frame])
         if after_step is not None:
-            after_step(state)
+            after_step()
 
 
 def list_contacts(system: RigidSystem, state: RigidState, skin: float) -> None:

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import IntegrationError, SceneError
+from softdyn.errors import SceneError
 from softdyn.particles.explicit import grain_checkpoint
 from softdyn.particles.explicit.given import groups_of
 from softdyn.particles.explicit.grain_kernels import GrainKernel, get_grain_kernel
@@ -24,16 +24,14 @@ from softdyn.particles.mechanisms.inertia import GYRATION, Masses, start_velocit
 from softdyn.particles.parameters import mixed_parameters, uniform_values, varying_parameters
 from softdyn.particles.results import Frame, ParticleResult, gather
 from softdyn.particles.system import PreparedScene, ValidatedScene, prepared
+from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
-from softdyn.signals import held_back, terminable
 from softdyn.words import listed
 
 Array = NDArray[np.float64]
 
-#: Seconds between two checkpoints.
-CHECKPOINT_EVERY = 30.0
 #: Imbalance of the energy from which the result warns.
 IMBALANCE = 0.01
 
@@ -150,34 +148,14 @@ def simulate(
             state.frames = begin(frames_beside(checkpoint), Frame, {"key": key, **made}, beside)
         if system.times[0] == 0.0:
             state.frames.append(frame_now(system, state))
-    last = time.monotonic()
 
-    def now_and_then(state: Grains) -> None:
-        nonlocal last
-        assert checkpoint is not None
-        if time.monotonic() - last > CHECKPOINT_EVERY:
-            grain_checkpoint.save(checkpoint, state, key)
-            last = time.monotonic()
-        let_go()
+    def go(after: Callable[[], None] | None) -> None:
+        integrate(system, state, progress, after, on_frame)
 
-    try:
-        if checkpoint is None:
-            integrate(system, state, progress, None, on_frame)
-        else:
-            with terminable(), held_back() as let_go:
-                integrate(system, state, progress, now_and_then, on_frame)
-    except IntegrationError as error:
-        error.partial = _result(system, state, began)
-        if checkpoint is None:
-            raise
-        grain_checkpoint.save(checkpoint, state, key)
-        stopped = IntegrationError(f"{error}; the last good state, at t={state.t:.6g}, is in {checkpoint}")
-        stopped.partial = error.partial
-        raise stopped from None
-    except KeyboardInterrupt:
-        if checkpoint is not None:
-            grain_checkpoint.save(checkpoint, state, key)
-        raise
+    def save() -> None:
+        grain_checkpoint.save(cast(Path, checkpoint), state, key)
+
+    carried(go, checkpoint, save, lambda: _result(system, state, began), lambda: state.t)
     result = _result(system, state, began)
     if checkpoint is not None and not keep:
         remove(checkpoint)

@@ -73,7 +73,7 @@ def integrate(
     system: GrainSystem,
     state: Grains,
     progress: Progress | None = None,
-    after_stretch: Callable[[Grains], None] | None = None,
+    after_stretch: Callable[[], None] | None = None,
     on_frame: Callable[[Frame], None] | None = None,
 ) -> None:
     """Carry a state on to the end of the scene, in place.
@@ -100,7 +100,7 @@ def integrate(
                 for number in range(told, len(state.frames)):
                     on_frame(state.frames[number])
             if after_stretch is not None:
-                after_stretch(state)
+                after_stretch()
 
 
 def frame_now(system: GrainSystem, state: Grains) -> Frame:
