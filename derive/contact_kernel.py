@@ -9,10 +9,8 @@ contacts from pulled ones; the resistance of a particle alone. Its settings:
 
 fading : bool
     Whether contacts have a range.
-tangential : tuple of str
-    Rows of what ``contacts`` gives besides of tangential motion; empty without it.
 more : tuple of str
-    All rows of what it gives besides.
+    Rows of what ``contacts`` gives besides: of tangential motion, and to explicit steps.
 
 Dry and rigid laws have no gap state. Their kernel is of the kind ``gapless``, with the same arrays and settings, and
 ``rigid``; its functions are gap, force and tangent; the outputs; the elastic force; the resistance of a particle alone.
@@ -153,7 +151,6 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         },
         settings={
             "fading": needs.fading,
-            "tangential": tuple(symbol.name for symbol in tangential_outputs(needs)),
             "more": tuple(symbol.name for symbol in (*tangential_outputs(needs), *explicit_outputs(needs))),
             **({"rigid": is_rigid(law)} if gapless else {}),
         },

@@ -281,13 +281,26 @@ def test_chains_without_room_or_bonds_are_refused() -> None:
         ({"potential": [MORSE], "range": 1.0}, r"\[contacts\] range is of contacts with a law"),
         ({"potential": [MORSE], "parameters": {}}, "eta is missing"),
         ({"bond": [Bond(**HOOKE)], "inertia": Inertia(1.0), "drag": 0.0, "law": "hertz_dry",
-          "parameters": {"E": 1.0, "nu": 0.5}}, r"\[\[bond\]\] is not known to the method explicit"),
+          "parameters": {"E": 1.0, "nu": 0.5}, "method": "explicit"},
+         r"\[\[bond\]\] is not known to the method explicit"),
         ({}, "law is missing"),
     ],
 )  # fmt: skip
 def test_wrong_scenes_are_refused_by_name(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         simulate_particles(pair(2.4, **changes))
+
+
+def test_masses_on_a_spring_swing_at_its_frequency() -> None:
+    """Of two equal ones omega^2 = 2 k/m, while they do not touch; by implicit steps, which know bonds and inertia."""
+    k, mass = 2.0, 4 / 3 * math.pi
+    spring = Bond([[0, 1]], "hooke", {"k": k, "d": 3.0})
+    dry = {"law": "hertz_dry", "parameters": {"E": 1.0, "nu": 0.5}, "drag": 0.0, "inertia": Inertia(1.0)}
+    omega = math.sqrt(2 * k / mass)
+    result = simulate_particles(pair(3.2, bond=[spring], until_t=4.5 / omega, rtol=1e-6, times=5, **dry))
+    apart = result.x[:, 1, 0] - result.x[:, 0, 0]
+    np.testing.assert_allclose(apart, 3 + 0.2 * np.cos(omega * result.t), atol=1e-4)
+    assert abs(result.energy["imbalance"]) < 1e-4
 
 
 def test_a_bond_that_is_torn_beyond_its_length_ends_the_run_by_name() -> None:

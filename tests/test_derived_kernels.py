@@ -40,7 +40,7 @@ KERNELS: dict[str, tuple[Callable[[], object], list[str | tuple[str, int, int]]]
 }
 CACHED = (
     controls.rates, controls.by_force, controls.by_centres, controls.by_gap, controls.without_film,
-    contact_equations.stage_equation, pair_equations.pair_equations,
+    contact_equations.stage_equation, pair_equations.pair_equations, pair_equations.with_slopes,
 )  # fmt: skip
 
 

@@ -296,7 +296,7 @@ def numbers_of(law: ContactLaw, text: str, folder: Path) -> tuple[Array, Array]:
     start = 10 ** draw.uniform(-3, -0.5, n)
     overlap = 2 * 10 ** draw.uniform(-4, -1, n) * draw.choice([1, 1, -0.3], n) - start
     state, y, gap, force, slope = np.empty(len(ir.functions["state"].gives) * n), *(np.zeros(n) for _ in range(4))
-    more, count, number = np.empty(len(ir.settings["tangential"]) * n), ctypes.c_int64(n), ctypes.c_double
+    more, count, number = np.empty(len(ir.settings["more"]) * n), ctypes.c_int64(n), ctypes.c_double
     passed = [array.ctypes.data_as(ctypes.c_void_p) for array in (overlap, start, np.zeros(n), p, q)]
     getattr(library, f"{law.name}_state")(
         count, number(0.5), *passed[:2], *passed[3:], state.ctypes.data_as(ctypes.c_void_p)

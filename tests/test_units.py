@@ -151,7 +151,7 @@ def told(result: ParticleResult, units: Units = (1.0, 1.0, 1.0)) -> dict[str, Ar
 def shortened(path: Path) -> ParticleScene:
     """A stock scene, of 40 particles where it has more, over a small part of its time."""
     data = tomllib.loads(path.read_text())
-    if "packing" in data:
+    if "count" in data.get("packing", {}):
         data["packing"]["count"] = min(40, data["packing"]["count"])
     scene = particle_scene_from(data, path.parent)
     return replace(scene, until_t=run_end(scene) / 100, until_strain=None, times=4, rtol=1e-4, target="c")

@@ -84,7 +84,7 @@ def test_a_pair(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
         ("[[0, 0], [2.1, 0], [1, 2]]", "[[0, 0], [2.1, true], [1, 2]]", ["positions must be numbers, not [[0, 0]"]),
         ("[[0, 0], [2.1, 0], [1, 2]]", '[["0", "0"], ["2", "0"]]', ["positions must be numbers, not [['0', '0']"]),
         ("radii = 1.0", "radii = [[1], [1], [1]]", ["radii must be one number, or a list of 3, not of shape (3, 1)"]),
-        ("radii = 1.0", 'radii = "1 mm"', ["radii must be numbers, not 1 mm"]),
+        ("radii = 1.0", 'radii = "1 kg"', ["radii = '1 kg' is in kg, and m is needed"]),
         ("radii = 1.0", "diameter = 2.0", ["unknown key 'diameter'; radii are half of it"]),
         ("[until]\nt = 10.0", "until = 10", ["[flow] unknown key 'until'", BEFORE, "[until] is missing"]),
         ("[until]", "[drive]\nforce = 1\n[until]", ["a section of scenes of two particles"]),

@@ -181,7 +181,7 @@ def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: st
     largest, skin = float(system.radii.max()), SKIN * float(system.radii.min())
     ghosts = 2 * largest + reach + skin + BULGE * largest
     periodic = [*system.box.periodic, *([True] * (3 - d))]
-    turns = "vel yes " if manifest["tangential"] else ""
+    turns = "vel yes " if "keep" in manifest["tangential"] else ""
     many = " ".join(f"{key} {value:.17g}" for key, value in uniform(system, manifest["uniform"]).items())
     rate = float(scene.shear_rate)  # type: ignore[arg-type]
     lines = [

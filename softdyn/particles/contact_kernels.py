@@ -101,7 +101,7 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "uniform": ir.arrays["p"],
         "varying": ir.arrays["q"],
         "outputs": ir.functions["state"].gives,
-        "tangential": ir.settings["tangential"],
+        "tangential": ir.settings["more"],
         "drag": ir.functions["drag"].gives,
         "bounded": not needs["drag"] or contact_kind(law) == "dry" or is_bounded(law),
         "pressed_only": pressed_only(law),

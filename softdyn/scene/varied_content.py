@@ -78,7 +78,7 @@ def with_values(cls: type, content: Mapping[str, Any], values: Mapping[str, floa
     known = places(cls, content)
     made = copy.deepcopy(dict(content))
     for name, value in values.items():
-        place = _place(name, known)
+        place = _place(name, known, content)
         if place.key is None:
             made[place.section][place.name] = float(value)
             continue
@@ -89,8 +89,11 @@ def with_values(cls: type, content: Mapping[str, Any], values: Mapping[str, floa
     return made
 
 
-def _place(name: str, known: Mapping[str, list[Place]]) -> Place:
+def _place(name: str, known: Mapping[str, list[Place]], content: Mapping[str, Any]) -> Place:
+    """The place that a name means: of several, the one whose section the scene has."""
     there = known.get(name, [])
+    if len(there) > 1:
+        there = [place for place in there if place.section in content] or there
     if not there:
         section = name.partition(".")[0]
         if section in ("push", "hold", "wall"):
