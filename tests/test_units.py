@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from softdyn.derive import FORCE, LENGTH, PRESSURE, TIME, VISCOSITY
 from softdyn.derive.dimensions import DIMENSIONLESS, ENERGY, Dimension
 from softdyn.derive.law import dimensions_for
+from softdyn.derive.potential import dimensions_for as potential_dimensions
 from softdyn.errors import SceneError
-from softdyn.laws import find, load
+from softdyn.laws import find, find_potential, load, load_potential
 from softdyn.particles import observables
 from softdyn.particles.checkpoint import load as load_checkpoint
 from softdyn.particles.files import particle_scene_from
@@ -39,6 +40,7 @@ Array = NDArray[np.float64]
 Units = tuple[float, float, float]
 
 VELOCITY, RATE, TORQUE = LENGTH / TIME, DIMENSIONLESS / TIME, ENERGY
+DENSITY = FORCE * TIME**2 / LENGTH**4
 
 
 def factor(dimension: Dimension, units: Units) -> float:
@@ -65,11 +67,28 @@ def scaled(value: Any, dimension: Dimension, units: Units) -> Any:
 
 def in_units(scene: ParticleScene, units: Units) -> ParticleScene:
     """The same scene with all its numbers in other units."""
-    law, _ = load(find(scene.law))
-    known = {symbol.name: dimension for symbol, dimension in dimensions_for(law).items()}
+    known = {"eta": VISCOSITY}
+    if scene.law is not None:
+        known |= {symbol.name: dimension for symbol, dimension in dimensions_for(load(find(scene.law))[0]).items()}
 
     def of(value: Any, dimension: Dimension) -> Any:
         return scaled(value, dimension, units)
+
+    def of_potential(one: Any) -> Any:
+        potential, _ = load_potential(find_potential(one.potential))
+        own = {symbol.name: dimension for symbol, dimension in potential_dimensions(potential).items()}
+        lengths = {
+            name: of(getattr(one, name), LENGTH) for name in ("cut_off", "breaks_at_length") if hasattr(one, name)
+        }
+        forces = {name: of(getattr(one, name), FORCE) for name in ("breaks_at_force",) if hasattr(one, name)}
+        parameters = {name: of(value, own[name]) for name, value in one.parameters.items()}
+        return replace(one, parameters=parameters, **lengths, **forces)
+
+    def of_mass(one: Any) -> Any:
+        densities = [name for name in ("density", "fluid_density") if getattr(one, name, None) is not None]
+        return replace(one, **{name: of(getattr(one, name), DENSITY) for name in densities})
+
+    noise, gravity = scene.noise, scene.gravity
 
     return replace(
         scene,
@@ -85,6 +104,18 @@ def in_units(scene: ParticleScene, units: Units) -> ParticleScene:
         stress=of(scene.stress, PRESSURE),
         stress_viscosity=of(scene.stress_viscosity, VISCOSITY),
         until_t=of(scene.until_t, TIME),
+        step=of(scene.step, TIME),
+        velocities=None if scene.velocities is None else of(np.asarray(scene.velocities, float), VELOCITY),
+        spins=None if scene.spins is None else of(np.asarray(scene.spins, float), RATE),
+        inertia=None if scene.inertia is None else of_mass(scene.inertia),
+        gravity=None if gravity is None else of_mass(
+            replace(gravity, acceleration=of(gravity.acceleration, VELOCITY / TIME))
+        ),
+        noise=None if noise is None else replace(
+            noise, temperature=of(noise.temperature, ENERGY), step=of(noise.step, TIME)
+        ),
+        potential=[of_potential(one) for one in scene.potential],
+        bond=[of_potential(one) for one in scene.bond],
         push=[
             replace(one, force=of(one.force, FORCE), torque=of(one.torque, TORQUE)) for one in scene.push
         ],
@@ -124,6 +155,10 @@ ARRAYS = {
     **dict.fromkeys(("contact_F", "contact_T"), FORCE),
     **dict.fromkeys(("gradient", "spin"), RATE),
     "v": VELOCITY,
+    "potential_energy": ENERGY,
+    "bond_r": LENGTH,
+    "bond_tension": FORCE,
+    "bond_energy": ENERGY,
 }
 
 
@@ -201,22 +236,28 @@ SCENES = (*particle_scenes(), "column", "layer", "channel")
 
 
 @cache
-def as_written(name: str) -> tuple[dict[str, Array], dict[str, float]]:
-    """What a scene tells, and by how much of each largest value rounding of its numbers moves that."""
-    scene = scenes()[name]
-    plain = told(simulate_particles(scene))
+def as_written(name: str) -> dict[str, Array]:
+    """What a scene tells."""
+    return told(simulate_particles(scenes()[name]))
+
+
+@cache
+def moved_by_rounding(name: str) -> dict[str, float]:
+    """By how much of each largest value rounding of its numbers moves what a scene tells."""
+    scene, plain = scenes()[name], as_written(name)
     moved = dict.fromkeys(plain, 0.0)
     for seed in range(2):
         # a hundred roundings, of positions, time and stiffness
         noise = 1 + 2e-14 * np.random.default_rng(seed).uniform(-1, 1, np.shape(scene.positions))
         positions = np.asarray(scene.positions, float) * noise
         if scene.box is not None:
-            positions = np.minimum(positions, [np.inf if edge is None else edge for edge in scene.box])
+            edges = np.array([np.inf if edge is None else edge for edge in scene.box])
+            positions = np.where(np.asarray(scene.positions) <= edges, np.minimum(positions, edges), positions)
         other = told(simulate_particles(replace(scene, positions=positions)))
         for key, values in plain.items():
             same = values.shape == other[key].shape
             moved[key] = max(moved[key], off(values, other[key]) if same else np.inf)
-    return plain, moved
+    return moved
 
 
 def off(values: Array, other: Array) -> float:
@@ -241,15 +282,19 @@ decades = st.integers(-9, 9)
 odd = st.floats(0.3, 3.0)
 
 
+#: Where rounding decides which grains touch first.
+COLLIDING = ("collapse", "hopper", "drum", "shear_dry")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name not in COLLIDING])
 @given(powers=st.tuples(decades, decades, decades), odds=st.tuples(odd, odd, odd))
 @settings(max_examples=4, deadline=None)
 def test_units_change_no_result(name: str, powers: tuple[int, ...], odds: tuple[float, ...]) -> None:
     """By no more than ten times what a hundred roundings of its numbers do, and what Newton's iteration leaves."""
     units: Units = tuple(odd * 10.0**power for odd, power in zip(odds, powers, strict=True))  # type: ignore[assignment]
     scene = scenes()[name]
-    plain, moved = as_written(name)
+    plain, moved = as_written(name), moved_by_rounding(name)
     other = told(simulate_particles(in_units(scene, units)), units)
     assert set(other) == set(plain)
     for key, values in plain.items():
@@ -257,17 +302,17 @@ def test_units_change_no_result(name: str, powers: tuple[int, ...], odds: tuple[
         assert off(values, other[key]) <= 10 * moved[key] + 1e-2 * scene.rtol, key
 
 
-#: Without an imposed stress no logarithm of a length is taken; drives of channel are expressions of t.
-EXACT = tuple(name for name in SCENES if name not in ("column", "layer", "channel"))
+#: Without an imposed stress no logarithm of a length is taken; drives of channel and platelets are expressions of t.
+EXACT = tuple(name for name in SCENES if name not in ("column", "layer", "channel", "platelets"))
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "spheres" else []) for name in EXACT]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in ("spheres", "drum") else []) for name in EXACT]
 )
 def test_units_that_are_powers_of_two_change_nothing_to_the_bit(name: str) -> None:
     """Such factors are exact, and so are roots of those of four: nothing at all may know a unit."""
     scene = scenes()[name]
-    plain, _ = as_written(name)
+    plain = as_written(name)
     for units in ((2.0**-24, 2.0**40, 2.0**-36), (2.0**32, 2.0**-48, 2.0**24)):
         other = told(simulate_particles(in_units(scene, units)), units)
         for key, values in plain.items():

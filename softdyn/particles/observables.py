@@ -272,7 +272,7 @@ def swap_time(result: ParticleResult, parting: tuple[int, int], meeting: tuple[i
     """Time at which the gap of one pair grows beyond that of another: the middle of a T1 process.
 
     Between frames, the logarithm of the ratio of both gaps is taken as linear; pairs that are not in contact are
-    infinitely far apart.
+    infinitely far apart. Where that has no number, as between dry contacts, whose gap is 0, it is halfway.
 
     Parameters
     ----------
@@ -292,7 +292,8 @@ def swap_time(result: ParticleResult, parting: tuple[int, int], meeting: tuple[i
             float(np.min(contacts["h"][(contacts["i"] == i) & (contacts["j"] == j)], initial=np.inf))
             for i, j in (parting, meeting)
         ]
-        ratios[frame] = np.log(gaps[0]) - np.log(gaps[1]) if np.isfinite(gaps).any() else np.nan
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios[frame] = np.log(gaps[0]) - np.log(gaps[1]) if np.isfinite(gaps).any() else np.nan
     over = np.flatnonzero((ratios[1:] >= 0) & (ratios[:-1] < 0))
     if not len(over):
         return float("nan")
