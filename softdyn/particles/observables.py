@@ -194,7 +194,7 @@ def gap_distribution(result: ParticleResult, frame: int = -1, bins: int | None =
         return np.empty(0), np.empty(0)
     smallest = float(h.min())  # in units of which logarithms are taken
     width = float(np.log(h.max() / smallest))
-    widen = max(1e-9, 0.05 * (width == 0))
+    widen = 0.05 if width < 1e-9 else 1e-9  # gaps that differ by rounding alone are one
     edges: Array = smallest * np.exp(np.linspace(-widen, width + widen, (bins or _bins(h)) + 1))
     density: Array = np.histogram(h, edges)[0] / (len(h) * np.diff(np.log(edges / smallest)))
     return edges, density
