@@ -582,6 +582,11 @@ def _origin_faults(law: ContactLaw) -> list[str]:
             f"F_ela must vanish at delta = 0, where it is {at_rest}; a law with a force at delta = 0, as that of JKR, "
             "is declared with general=True"
         ]
+    if law.zeta == 0:
+        return [
+            f"zeta = 0 declares a dry contact: F_ela must vanish at delta = 0, where it is {at_rest}; a contact that "
+            "is made and broken at different distances is not known yet"
+        ]
     if at_rest.has(oo, -oo, zoo, nan):
         return [f"F_ela must be finite at delta = 0, where it is {at_rest}"]
     kinks = sorted({str(node) for name in SIGNATURES for node in _of_side(getattr(law, name))})

@@ -233,3 +233,13 @@ def test_two_spheres_with_adhesion_stick_until_they_are_pulled_off() -> None:
         gap = float(result.x[-1, 1, 0] - result.x[-1, 0, 0]) - 2.0
         assert (gap < 0.0) if sticks else (gap > 1.0)
         assert abs(result.energy["imbalance"]) < 2e-3
+
+
+def test_a_dry_law_that_pulls_where_surfaces_just_touch_is_refused() -> None:
+    """As JKR's: its contacts break elsewhere than they are made, which these would not."""
+    k, pull = Symbol("k", positive=True), Symbol("pull", positive=True)
+    with pytest.raises(LawError, match="F_ela must vanish at delta = 0, where it is -pull"):
+        ContactLaw(
+            name="pulling", a=sqrt(R * delta), F_ela=k * delta - pull, zeta=0, general=True,
+            parameters={k: FORCE / LENGTH, pull: FORCE}, typical={k: E * R, pull: E * R**2 / 1000},
+        )  # fmt: skip
