@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sympy
+from test_contact_dynamics import pile
 
 from softdyn.derive import rigid_contact as derived
 from softdyn.derive.rigid_contact_kernel import rigid_ir
 from softdyn.particles.contact_dynamics.rigid_kernel import get_rigid_kernel
-from tests.test_contact_dynamics import pile
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
