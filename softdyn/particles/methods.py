@@ -9,7 +9,6 @@ the thinner they get, and without inertia no step can be explicit.
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from softdyn.errors import SceneError
@@ -66,8 +65,6 @@ def method_of(facts: ValidatedScene) -> str:
     if name not in ("implicit", "brownian"):
         between = {"[[potential]]": scene.potential, "[[bond]]": scene.bond}
         faults += [f"{place} is not known to the method {name}: leave it out" for place in between if between[place]]
-    if not faults and name in MODULES and not _is_there(MODULES[name]):
-        faults.append(f"[method] name: {name!r} is not there yet")
     if faults:
         raise SceneError(listed(faults))
     return name
@@ -135,10 +132,3 @@ def _is_dry(law: Any) -> bool:
     from softdyn.derive.law import is_dry
 
     return law is not None and is_dry(law_of(law))
-
-
-def _is_there(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
