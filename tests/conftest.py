@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import Phase, settings
 
+from softdyn.targets import c, lammps
+
 # an example that fails is told without being run a few hundred times more, traced: slow ones would take hours
 settings.register_profile("untraced", phases=set(Phase) - {Phase.explain})
 settings.load_profile("untraced")
@@ -23,3 +25,17 @@ def session_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOFTDYN_CACHE_DIR", str(folder))
         yield folder
+
+
+@pytest.fixture(autouse=True, scope="session")
+def quick_compiler(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Compile kernels of the default run with -O1, in a quarter of the time: most run for less than they compile.
+
+    IEEE arithmetic, without contraction, rounds alike at any level. Slow tests, and what is run as a process of its
+    own, compile as users do.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if request.config.getoption("markexpr") == "not slow":
+            for target in (c, lammps):
+                patch.setattr(target, "FLAGS", tuple("-O1" if flag == "-O3" else flag for flag in target.FLAGS))
+        yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import shlex
 import shutil
 import stat
 import subprocess
@@ -764,7 +765,7 @@ def test_a_compile_error_carries_the_command_and_the_compilers_words(
         build(write_law(tmp_path))
     text = str(failed.value)
     assert "kernel.c:7: error: flux capacitor" in text
-    assert f"{tmp_path}/cc-script -std=c99 -O3" in text
+    assert f"{tmp_path}/cc-script {shlex.join(c_target.FLAGS)}" in text
     assert "mine.c -lm" in text
     assert entries(empty_cache, "c") == []
 

@@ -1,5 +1,6 @@
 """Own output is own input: runs go on from the end of others, and positions may be any image in a periodic box."""
 
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,6 @@ from hypothesis import strategies as st
 
 from softdyn import particles
 
-X, RADII, BOX = particles.random_packing(40, 2, 0.9, [1.0, 1.4], 1)
 PHYSICS: dict[str, Any] = {
     "law": "rognon_gay",
     "parameters": {"E": 1.0, "eta": 1.0},
@@ -22,8 +22,12 @@ PHYSICS: dict[str, Any] = {
 }
 
 
+packed = cache(partial(particles.random_packing, 40, 2, 0.9, (1.0, 1.4), 1))
+
+
 def run(**changes: Any) -> particles.ParticleResult:
-    scene = {"positions": X, "radii": RADII, "box": BOX, "times": 3, "until_t": 1e4, **PHYSICS, **changes}
+    x, radii, box = packed()
+    scene = {"positions": x, "radii": radii, "box": box, "times": 3, "until_t": 1e4, **PHYSICS, **changes}
     return particles.simulate(particles.ParticleScene(**scene))
 
 
@@ -35,13 +39,14 @@ def run(**changes: Any) -> particles.ParticleResult:
 )
 def test_any_image_of_a_particle_is_that_particle(images: list, turns: int, centred: bool) -> None:
     """Images by the leaning box's own vectors, whole lengths of tilt, and an origin in the middle: forces stay."""
-    tilt = 0.3 * BOX[0]
-    cell = np.array([[BOX[0], tilt], [0.0, BOX[1]]])
-    start = X @ (cell / np.diag(cell)[None, :]).T  # the same lattice of fractions in the leaning box
+    x, _, box = packed()
+    tilt = 0.3 * box[0]
+    cell = np.array([[box[0], tilt], [0.0, box[1]]])
+    start = x @ (cell / np.diag(cell)[None, :]).T  # the same lattice of fractions in the leaning box
     changes: dict[str, Any] = {"gap": 0.2, "times": [0.0], "until_t": 1.0, "shear_rate": 0.0}
     at_home = run(positions=start, tilt=tilt, **changes)
     moved = start + np.array(images) @ cell.T - (cell.sum(axis=1) / 2 if centred else 0.0)
-    elsewhere = run(positions=moved, tilt=tilt + turns * BOX[0], **changes)
+    elsewhere = run(positions=moved, tilt=tilt + turns * box[0], **changes)
     np.testing.assert_array_equal(elsewhere.x[0], moved)
     here, there = at_home.contacts(0), elsewhere.contacts(0)
     np.testing.assert_array_equal(np.array([here["i"], here["j"]]), np.array([there["i"], there["j"]]))
@@ -71,7 +76,8 @@ def test_runs_in_sequence_are_one_run(tmp_path: Path, by_file: bool) -> None:
 
 def test_positions_alone_are_an_input_too() -> None:
     """What has left the box is taken: a whole box of strain leaves an upright lattice."""
-    result = run(until_t=1e5 * BOX[0] / BOX[1])
-    assert np.any((result.x[-1] < 0) | (result.x[-1] > BOX))
+    _, _, box = packed()
+    result = run(until_t=1e5 * box[0] / box[1])
+    assert np.any((result.x[-1] < 0) | (result.x[-1] > box))
     again = run(positions=result.x[-1], times=[0.0, 1.0], until_t=1.0)
     np.testing.assert_array_equal(again.x[0], result.x[-1])
