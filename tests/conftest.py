@@ -18,10 +18,14 @@ settings.load_profile("untraced")
 
 @pytest.fixture(autouse=True, scope="session")
 def session_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep the user's kernel cache out of the tests; subprocesses inherit the variable."""
+    """Keep the user's kernel cache out of the tests; subprocesses inherit the variable.
+
+    CI's default and slow tests share one, in $SOFTDYN_TESTS_CACHE.
+    """
     base = tmp_path_factory.getbasetemp()
     # one for all processes that share the tests, lest each builds the same kernels
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "softdyn-cache"
+    folder = Path(os.environ.get("SOFTDYN_TESTS_CACHE", folder))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOFTDYN_CACHE_DIR", str(folder))
         yield folder

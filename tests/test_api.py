@@ -28,6 +28,7 @@ def test_everything_offered_is_there() -> None:
             _ = module.nonesuch
 
 
+@pytest.mark.slow
 def test_scenes_of_either_kind_are_read_and_run_from_one_place(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(
@@ -49,6 +50,7 @@ def test_scenes_of_either_kind_are_read_and_run_from_one_place(tmp_path: Path) -
         softdyn.simulate({"law": "rognon_gay"})  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_regimes_print_as_a_line_each() -> None:
     """Of a law, and of a closure: where each is, and its leading forms."""
     lines = str(softdyn.regimes("rognon_gay")).splitlines()

@@ -141,6 +141,7 @@ def number(text: str, x: float, kappa: float) -> float:
     return value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1, -1])
 def test_forms_in_numbers_are_the_laws_own_in_SI_units(side: int) -> None:
     """Deep in a regime, against the four expressions with all values in SI units."""
@@ -220,6 +221,7 @@ def test_forms_are_off_by_no_more_than_is_said(law: ContactLaw) -> None:
     assert compared > 500
 
 
+@pytest.mark.slow
 def test_a_regime_that_real_values_leave_no_room_is_absent() -> None:
     """The repulsion ends within the rim's own width: kD << h << R is not to be had at kD = R/4."""
     wide = real(bare, "R=50e-6,sigma=.03,Pi0=1e5,kD=1.2e-5")
@@ -247,6 +249,7 @@ def test_what_is_absent_is_told_with_how_far_it_is_off() -> None:
     assert there == {key: one.there for key, one in found.items()}
 
 
+@pytest.mark.slow
 def test_a_number_of_order_one_does_not_count_as_small() -> None:
     """A Poisson ratio of 0.3 stays where it is: 1 - nu^2 is not 1."""
     found = regimes_of(at_values(equal_spheres, read_values(["nu=.3"])))  # type: ignore[arg-type]
@@ -255,6 +258,7 @@ def test_a_number_of_order_one_does_not_count_as_small() -> None:
     assert found.regimes[0].forms["C"].leading.has(nu)
 
 
+@pytest.mark.slow
 def test_values_alike_give_a_sum_of_them_its_sign() -> None:
     """2 sigma - Pi0 R at Pi0 R = 4 sigma, and at sigma = 4 Pi0 R: thresholds are positive either way."""
     for pressure, tension in ((2, 1), (1, 4)):
@@ -303,6 +307,7 @@ def doubtful(**changes: Any) -> ContactLaw:
 HALF_DECIDED = {"F_ela": E * a * delta * (2 + sin(log(1 + R / a)))}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "sides"),
     [
@@ -338,6 +343,7 @@ def test_what_is_undecided_is_hatched_and_named() -> None:
     assert "has a logarithm" in words
 
 
+@pytest.mark.slow
 def test_a_regime_without_a_rate_is_hatched_and_says_so() -> None:
     diagram = discover(doubtful(zeta=eta * R * (2 + sin(h / R))))
     axes = phases.phase_diagram(diagram).axes[0]
@@ -345,6 +351,7 @@ def test_a_regime_without_a_rate_is_hatched_and_says_so() -> None:
     assert any("undecided" in text.get_text() and "dh/dt" in text.get_text() for text in axes.texts)
 
 
+@pytest.mark.slow
 def test_the_axes_have_units(tmp_path: Path) -> None:
     values, diagram = diagram_at(BUBBLES)
     figure = phases.draw(diagram, None, presence_of(diagram), values)

@@ -202,6 +202,7 @@ def test_forces_of_users_are_terms_like_others(order: int) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_brinkman_force_alone_is_darcys_law() -> None:
     """Uniform flow through a porous solid: eta u/permeability = -grad p, to rounding."""
     kernel = get_element_kernel(

@@ -72,6 +72,7 @@ def cases() -> list[Any]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "target"), cases())
 def test_each_run_is_that_of_simulate(name: str, target: str) -> None:
     """Outputs are solved for to a thousandth of rtol; steps are the same, unless a last digit of ln h changes them.
@@ -100,6 +101,7 @@ def test_each_run_is_that_of_simulate(name: str, target: str) -> None:
             assert np.all(off <= allowed * size[keep]), (key, run)
 
 
+@pytest.mark.slow
 def test_simulate_takes_arrays() -> None:
     found = softdyn.simulate(**PAPER, force=np.array([1e-3, 1e-2]), until_h=0.1, gaps=5)
     assert isinstance(found, Batch)
@@ -140,6 +142,7 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         softdyn.simulate(**{**PAPER, "h": np.ones(0)}, force=1.0, until_h=0.1)
 
 
+@pytest.mark.slow
 def test_what_fails_says_why_and_leaves_the_others() -> None:
     """A negative parameter, a gap that is no number, a force that moves the gap the other way: three rows of nan."""
     found = softdyn.simulate(
@@ -185,6 +188,7 @@ def test_warnings_name_their_run() -> None:
     assert "outside the model" in found.warnings[1][0]
 
 
+@pytest.mark.slow
 def test_a_run_whose_errors_grow_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forces that reverse let errors grow; the estimate of the kernel is that of simulate."""
     scene = Scene(

@@ -46,6 +46,7 @@ def test_references_are_those_of_the_quadrature(case: Case) -> None:
         assert abs(case.h[-1] / 1e-4 - 1) < 1e-15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 def test_the_engine_reaches_every_reference(target: str) -> None:
     """Ten times the tolerance in ln h covers the steps, and what the sine does to early errors."""
@@ -55,6 +56,7 @@ def test_the_engine_reaches_every_reference(target: str) -> None:
             assert bench._true_error(case, *solve(rtol)) < 10 * rtol + 1e-14, (case.name, rtol)
 
 
+@pytest.mark.slow
 def test_the_batch_reaches_its_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     """Times at given gaps by quadrature, against gaps at these times: to rounding of t through the rate."""
     monkeypatch.setattr(bench_batch, "RUNS", 40)
@@ -125,6 +127,7 @@ def test_the_references_say_how_they_are_made() -> None:
     assert json.loads(reference.FILE.read_text(encoding="utf-8"))["how"] == how_made(reference.__doc__)
 
 
+@pytest.mark.slow
 def test_the_report_draws(tmp_path: Path) -> None:
     figure = bench.draw(REPORT)
     figure.savefig(tmp_path / "bench.png")

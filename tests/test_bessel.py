@@ -87,6 +87,7 @@ ARGUMENTS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
@@ -176,6 +177,7 @@ def screened(F_adh: Expr, limits: tuple[Limit, ...] = ()) -> ContactLaw:
 NEAR, FAR = ((delta, h, R), (h, ell)), ((delta, h, R), (ell, h))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force", "order", "form"),
     [
@@ -197,11 +199,13 @@ def test_leading_terms_are_proved_and_others_disproved(force: Expr, order: tuple
     assert (right.verdict, wrong.verdict, wrong.ratio) == ("proved", "disproved", Rational(1, 2))
 
 
+@pytest.mark.slow
 def test_what_oscillates_is_not_proved_far_out() -> None:
     (found,) = check_limits(screened(SIZE * besselj(0, h / ell), (Limit("far", FAR, {"F_adh": SIZE}),)))
     assert found.verdict == "disproved"
 
 
+@pytest.mark.slow
 def test_positivity_of_bessel_functions() -> None:
     domain = ((x, ranges_of_positive("x")),)
     certain = [besseli(0, x) - Rational(1, 2), 2 - besselj(0, x), 1 + x - x * besselk(1, x) / (1 + besselk(1, x))]

@@ -42,6 +42,7 @@ def distance(result: Any, frame: int = -1) -> float:
 # against quadrature
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "start", "end", "energy"),
     [
@@ -63,6 +64,7 @@ def test_a_pair_relaxes_as_quadrature_says_and_drag_takes_what_was_stored(given,
     np.testing.assert_allclose(result.x[-1].mean(axis=0), [start / 2, 0.0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_morse_pair_follows_its_closed_form() -> None:
     """U = exp(b (r - d)) obeys u + ln(u - 1) = C - 4 De b^2 t/Z, which Lambert's W solves; error goes with rtol."""
     u = math.exp(2 * 0.5)
@@ -76,6 +78,7 @@ def test_a_morse_pair_follows_its_closed_form() -> None:
     assert off[1] < off[0] / 50
 
 
+@pytest.mark.slow
 def test_a_dumbbell_in_shear_is_stretched_and_turned_as_the_exact_solution() -> None:
     """Hooke without length at rest: x = (x0 + rate y0 t) exp(-2kt/Z), y = y0 exp(-2kt/Z)."""
     bond = Bond([[0, 1]], "hooke", {"k": 0.1, "d": 0.0})
@@ -115,6 +118,7 @@ def test_a_bond_breaks_when_and_where_it_should(limit: dict[str, float]) -> None
     assert result.stats["bonds_broken"] == 1
 
 
+@pytest.mark.slow
 def test_runs_with_broken_bonds_and_ages_resume_to_the_bit(tmp_path: Path) -> None:
     """What has broken, and since when pairs are near, is in the checkpoint."""
     sticky = PairPotential("platelet", {"De": 1.0, "b": 2.0, "d": 2.0, "tau": 0.3, "threshold": 0.1}, cut_off=3.5)
@@ -291,6 +295,7 @@ def test_wrong_scenes_are_refused_by_name(changes: dict[str, Any], message: str)
         simulate_particles(pair(2.4, **changes))
 
 
+@pytest.mark.slow
 def test_masses_on_a_spring_swing_at_its_frequency() -> None:
     """Of two equal ones omega^2 = 2 k/m, while they do not touch; by implicit steps, which know bonds and inertia."""
     k, mass = 2.0, 4 / 3 * math.pi
@@ -312,6 +317,7 @@ def test_a_bond_that_is_torn_beyond_its_length_ends_the_run_by_name() -> None:
     assert told.value.partial.step_t[-1] == pytest.approx(0.9, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_picture_of_bonds_shows_those_that_hold(tmp_path: Path) -> None:
     """Across the faces of the box, too."""
     chains = Chains(count=2, beads=5, radius=1.0, spacing=2.1, box=[16.0, 16.0], seed=2)

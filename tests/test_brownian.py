@@ -114,6 +114,7 @@ def test_pairs_in_a_morse_well_are_distributed_as_boltzmann_says() -> None:
     assert np.sum((found - expected) ** 2 / expected) < 14.07  # 95 % of 7 degrees of freedom
 
 
+@pytest.mark.slow
 def test_the_schemes_have_their_weak_orders() -> None:
     """Stationary variance of a spring, 2 kT: its error halves with Euler's step, and falls to a quarter with Heun's.
 
@@ -230,6 +231,7 @@ def test_steps_above_the_limit_of_stability_end_the_run_by_name(tmp_path: Path) 
     assert file.exists()
 
 
+@pytest.mark.slow
 def test_spheres_that_do_not_meet_have_no_order_and_a_picture_shows_it(tmp_path: Path) -> None:
     """g(r) = 1: pairs at each distance as many as chance has, to two errors in all together."""
     x = np.random.default_rng(1).uniform(0, 40.0, (1500, 2))

@@ -106,6 +106,7 @@ def by_the_engine(rtol: float) -> ParticleResult:
     )
 
 
+@pytest.mark.slow
 def test_contacts_with_a_range_fade_as_their_equations_say() -> None:
     """Unequal spheres above a wall, pressed and pulled: films fade, and so do the forces that pull.
 

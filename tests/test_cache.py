@@ -22,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from softdyn import cache, kernels
+from softdyn.derive import emit, pair_kernel
 from softdyn.endings import EXHAUSTED, explained
 from softdyn.errors import CompileError, SceneError
 from softdyn.kernels import Kernel, choose_target, get_kernel
@@ -40,6 +41,32 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "cache"
     monkeypatch.setenv(cache.VARIABLE, str(folder))
     return folder
+
+
+@pytest.fixture(autouse=True, scope="module")
+def derived_once() -> Iterator[None]:
+    """Derive each law once, and compile as quickly: what is tried here is what is kept, in a hundred empty caches."""
+    kernel_ir, emit_write = pair_kernel.kernel_ir, emit.write
+    derived: dict[Any, Any] = {}
+    written: dict[Any, Any] = {}
+
+    def derive(law: Any, needs: Any) -> Any:
+        key = repr((law, needs))
+        if key not in derived:
+            derived[key] = kernel_ir(law, needs)
+        return derived[key]
+
+    def write(ir: Any, target: str) -> Any:
+        key = id(ir), target  # what is derived stays, and its id with it
+        if key not in written:
+            written[key] = emit_write(ir, target)
+        return written[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(c_target, "FLAGS", tuple("-O0" if flag == "-O1" else flag for flag in c_target.FLAGS))
+        patch.setattr(pair_kernel, "kernel_ir", derive)
+        patch.setattr(emit, "write", write)
+        yield
 
 
 def forget() -> None:
@@ -305,6 +332,7 @@ def test_folders_above_that_are_missing_are_made_for_the_user_alone(
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o700
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["manifests", "c"])
 def test_a_kernel_that_others_could_have_planted_is_not_run(part: str, empty_cache: Path, tmp_path: Path) -> None:
     """Manifests hold source that is compiled, so they are as dangerous as libraries."""
@@ -416,6 +444,7 @@ for i in range(int(sys.argv[1])):
 """
 
 
+@pytest.mark.slow
 def test_many_may_repair_a_damaged_entry_at_once(empty_cache: Path) -> None:
     """A hundred times over, so that the moments in which they meet are all met."""
     count = 100
@@ -462,6 +491,7 @@ def test_a_cached_kernel_is_neither_derived_nor_compiled_again(
     assert build(law).key == first.key
 
 
+@pytest.mark.slow
 def test_a_process_loads_a_kernel_once_while_it_stands_as_it_did(
     empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -500,6 +530,7 @@ def test_too_little_memory_to_load_a_library_is_told_and_costs_no_entry(
     assert build(law).key == first.key
 
 
+@pytest.mark.slow
 def test_a_cached_kernel_needs_no_sympy(empty_cache: Path, tmp_path: Path) -> None:
     law = write_law(tmp_path)
     build(law)
@@ -607,6 +638,7 @@ def test_an_edited_law_is_derived_anew(empty_cache: Path, tmp_path: Path) -> Non
     assert force_at_one(build(write_law(tmp_path, factor="1"))) == 2.0
 
 
+@pytest.mark.slow
 def test_an_edited_module_that_a_law_imports_is_noticed(empty_cache: Path, tmp_path: Path) -> None:
     law = write_law(tmp_path, factor="helper.FACTOR", imports="import helper")
     helper = tmp_path / "helper.py"
@@ -691,7 +723,7 @@ def test_another_compiler_makes_another_kernel(
 def test_other_flags_make_another_kernel(empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     law = write_law(tmp_path)
     plain = build(law)
-    monkeypatch.setattr(c_target, "FLAGS", tuple(flag.replace("-O3", "-O1") for flag in c_target.FLAGS))
+    monkeypatch.setattr(c_target, "FLAGS", (*c_target.FLAGS, "-g"))
     assert build(law).key != plain.key
 
 

@@ -175,6 +175,7 @@ def test_logarithms_and_exponentials_are_variables_with_their_relation() -> None
         check_certificate({**one, "atoms": []})
 
 
+@pytest.mark.slow
 def test_the_command_writes_certificates_and_checks_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "certificates.json"
     assert main(["check", "rognon_gay", "--certificates", str(path)]) == 0

@@ -94,6 +94,7 @@ def test_run_prints_one_json_object(scene: Path, capsys: pytest.CaptureFixture[s
     np.testing.assert_allclose(result["F"], F, rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_command_and_the_api_agree(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", str(scene), "-o", str(tmp_path / "result.npz")]) == 0
     assert "wrote" in capsys.readouterr().out
@@ -129,6 +130,7 @@ def test_derive_shows_any_law_then_this_law(form: str, capsys: pytest.CaptureFix
             assert word in text
 
 
+@pytest.mark.slow
 def test_check_proves_and_refutes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "rognon_gay"]) == 0
     assert "12 proved" in capsys.readouterr().out
@@ -143,6 +145,7 @@ def test_check_proves_and_refutes(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "which tends to infinity" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_generate_reports_what_each_rule_saved(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         main(["generate", "rognon_gay", "--target", "c", "--scene", str(scene), "-o", str(tmp_path), "--fix", "R=1"])
@@ -162,6 +165,7 @@ def test_generate_reports_what_each_rule_saved(scene: Path, tmp_path: Path, caps
     assert "needs LAW and --target" in refused(capsys, "generate", "rognon_gay")
 
 
+@pytest.mark.slow
 def test_kernels_of_one_law_for_several_ends_are_files_of_their_own(scene: Path, tmp_path: Path) -> None:
     """None is written over another; and those in Python are called as a module may be."""
     many = tmp_path / "my scene-2.toml"
@@ -284,6 +288,7 @@ def test_large_forces_are_warned_of_on_stderr(scene: Path, capsys: pytest.Captur
     assert json.loads(captured.out)["warnings"]
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_reach_its_end_is_an_error(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene.write_text(SCENE.replace("1e-2*(1 ", "-1e-2*(1 "))
     said = refused(capsys, "run", str(scene), "--json")
@@ -315,6 +320,7 @@ def seconds_of_children() -> float:
     return used.ru_utime + used.ru_stime
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["json", "npz", "csv"])
 def test_a_disk_that_fills_leaves_nothing_half_written(suffix: str, scene: Path, tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk: both fail in write, on the way."""
@@ -328,6 +334,7 @@ def test_a_disk_that_fills_leaves_nothing_half_written(suffix: str, scene: Path,
     assert list(target.parent.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_full_standard_output_is_an_error(scene: Path) -> None:
     if not os.path.exists("/dev/full"):
         pytest.skip("no /dev/full here")
@@ -344,6 +351,7 @@ def test_a_full_standard_output_is_an_error(scene: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_is_no_error() -> None:
     line = f"{sys.executable} -m softdyn derive rognon_gay | head -n 1"
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
@@ -351,6 +359,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     assert "rognon_gay" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_cached_scene_imports_no_sympy_jinja2_matplotlib_and_is_quick(scene: Path) -> None:
     """The promise is half a second from the shell, of processor time: what else the machine does is not ours.
 
@@ -392,6 +401,7 @@ def test_scenes_are_listed_and_printed_to_start_from(capsys: pytest.CaptureFixtu
     assert "did you mean 'cylinder'?" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_new_law_is_ready_in_some_seconds(tmp_path: Path) -> None:
     """From a cold cache, C target: derive, emit, compile, run; in at most twenty times what importing sympy takes."""
     from softdyn.targets import c

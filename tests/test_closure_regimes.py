@@ -55,6 +55,7 @@ def test_ergun_goes_from_blake_and_kozeny_to_burke_and_plummer():
     assert slow.ends["dilute"].verdict == slow.ends["dense"].verdict == "proved"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dallavalle_di_felice", "migflow_drag"])
 def test_dallavalles_forms_cross_where_both_terms_are_equal(name):
     # 0.63 sqrt(c Re) = 4.8
@@ -73,6 +74,7 @@ def test_a_case_that_ends_has_a_regime_between():
     assert diagram.regime("Newton").exact
 
 
+@pytest.mark.slow
 def test_gidaspow_has_the_regimes_of_both_laws_each_in_its_case():
     diagram = diagram_of("gidaspow")
     assert len(diagram.regimes) == 5
@@ -90,6 +92,7 @@ def test_where_re_is_of_order_one_a_case_stands_as_it_is():
     assert all(regime.exact for regime in between)
 
 
+@pytest.mark.slow
 def test_a_term_that_is_the_largest_between_is_a_regime():
     # dilute, between Re = 16 and phi^-9.6, 0.15 Re^0.687 is the largest term of Tenneti's drag
     diagram = diagram_of("tenneti")
@@ -104,6 +107,7 @@ def test_a_term_that_is_the_largest_between_is_a_regime():
     assert float(first.subs(phi, Rational(1, 10**15))) == pytest.approx((1 / 0.15) ** (1 / 0.687), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_form_that_fails_at_an_end_is_told():
     # where c vanishes, for 1 << Re << 1/c, Beetstra's denominator is large
     dense = diagram_of("beetstra").regime("inertial").ends["dense"]

@@ -38,6 +38,7 @@ def printed(folder: Path, stem: str, compiler: str) -> dict[str, np.ndarray]:
     return dict(zip(heads.split(), values, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_the_example_of_a_law_gives_what_the_kernel_gives_here(compiler: str, tmp_path: Path) -> None:
     stem = lifted(tmp_path, "rognon_gay")
@@ -53,6 +54,7 @@ def test_the_example_of_a_law_gives_what_the_kernel_gives_here(compiler: str, tm
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_the_example_of_a_scene_of_many_solves_a_contact(compiler: str, tmp_path: Path) -> None:
     found = printed(tmp_path, lifted(tmp_path, "droplet", "--scene", "emulsion"), compiler)
@@ -61,6 +63,7 @@ def test_the_example_of_a_scene_of_many_solves_a_contact(compiler: str, tmp_path
     assert found["force"][0] > 0 > found["slope"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("g++"), reason="there is no C++ compiler")
 @pytest.mark.parametrize("arguments", [("rognon_gay",), ("equal_spheres", "--scene", "emulsion")])
 def test_a_header_is_for_cpp_too_and_its_structs_are_arrays(arguments: tuple[str, ...], tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -67,6 +68,7 @@ def cuts(draw: st.DrawFn) -> tuple[Cone, tuple[int, ...], tuple[int, ...]]:
     return cone, normal, point
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(cuts())
 def test_cutting_loses_no_point_and_counts_none_twice(drawn: tuple[Cone, tuple[int, ...], tuple[int, ...]]) -> None:
@@ -118,6 +120,7 @@ def subdivisions(draw: st.DrawFn) -> tuple[list[tuple[list[Cone], object]], list
     return [([part], label) for part, label in zip(parts, labels, strict=True)], [p[:dimension] for p in points]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(subdivisions())
 def test_joined_regions_are_convex_and_lose_no_point(

@@ -71,6 +71,7 @@ def test_the_state_maps_the_gap_onto_all_numbers() -> None:
     assert simplify(diff(STATE, h, 2).subs(h, g) + 1 / g**2) == 0
 
 
+@pytest.mark.slow
 def test_the_derivation_checks_itself() -> None:
     assert [symbol.name for symbol in stage_equation()] == [
         "rho",

@@ -66,6 +66,7 @@ def remembered_anew() -> Iterator[None]:
     forget()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("remembered_anew")
 @pytest.mark.parametrize("kind", KERNELS)
 def test_a_wrong_derivation_gives_another_kernel_or_is_refused(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:

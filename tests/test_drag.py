@@ -45,6 +45,7 @@ def falling(law: Any, target: str = "c", **changes: Any) -> ParticleResult:
     return simulate_particles(ParticleScene(**settings))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", "numba"])
 def test_a_particle_falls_as_stokes_says(target: str) -> None:
     v = falling("rognon_gay", target).v[-1, :, 1]

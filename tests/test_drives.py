@@ -44,6 +44,7 @@ def scipy_states(V: Callable[[float], float], compliance: float = 0.0) -> tuple[
     return np.exp(found.y[0]), found.y[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 def test_an_approach_at_a_given_velocity_against_scipy(target: str) -> None:
     h, delta = scipy_states(lambda t: -1e-3)
@@ -63,6 +64,7 @@ def test_both_targets_agree(start: float, part: float, time: float) -> None:
     np.testing.assert_allclose(numba.h, c.h, rtol=c.stats["error"] + numba.stats["error"] + 1e-15)
 
 
+@pytest.mark.slow
 def test_approach_and_retraction_against_scipy_with_the_force_crossing_zero() -> None:
     """Three times over; a relative error of delta is one of its size where it passes zero."""
     h, delta = scipy_states(lambda t: -3e-3 * math.sin(SWING["constants"]["w"] * t))
@@ -75,6 +77,7 @@ def test_approach_and_retraction_against_scipy_with_the_force_crossing_zero() ->
         assert all(event.delta == 0.0 for event in crossings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6])
 def test_the_force_crosses_zero_where_the_deflection_does(rtol: float) -> None:
     """Not where a polynomial says so that has the law's kink within it: errors were 100 times those estimated."""
@@ -152,6 +155,7 @@ def test_a_velocity_of_any_smallness_deflects_in_proportion(v: float) -> None:
     assert tiny.stats["steps"] < 2 * known.stats["steps"]
 
 
+@pytest.mark.slow
 def test_a_slow_approach_stays_in_balance_however_stiff_it_is() -> None:
     """At a crawl the friction force is -zeta V: delta relaxes in lam << h/V, and explicit steps would be hopeless."""
     result = run(velocity=-1e-10, until_t=5e9, times=5, quantities=("F", "zeta", "dh_dt"), rtol=1e-8)
@@ -161,6 +165,7 @@ def test_a_slow_approach_stays_in_balance_however_stiff_it_is() -> None:
     assert result.stats["stiffness"] > 1e4
 
 
+@pytest.mark.slow
 def test_a_jump_of_the_force_moves_delta_at_once_at_a_fixed_gap() -> None:
     """From the row after the jump on, the run is one that starts there with the other force."""
     t, F = [0.0, 100.0, 100.0, 300.0], [1e-2, 1e-2, -2e-2, -2e-2]
@@ -172,6 +177,7 @@ def test_a_jump_of_the_force_moves_delta_at_once_at_a_fixed_gap() -> None:
     assert [(event.what, event.t) for event in both.events] == [("a row of the table", 100.0)]
 
 
+@pytest.mark.slow
 def test_events_tell_when_the_force_crosses_zero(tmp_path: Path) -> None:
     result = run(force="1e-3*cos(w*t)", constants={"w": 1e-2}, until_t=1000.0, rtol=1e-6)
     zeros = [event for event in result.events if event.what == "the force crosses zero"]
@@ -202,6 +208,7 @@ def test_what_cannot_drive_a_pair_is_refused(scene: dict[str, Any], message: str
         run(**{"until_t": 2.0, **scene})
 
 
+@pytest.mark.slow
 def test_every_drive_is_read_from_a_scene_file(tmp_path: Path) -> None:
     (tmp_path / "base.csv").write_text("t, base\n0, 3\n1000, 2\n3000, 2\n")
     head = 'law = "rognon_gay"\nparameters = {R = 1, E = 1, eta = 1}\n[pair]\nh = 1.0\n[until]\nt = 2000.0\n[drive]\n'

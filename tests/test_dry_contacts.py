@@ -59,6 +59,7 @@ def test_the_derivation_checks_itself() -> None:
     assert [symbol.name for symbol in force_of_contact()] == ["h_r", "F", "F_r"]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(
     st.floats(-0.45, 0.4).filter(lambda x: abs(x) > 1e-4),
@@ -80,6 +81,7 @@ def test_the_tangent_is_the_derivative_of_the_force(overlap: float, rate: float,
         assert (F[2] - F[0]) / (2 * step) == pytest.approx(F_r[1], rel=1e-6, abs=1e-6 * abs(F_r[1]) + 1e-6)
 
 
+@pytest.mark.slow
 def test_both_targets_give_one_force() -> None:
     draw = np.random.default_rng(0)
     overlap, rate = draw.uniform(-0.6, 0.4, 300), draw.normal(size=300)
@@ -112,6 +114,7 @@ def test_two_spheres_come_to_rest_at_the_deflection_of_hertz() -> None:
     assert not result.stats["warnings"]
 
 
+@pytest.mark.slow
 def test_rigid_spheres_approach_as_brenner_has_it() -> None:
     """With their drags: t(h) is the integral of zeta/F, whose sum drag and contact are."""
     scene = ParticleScene(
@@ -127,6 +130,7 @@ def test_rigid_spheres_approach_as_brenner_has_it() -> None:
     assert result.energy["stored"] == 0.0
 
 
+@pytest.mark.slow
 def test_stiff_spheres_move_as_rigid_ones() -> None:
     """equal_spheres at E = 1e5: what is left is of the order of the deflection, F/E, and of errors of many steps."""
     given = {**PAIR, "push": [Push([0], [1e-3, 5e-4])], "drag": 1.0, "until_t": 60.0, "rtol": 1e-5, "times": 2}
@@ -151,6 +155,7 @@ def test_a_dry_column_without_drag_stands_in_elastic_equilibrium() -> None:
     np.testing.assert_allclose(pairs, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_slides_dry_is_lost_and_stored() -> None:
     """A sphere dragged along another: energy is told, of friction and a tangential spring in series."""
     scene = ParticleScene(
@@ -221,6 +226,7 @@ def test_the_pull_off_force_of_dmt_is_that_of_its_reduced_radius() -> None:
     assert F[0] == 0.0
 
 
+@pytest.mark.slow
 def test_two_spheres_with_adhesion_stick_until_they_are_pulled_off() -> None:
     """At 0.9 of the pull-off force they stay within a thousandth of the radius; at 1.1 of it they are far apart."""
     w, force = 1e-3, 2 * math.pi * 1e-3 * 0.5

@@ -386,6 +386,7 @@ def points() -> st.SearchStrategy[dict[Symbol, Any]]:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(trees(signed=True), points())
 def test_a_sound_form_is_the_same_expression(expr: Expr, point: dict[Symbol, Any]) -> None:
@@ -401,6 +402,7 @@ def test_a_sound_form_never_cancels_more(expr: Expr) -> None:
     assert cancelling_sums(sound(expr)) <= cancelling_sums(tidy(expr))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(trees(signed=False), st.sampled_from((R, h, a)))
 def test_of_two_forms_of_a_derivative_the_value_is_one(expr: Expr, variable: Symbol) -> None:

@@ -90,6 +90,7 @@ def functions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Functions]:
 # ---------------------------------------------------------------- numbers
 
 
+@pytest.mark.slow
 def test_the_polynomials_leave_less_than_a_hundredth_of_a_rounding() -> None:
     """With their coefficients rounded, which costs a little more."""
     numbers: dict[str, Any] = constants()
@@ -170,6 +171,7 @@ def units_off(name: str, x: float, found: float) -> float:
         return float(abs(mpmath.mpf(found) - exact) / mpmath.mpf(math.ulp(rounded)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FUNCTIONS)
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
@@ -341,6 +343,7 @@ def is_gcc() -> bool:
     return "__GNUC__" in macros.stdout and "__clang__" not in macros.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not is_gcc(), reason="asks gcc which loops it has vectorised")
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names instruction sets of x86")
 @pytest.mark.parametrize(

@@ -243,6 +243,7 @@ def sizes_of(residual: Callable[[Array], Array], unknown: Array) -> Array:
 CASES = [(2, 1), (2, 2), pytest.param(3, 1, marks=pytest.mark.slow), pytest.param(3, 2, marks=pytest.mark.slow)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("d", "order"), CASES)
 def test_assembly_agrees_with_scikit_fem(d: int, order: int) -> None:
     """Residual and, by complex steps along any direction, matrix: 1e-13 of the largest of each kind."""
@@ -273,6 +274,7 @@ def test_assembly_agrees_with_scikit_fem(d: int, order: int) -> None:
             assert np.abs(matrix @ direction - slope)[rows].max() <= 1e-13 * (abs(matrix) @ abs(direction))[rows].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("d", "order"), CASES)
 def test_facets_agree_with_scikit_fem(d: int, order: int) -> None:
     """Outlets, through some of whose facets fluid comes in."""
@@ -451,6 +453,7 @@ def test_operations_at_a_point() -> None:
 # ---------------------------------------------------------------- flows
 
 
+@pytest.mark.slow
 def test_uniform_flow_through_a_uniform_bed_is_exact() -> None:
     """Then c grad p = -k u + c f at every point: no residual beyond rounding but at the boundary, stabilised or not."""
     form = averaged_flow(2, 1, drag=stokes)
@@ -469,6 +472,7 @@ def test_uniform_flow_through_a_uniform_bed_is_exact() -> None:
     assert np.abs(residual[inner]).max() < 1e-12 * np.abs(rest[inner]).max()
 
 
+@pytest.mark.slow
 def test_residuals_add_up_to_the_balance_of_momentum() -> None:
     """A constant test function sees no stress and no flux: what is left is inertia, drag and force."""
     form = averaged_flow(2, 2)
@@ -542,6 +546,7 @@ def test_nodes_that_are_identified_are_one() -> None:
     np.testing.assert_allclose(one[1].toarray(), spread.T @ other[1].toarray() @ spread, rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_wrong_meshes_and_arrays_are_refused() -> None:
     kernel = get_element_kernel(averaged_flow(2, 1), "c")
     at = np.array([[0.0, 0], [1, 0], [0, 1], [2, 0]])

@@ -75,6 +75,7 @@ starts = st.integers(-5000, 5000).map(lambda k: k / 1000)
 fractions = st.lists(st.floats(0, 1), min_size=3, max_size=6)
 
 
+@pytest.mark.slow
 @given(expressions, starts, lengths, fractions)
 @example("(-1.000)**t", 0.0, 1.0, [])
 @settings(deadline=None)
@@ -161,6 +162,7 @@ def test_a_pulse_is_found_wherever_it_is_and_however_narrow(width: float, place:
     assert longest <= 4e5 * 10**width
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(["abs(%s)", "min(%s, 0)", "max(0, %s)", "sign(%s)", "step(%s)"]),
     st.floats(0.1, 300),
@@ -203,6 +205,7 @@ def test_what_cannot_be_decided_is_said() -> None:
     assert not kinks(parse("abs(t*sin(1/t))"), 0.0, 1.0)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0.37, pytest.param(0.8123, marks=pytest.mark.slow)])
 def test_kinks_that_pile_up_are_passed_and_doubted_there_alone(place: float) -> None:
     """Those of abs(sin(1/(t - c))) are at c + 1/(n pi): all are found, but where there are millions."""
@@ -223,6 +226,7 @@ def test_kinks_that_pile_up_are_passed_and_doubted_there_alone(place: float) -> 
     assert len(ends) < 2e5
 
 
+@pytest.mark.slow
 @given(expressions, st.floats(0.01, 5), st.floats(0, 1))
 @settings(max_examples=50, deadline=None)
 def test_between_its_kinks_an_expression_is_its_smooth_piece(text: str, end: float, place: float) -> None:

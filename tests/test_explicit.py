@@ -98,6 +98,7 @@ def test_the_method_is_of_second_order() -> None:
     assert errors[2] < 0.2 * errors[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [2, 3])
 def test_compiled_forces_are_those_of_arrays(d: int) -> None:
     """Of contacts across faces of a sheared box too, and after their lists were made anew."""

@@ -40,6 +40,7 @@ def forget_how(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(findings, name, never)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [rognon_gay, changed(**LAWS["power"])], ids=["claims", "films"])
 def test_what_was_found_is_read_again(law: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     first = text_of(law)
@@ -63,6 +64,7 @@ def test_another_law_is_looked_at_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     assert findings.identity(replace(law)) == kept
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX")
 def test_nothing_is_read_where_others_can_write(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is found again; an answer does not need the cache."""
@@ -76,6 +78,7 @@ def test_nothing_is_read_where_others_can_write(own_cache: Path, monkeypatch: py
     assert findings.regimes_of(rognon_gay).regimes
 
 
+@pytest.mark.slow
 def test_what_is_damaged_is_found_again(own_cache: Path) -> None:
     first = findings.regimes_of(rognon_gay)
     (entry,) = (own_cache / findings.KIND).iterdir()
@@ -83,6 +86,7 @@ def test_what_is_damaged_is_found_again(own_cache: Path) -> None:
     assert findings.regimes_of(rognon_gay) == first
 
 
+@pytest.mark.slow
 def test_without_a_folder_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("SOFTDYN_CACHE_DIR", str(tmp_path / "file"))

@@ -252,6 +252,7 @@ def test_kovasznays_flow_converges_at_the_orders_of_its_elements(order: int, cou
     assert pressure >= LEAST[order][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_developed_flow_leaves_through_an_outlet_without_an_error(d: int) -> None:
     """A quadratic velocity and a linear pressure are in the space of the elements: what is left is rounding.

@@ -39,6 +39,7 @@ def test_a_bed_without_grains_is_no_bed(elements: str) -> None:
     assert among.bed_force == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", ["P2-P1", pytest.param("P1-P1", marks=pytest.mark.slow)])
 def test_a_porosity_below_all_packings_is_clamped_with_a_warning(elements: str) -> None:
     low = simulate(channel(elements=elements, bed=Bed(0.01, drag="dallavalle_di_felice", radius=0.01)))
@@ -59,6 +60,7 @@ def test_grains_that_move_with_the_fluid_feel_nothing_of_it(elements: str) -> No
     assert np.ptp(result.p[-1]) == pytest.approx(0, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", ELEMENTS)
 def test_fluid_that_flows_into_a_box_without_an_exit_is_refused(elements: str) -> None:
     scene = channel(elements=elements, boundary=[ENDS[0], Boundary(["right", "bottom", "top"], velocity=[0.0, 0.0])])
@@ -79,6 +81,7 @@ def test_a_wall_of_dense_grains_across_the_channel_lets_through_what_it_must() -
     assert result.mass_imbalance.max() < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", ELEMENTS)
 def test_a_box_closed_by_walls_is_at_rest_under_any_force_with_a_potential(elements: str) -> None:
     """Cells with no exit: the pressure takes all of the force, and no fluid moves."""

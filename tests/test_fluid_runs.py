@@ -41,6 +41,7 @@ def closed(result: FluidResult) -> bool:
     return bool(result.mass_imbalance.max() < CLOSED and result.momentum_imbalance.max() < CLOSED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", ["P2-P1", "P1-P1"])
 def test_poiseuille_flow_has_its_forces_and_its_flux(elements: str) -> None:
     """A channel of height 1 and length 3, viscosity 0.5, 12 cells high, with u = 4 y (1 - y) let in."""
@@ -64,6 +65,7 @@ def test_poiseuille_flow_has_its_forces_and_its_flux(elements: str) -> None:
         assert result.u[-1][:, 0] == pytest.approx(4 * y * (1 - y), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_fluid_at_rest_carries_its_weight() -> None:
     walls = Boundary(["left", "right", "bottom", "top"], slip=True)
     scene = FluidScene(
@@ -137,6 +139,7 @@ def test_a_bed_with_ends_loses_no_fluid_and_no_pressure(elements: str, Re: float
     assert closed(result)
 
 
+@pytest.mark.slow
 def test_grains_that_move_with_the_fluid_take_nothing() -> None:
     """Fluid and grains that go along together: the slip is exactly 0, and so are drag and pressure."""
     scene = FluidScene(
@@ -163,6 +166,7 @@ def taylor_green(dt: float | None, elements: str = "P2-P1", cells: int = 6, **mo
     return FluidScene(**{**values, **more})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "least"), [("BDF2", 1.9), ("Euler", 0.95)])
 def test_steps_in_time_converge_with_the_order_of_the_method(method: str, least: float) -> None:
     """On one mesh, against steps so short that they are exact beside: velocities and pressures."""
@@ -174,6 +178,7 @@ def test_steps_in_time_converge_with_the_order_of_the_method(method: str, least:
     assert np.log2(np.array(errors[0]) / errors[1]).min() > least
 
 
+@pytest.mark.slow
 def test_adaptive_steps_keep_to_their_tolerance() -> None:
     finest = simulate(taylor_green(0.00625))
     for rtol in (1e-3, 1e-4, 1e-5):
@@ -183,6 +188,7 @@ def test_adaptive_steps_keep_to_their_tolerance() -> None:
         assert closed(result)
 
 
+@pytest.mark.slow
 def test_what_viscosity_dissipates_was_kinetic_energy() -> None:
     """Of the vortices' energy, 2 pi^2 exp(-4 nu t)/2."""
     result = simulate(taylor_green(0.02, cells=12))
@@ -218,6 +224,7 @@ SWINGING = FluidScene(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", [0.3, 1.1])
 def test_a_run_that_was_stopped_goes_on_to_the_last_bit(after: float, tmp_path: Path) -> None:
     checkpoint = tmp_path / "run.checkpoint.npz"
@@ -250,6 +257,7 @@ def test_a_checkpoint_of_another_scene_is_refused(tmp_path: Path) -> None:
         simulate_fluid(replace(SWINGING, viscosity=0.03), None, checkpoint, True)
 
 
+@pytest.mark.slow
 def test_results_are_kept_read_and_made_again(tmp_path: Path) -> None:
     bed = Bed(porosity="0.5 + 0.2*x", drag="ergun", radius=0.01)
     scene = FluidScene(
@@ -267,6 +275,7 @@ def test_results_are_kept_read_and_made_again(tmp_path: Path) -> None:
     assert repr(read) == "<FluidResult, P2-P1: 1 frames up to t=0>"
 
 
+@pytest.mark.slow
 def test_a_flow_without_inertia_is_found_at_each_time_by_itself() -> None:
     scene = FluidScene(
         viscosity=2.0, mesh=box((4, 4)), until_t=1.0, times=[0.0, 0.5, 1.0],
@@ -322,6 +331,7 @@ def test_what_is_wrong_with_a_scene_is_told(change: dict[str, Any], words: str) 
         simulate(fluid_scene_from(content, Path()))
 
 
+@pytest.mark.slow
 def test_a_flow_that_is_not_found_is_an_error_that_tells_where() -> None:
     """A lid at Re = 1e9 on a few cells; inflow that grows beyond all numbers within the run."""
     content = {**GOOD, "fluid": {"viscosity": 1e-9, "density": 1.0}, "mesh": {"box": [1.0, 1.0], "cells": [12, 12]}}
@@ -339,6 +349,7 @@ def test_steps_may_be_as_short_or_as_long_as_they_like(dt: float) -> None:
     assert closed(result)
 
 
+@pytest.mark.slow
 def test_the_command_line_runs_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = tmp_path / "channel.toml"
     scene.write_text(
@@ -361,6 +372,7 @@ def test_the_command_line_runs_a_scene(tmp_path: Path, capsys: pytest.CaptureFix
     assert "no law" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_term_of_ones_own_acts_on_the_fluid(tmp_path: Path) -> None:
     """Brinkman's force, -k u, in a wide channel: the pressure falls by k u."""
     (tmp_path / "brinkman.py").write_text(

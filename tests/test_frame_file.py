@@ -38,6 +38,7 @@ def stopped(path: Path, times: int = 11, after: float = 500.0) -> Path:
     return checkpoint
 
 
+@pytest.mark.slow
 def test_a_run_that_was_stopped_leaves_its_frames(tmp_path: Path) -> None:
     stopped(tmp_path)
     there, whole = softdyn.load_result(tmp_path / "run.frames"), simulate_particles(scene())

@@ -31,6 +31,7 @@ def run(**changes: Any) -> particles.ParticleResult:
     return particles.simulate(particles.ParticleScene(**scene))
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     images=st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=40, max_size=40),
@@ -74,6 +75,7 @@ def test_runs_in_sequence_are_one_run(tmp_path: Path, by_file: bool) -> None:
     np.testing.assert_allclose(parts[-1].stress[-1], whole.stress[-1], atol=2e-2 * np.abs(whole.stress).max())
 
 
+@pytest.mark.slow
 def test_positions_alone_are_an_input_too() -> None:
     """What has left the box is taken: a whole box of strain leaves an upright lattice."""
     _, _, box = packed()
