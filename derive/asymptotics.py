@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
+from operator import add, sub
 
 from sympy import (
     Abs,
@@ -257,12 +258,22 @@ def zero(scale: Scale) -> Order:
 
 def negligible(small: Order, large: Order) -> bool:
     """Whether one term vanishes against another, however the ratios tend to zero."""
-    return small != large and all(x >= y for x, y in zip(small, large, strict=True))
+    # a loop, as this is asked a million times: all(...) makes a generator each time
+    for x, y in zip(small, large, strict=True):
+        if x < y:
+            return False
+    return small != large
 
 
 def minimal(orders: Iterable[Order]) -> list[Order]:
     """Return the orders that are negligible against no other."""
-    distinct = sorted(set(orders))
+    known = set(orders)
+    if len(known) < 2:
+        return list(known)
+    least = tuple(map(min, zip(*known, strict=True)))
+    if least in known:
+        return [least]
+    distinct = sorted(known)
     return [e for e in distinct if not any(negligible(e, other) for other in distinct)]
 
 
@@ -467,8 +478,9 @@ def is_zero(coefficient: Expr) -> bool:
     UndecidedError
         If it vanishes in numbers but that cannot be proved.
     """
-    if coefficient.is_zero is not None:
-        return bool(coefficient.is_zero)
+    known = _is_zero_by_signs(coefficient)
+    if known is not None:
+        return known
     spend(nodes(coefficient))
     if not _vanishes_in_numbers(coefficient):
         return False
@@ -476,6 +488,12 @@ def is_zero(coefficient: Expr) -> bool:
     if is_small(coefficient) and any(attempt(coefficient) == 0 for attempt in (multiplied_out, _radicals, simplify)):
         return True
     raise UndecidedError(f"whether {coefficient} vanishes is not known")
+
+
+@lru_cache(maxsize=20_000)
+def _is_zero_by_signs(coefficient: Expr) -> bool | None:
+    """What sympy says of a coefficient, which it finds anew for each equal one."""
+    return None if coefficient.is_zero is None else bool(coefficient.is_zero)
 
 
 @lru_cache(maxsize=20_000)
@@ -554,12 +572,12 @@ def _shifted(series: Series, order: Order, coefficient: Expr) -> Series:
 
 
 def _plus(left: Order, right: Order) -> Order:
-    return tuple(x + y for x, y in zip(left, right, strict=True))
+    return tuple(map(add, left, right))
 
 
 def minus(left: Order, right: Order) -> Order:
     """Order of a quotient."""
-    return tuple(x - y for x, y in zip(left, right, strict=True))
+    return tuple(map(sub, left, right))
 
 
 def relative(series: Series, what: object = "the expression") -> Series:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations, product
 from math import gcd, lcm
 
@@ -92,7 +93,8 @@ def cut(cones: Iterable[Cone], normals: Iterable[Normal]) -> list[Cone]:
     return kept
 
 
-def normals(cone: Cone) -> list[Normal]:
+@lru_cache(maxsize=10_000)
+def normals(cone: Cone) -> tuple[Normal, ...]:
     """Return the inward normals of the facets of a simplicial cone of full dimension, each opposite to a ray."""
     size = len(cone)
     # rows of the inverse of the matrix whose columns are the rays, by elimination
@@ -105,7 +107,7 @@ def normals(cone: Cone) -> list[Normal]:
             if k != i and matrix[k][i] != 0:
                 factor = matrix[k][i]
                 matrix[k] = [x - factor * y for x, y in zip(matrix[k], matrix[i], strict=True)]
-    return [primitive(row[size:]) for row in matrix]
+    return tuple(primitive(row[size:]) for row in matrix)
 
 
 def hull_normals(cones: Sequence[Cone]) -> list[Normal]:

@@ -96,6 +96,7 @@ def _slope(expr: Expr, variable: Symbol) -> Expr:
     return diff(expr, variable).replace(DiracDelta, lambda *_: S.Zero)
 
 
+@lru_cache(maxsize=64)
 def definitions_at(law: ContactLaw, side: int) -> dict[Symbol, Expr]:
     """The same on one side of delta = 0, without the branches of the other, in the size of delta.
 

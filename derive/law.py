@@ -333,7 +333,8 @@ def expressions(law: ContactLaw) -> dict[str, Expr]:
     return {"a": law.a, "F_ela": law.F_ela, "zeta": law.zeta, "F_adh": law.F_adh}
 
 
-def typical_values(law: ContactLaw) -> dict[Symbol, Rational]:
+@lru_cache(maxsize=64)
+def typical_values(law: ContactLaw) -> Mapping[Symbol, Rational]:
     """Return the typical values of the law's own parameters, in units R = E = eta = 1."""
     units = dict.fromkeys(COMMON_PARAMETERS, 1)
     return {symbol: Rational(S(value).subs(units)) for symbol, value in law.typical.items()}

@@ -639,6 +639,7 @@ def _in_force(state: Expr, deflection: Expr) -> Expr:
     return _tidy(state.subs(size, deflection))
 
 
+@lru_cache(maxsize=10_000)
 def _tidy(form: Expr) -> Expr:
     """Collect powers, and join logarithms."""
     if form.has(log):

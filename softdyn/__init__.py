@@ -13,7 +13,11 @@ nothing heavy: each name is loaded on first use.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
+
+# sympy remembers 1000 results of each of its functions unless told before it is imported: too few for a law's regimes
+os.environ.setdefault("SYMPY_CACHE_SIZE", "20000")
 
 from softdyn import particles
 from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
