@@ -46,7 +46,7 @@ from softdyn.derive.asymptotics import UndecidedError, expand, leading, scale_of
 from softdyn.derive.cones import Cone, Normal, dot
 from softdyn.derive.dominant_balance import definitions
 from softdyn.derive.forms import force
-from softdyn.derive.law import is_rigid, ranges_of, typical_values, without_typical
+from softdyn.derive.law import is_dry, is_rigid, ranges_of, typical_values, without_typical
 from softdyn.derive.patience import nodes
 from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, directions_of, is_simple, sign_within
@@ -138,9 +138,9 @@ class Films:
 
 
 def find_films(diagram: Diagram) -> Films | None:
-    """Find the films of a law; None if it has no F_adh."""
+    """Find the films of a law; None if it has no F_adh, or no fluid between its surfaces."""
     law = diagram.law
-    if law.F_adh == 0:
+    if law.F_adh == 0 or is_dry(law):
         return None
     closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a, delta) else None
     with knowing_ranges(ranges_of(law)):

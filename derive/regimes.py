@@ -40,6 +40,7 @@ from softdyn.derive.asymptotics import (
     scale_of,
     zero,
 )
+from softdyn.derive.checks import pressed_only
 from softdyn.derive.cones import (
     Cone,
     Normal,
@@ -307,7 +308,9 @@ def _nothing_found(
     """Return the diagram of a law that was given up: nothing is decided anywhere."""
     cones = tuple(orthants(len(directions[h]), positive=(2,) if scales else ()))
     undecided = dict.fromkeys(FORMS, reason)
-    whole = [Regime("whole", side, True, (), {}, undecided, None, None, None, None, cones) for side in SIGN]
+    whole = [
+        Regime("whole", side, True, (), {}, undecided, None, None, None, None, cones) for side in sides_with_forces(law)
+    ]
     return Diagram(law, tuple(whole), (), (), None, scales)
 
 
@@ -318,7 +321,7 @@ def _discovered(
     found: list[Regime] = []
     crossovers: list[Crossover] = []
     points: list[Meeting] = []
-    for side in SIGN:
+    for side in sides_with_forces(law):
         here = _regimes(law, side, directions, effort, bool(conservative), found)
         with within(effort, OutOfEffortError):
             met = list(_crossovers(law, here, directions))
@@ -326,6 +329,11 @@ def _discovered(
             crossovers += met
             points += _points(here, met)
     return Diagram(law, tuple(found), tuple(crossovers), tuple(points), conservative, scales)
+
+
+def sides_with_forces(law: ContactLaw) -> tuple[Side, ...]:
+    """Sides on which a law has forces: compression alone, if it says nothing of surfaces that are pulled."""
+    return ("compression",) if pressed_only(law) else ("compression", "tension")
 
 
 def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int]]:

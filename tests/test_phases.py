@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 from sympy import Abs, Piecewise, Rational, Symbol, exp, lambdify, pi, sqrt
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive.checks import pressed_only
 from softdyn.derive.forms import force
 from softdyn.derive.regimes import SIGN, Diagram, Side, discover
 from softdyn.errors import SceneError
@@ -101,7 +102,11 @@ def test_regions_fill_the_window_without_overlap_but_near_points_where_constants
     diagram = diagram_of(name)
     shown, X, Y = window(name, 2000)
     regimes = [regime for regime in diagram.regimes if regime.side == side]
-    assert all(regime.forms for regime in regimes)
+    if not regimes:  # of a law of pressed surfaces
+        assert side == "tension"
+        assert pressed_only(diagram.law)
+        return
+    assert all(regime.forms or regime.undecided for regime in regimes)
     covered = np.zeros(len(X), dtype=int)
     for regime in regimes:
         for polygon in plane.region(regime, shown, within_model=False):
@@ -113,7 +118,9 @@ def test_regions_fill_the_window_without_overlap_but_near_points_where_constants
                 at = (number(point.h, shown, X[:1], Y[:1]), number(point.force, shown, X[:1], Y[:1]) / shown.unit)
                 clear &= np.hypot(X - np.log10(at[0]), Y - np.log10(at[1])) > 1.5
     assert clear.mean() > 0.3
-    assert np.all(covered[clear] == 1)
+    assert np.all(covered[clear] <= 1)
+    # what is undecided in terms of delta is not drawn
+    assert all(regime.forms for regime in regimes) <= bool(np.all(covered[clear] == 1))
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -130,7 +137,8 @@ def test_on_a_crossover_the_leading_forms_of_both_regimes_agree(name: str) -> No
             one, other = (np.abs(number(form, shown, X, Y)) for form in forms)
             assert np.max(np.abs(one / other - 1)) < 1e-9
             drawn += 1
-    assert drawn or name == "hertz_dry"
+    decided = [regime.side for regime in diagram.regimes if regime.forms]
+    assert drawn or len(decided) == len(set(decided))  # at most one on each side
 
 
 def test_curved_boundaries_are_drawn_too() -> None:

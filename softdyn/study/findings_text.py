@@ -151,6 +151,9 @@ def regimes_text(
 def _side_lines(diagram: Diagram, side: Side, words: Formulas | Numbers, found: Presences) -> Iterator[str]:
     yield {"compression": "compression, F > 0", "tension": "tension, F < 0"}[side]
     here = [regime for regime in diagram.regimes if regime.side == side]
+    if not here:
+        yield "  nothing: the law is one of pressed surfaces alone, delta >= 0"
+        return
     twins = {regime.name: twin(diagram, regime) for regime in here}
     mirrored = side == "tension" and all(twins.values())
     if mirrored:

@@ -415,6 +415,7 @@ def regimes(diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
             if twins[r.side, r.name] is not None and not found.get((r.side, r.name), ANYWHERE).there
         ],
         "tension": own,
+        "pulled": bool(tension),
         "same": same,
         "differing": differing,
         "crossovers": [crossover_entry(c, diagram, show) for c in diagram.crossovers if c.side in sides],

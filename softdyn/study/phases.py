@@ -239,7 +239,8 @@ def force_colour(kappa: float, plane: Plane) -> Any:
 def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool, found: Presences) -> None:
     """Regions, crossovers, points where several meet, the edge of the model, films; with no text over another."""
     axes.set(xlim=plane.xlim, ylim=plane.ylim)
-    title = TITLES[side] if not alone else "compression; in tension the same"
+    mirrored = alone and any(regime.side == "tension" for regime in diagram.regimes)
+    title = "compression; in tension the same" if mirrored else TITLES[side]
     axes.set_title(f"regimes: {title}")
     sign = "" if side == "compression" else "-"
     axes.set_xlabel(_gap_label(plane))

@@ -165,10 +165,9 @@ def parameter_values(law: ContactLaw) -> dict[Symbol, float]:
 
 
 def sides_of(diagram: Diagram) -> tuple[Side, ...]:
-    """Sides with regimes of their own: compression alone, if tension mirrors it."""
-    return (
-        ("compression", "tension") if _seen(diagram, "compression") != _seen(diagram, "tension") else ("compression",)
-    )
+    """Sides with regimes of their own: compression alone, if tension mirrors it, or the law is of pressed surfaces."""
+    pulled = _seen(diagram, "tension")
+    return ("compression", "tension") if pulled and pulled != _seen(diagram, "compression") else ("compression",)
 
 
 def _seen(diagram: Diagram, side: Side) -> set[Any]:
