@@ -12,15 +12,16 @@ from fractions import Fraction
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from sympy import Add, Expr, Mul, Pow, Rational, S, Symbol, exp, expand_mul, log, pi
+from sympy import Add, Expr, Mul, Piecewise, Pow, Rational, S, Symbol, exp, expand_mul, log, pi
+from sympy.core.relational import Ge, Gt, Le, Lt
 
-from softdyn.certificate_checker import FORMAT, Missing, Refused, Vector, names_in, plus, shown, visit
+from softdyn.certificate_checker import FORMAT, Case, Missing, Refused, Vector, names_in, plus, ratio, shown, visit
 from softdyn.derive.closure import Closure, c, claimed_of, in_fractions, phi, result_of
 from softdyn.derive.closure_limits import Ordered, ordered, paths_of
 from softdyn.derive.closure_regimes import applies, cases_of, in_words, points_on
 from softdyn.derive.dominant_balance import definitions, size
 from softdyn.derive.law import parameters_of
-from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta
+from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta
 from softdyn.derive.witness import inequalities, side_of
 from softdyn.errors import LawError
 
@@ -64,14 +65,41 @@ def _summands(expr: Expr) -> list[Any]:
     return [*([str(first)] if first != 0 else []), *(prefix(part) for part in Add.make_args(rest))]
 
 
-def statement(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
-    """What is certified: fixed parameters, order, definitions, quantity and claim."""
+def statement(
+    law: ContactLaw, limit: Limit, quantity: str, forces: bool = False, written_out: bool = False
+) -> dict[str, Any]:
+    """What is certified: fixed parameters, order, definitions, quantity and claim.
+
+    Parameters
+    ----------
+    forces : bool
+        Whether what the order says of the force counts; without it a claim holds on a larger set.
+    written_out : bool
+        Whether sums that hold the radius have it in h and delta (a^2 - 2 R h cancels, 2 R delta does not), and the
+        force that drives the gap has the remote force's own terms.
+    """
     side = side_of(limit)
+    compared = inequalities(limit)
+    named = {symbol for small, large in compared for symbol in (small * large).free_symbols}
+    fixed = [s for s in parameters_of(law) if s in COMMON_PARAMETERS or s not in named]
+    known_sides = {delta: side * size}
+    ordered_by = [
+        (small.subs(known_sides), large.subs(known_sides))
+        for small, large in compared
+        if not (small.has(F) or large.has(F))
+    ]
+    branches: dict[tuple[Expr, Expr], None] = {}
     known: dict[Symbol, Expr] = {delta: side * size}
     name = NAMES.get(quantity, quantity)
     equations: list[tuple[Symbol, Expr]] = []
     for symbol, expr in definitions(law).items():
         value = expr.xreplace(known) if expr.is_Symbol else expr.subs(known)
+        value = _in_one_branch(value, ordered_by, fixed, branches)
+        if written_out and symbol != a:
+            value = _without_radius(value, equations[0][1])
+        if written_out and symbol.name == "net":
+            # terms of the remote force that may cancel one another are each small against the force
+            value = expand_mul(value.xreplace({s: x for s, x in equations if s.name == "F_adh"}))
         if value == 0:
             known[symbol] = S.Zero
         else:
@@ -80,20 +108,18 @@ def statement(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
     target = side * size if name == "delta" else next((s for s, _ in equations if s.name == name), S.Zero)
     if target == 0 or claim == 0:
         raise Refused("nothing to certify: one of the two is 0")
-    needed = target.free_symbols | claim.free_symbols
+    needed = target.free_symbols | claim.free_symbols | ({F} if forces else set())
     kept = []
     for symbol, value in reversed(equations):
         if symbol in needed:
             kept.append([symbol.name, prefix(value)])
             needed |= value.free_symbols
-    # what an order says of the force is left out: a claim that holds without it holds on a larger set
-    pairs = [
-        (small.subs(known), large.subs(known))
-        for small, large in inequalities(limit)
-        if not (small.has(F) or large.has(F))
+    # in the size of the force, whose sign is that of delta
+    by_force = [
+        (small.subs(F, side * F).subs(known_sides), large.subs(F, side * F).subs(known_sides))
+        for small, large in compared
+        if forces and (small.has(F) or large.has(F))
     ]
-    named = {s for pair in pairs for expr in pair for s in expr.free_symbols}
-    fixed = [s for s in parameters_of(law) if s in COMMON_PARAMETERS or s not in named]
     given = {"pi", *(s.name for s in fixed)}
     constant: dict[str, Any] = {}
     for text in [expr for _, expr in kept] + [prefix(claim)]:
@@ -103,11 +129,58 @@ def statement(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
         "claim_of": f"{law.name}: {limit.name}: {quantity}",
         "fixed": [s.name for s in fixed],
         "assumed": list(constant.values()),
-        "order": [[prefix(small), prefix(large)] for small, large in pairs],
+        "order": [[prefix(small), prefix(large)] for small, large in ordered_by],
+        "branches": [[prefix(small), prefix(large)] for small, large in branches],
+        "forces": [[F.name, prefix(small), prefix(large)] for small, large in by_force],
         "definitions": kept[::-1],
         "quantity": prefix(target),
         "claim": prefix(claim),
     }
+
+
+def _in_one_branch(
+    expr: Expr, order: Sequence[tuple[Expr, Expr]], fixed: Sequence[Symbol], branches: dict[tuple[Expr, Expr], None]
+) -> Expr:
+    """An expression without the branches (Piecewise) that an order excludes; what tells so is added to ``branches``.
+
+    Raises
+    ------
+    Refused
+        If the order does not tell.
+    """
+    if not expr.has(Piecewise):
+        return expr
+    plain = Case([], [], {})
+    grow = [ratio(prefix(small), prefix(large), plain) for small, large in order]
+    bounded: list[Vector] = [{symbol.name: Fraction(1)} for symbol in fixed]
+
+    def chosen(node: Piecewise) -> Expr:
+        for value, condition in node.args:
+            if condition == True:  # noqa: E712 (sympy's own truth)
+                return value
+            if not isinstance(condition, (Lt, Le, Gt, Ge)):
+                break
+            small, large = condition.lts, condition.gts
+            quotient = ratio(prefix(small), prefix(large), plain)
+            if multipliers(quotient, grow, bounded):
+                branches[small, large] = None
+                return value
+            if not multipliers(plus({}, quotient, Fraction(-1)), grow, bounded):
+                break
+            branches[large, small] = None
+        raise Refused(f"which branch applies is not told by the order: {node}")
+
+    return expr.replace(lambda node: isinstance(node, Piecewise), chosen)
+
+
+def _without_radius(expr: Expr, radius: Expr) -> Expr:
+    """An expression in which sums that hold the radius are fractions in h and delta, where they are such."""
+
+    def written(total: Expr) -> Expr:
+        explicit = total.xreplace({a: radius})
+        return explicit.cancel() if explicit.is_rational_function() else total
+
+    return expr.replace(lambda node: isinstance(node, Add) and node.has(a), written)
 
 
 def certificate(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
@@ -118,8 +191,17 @@ def certificate(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
     Refused
         If there is none: the claim is wrong, or it rests on what certificates have no rule for.
     """
-    data = statement(law, limit, quantity)
-    return _certificate_of(data)
+    first: Refused | _Atoms | None = None
+    # the force is left out at first: a claim that holds without it holds on a larger set
+    asks = any(small.has(F) or large.has(F) for small, large in inequalities(limit))
+    ways = [(False, False), *([(True, False), (True, True)] if asks else [(False, True)])]
+    for forces, written_out in ways:
+        try:
+            return _certificate_of(statement(law, limit, quantity, forces, written_out))
+        except (Refused, _Atoms) as reason:
+            first = first or reason
+    assert first is not None
+    raise first
 
 
 def closure_statement(closure: Closure, limit: Limit, quantity: str | Expr) -> dict[str, Any]:
@@ -200,7 +282,7 @@ def _certificate_of(data: dict[str, Any]) -> dict[str, Any]:
         return _filled({**data, "atoms": []})
     except _Atoms:
         found: dict[str, Any] = {}
-        for text in [data["order"], *(expr for _, expr in data["definitions"]), data["claim"]]:
+        for text in [data["order"], data.get("forces", []), *(expr for _, expr in data["definitions"]), data["claim"]]:
             _functions(text, found)
         return _filled({**data, "atoms": list(found.values())})
 
@@ -231,14 +313,16 @@ def _filled(data: dict[str, Any]) -> dict[str, Any]:
         count[0] += 1
         if count[0] > MOST_CASES:
             raise Refused(f"there are more than {MOST_CASES} cases")
-        for attempt in range(MOST_COMPARISONS):
+        tried: set[int] = set()
+        for _ in range(MOST_COMPARISONS):
             try:
                 visit(data, "leaf", above, level, given, 0)
                 return "leaf"
             except Missing as missing:
                 grow, bounded = missing.case.grow, missing.case.bounded
-                if attempt == 0 and _add(given, {}, grow, bounded):
+                if len(grow) not in tried and _add(given, {}, grow, bounded):
                     continue
+                tried.add(len(grow))
                 added = [_add(given, quotient, grow, bounded) for quotient in missing.quotients]
                 if not any(added):
                     at = _undecided(missing.quotients, grow, bounded)

@@ -10,7 +10,8 @@ case is left out. In each, every sum that is met is led by some of its terms. Th
 by multipliers (Farkas): ln of their quotient is a sum of logarithms that are known to grow, with multipliers >= 0, and
 of such that stay bounded. What leads then has the same coefficients, exactly, in the quantity and in the claim.
 Exponentials that vanish and logarithms that grow are further variables ("atoms"), whose relation to their argument is
-checked. Sums of what is fixed that are "assumed" to be positive are shown beside the claim.
+checked. Sums of what is fixed that are "assumed" to be positive are shown beside the claim. "branches" of a law apply
+where the order tells that one side of their condition is small; "forces" compare a quantity, once it is defined.
 """
 
 from __future__ import annotations
@@ -71,18 +72,12 @@ class Case:
 
 
 def check_certificate(certificate: Any) -> None:
-    """Check a certificate, as read from JSON.
-
-    Raises
-    ------
-    Refused
-        Naming what does not hold.
-    """
+    """Check a certificate, as read from JSON; Refused, if it is, names what does not hold."""
     try:
         if certificate["format"] != FORMAT:
             raise Refused(f"format {certificate['format']!r}, not {FORMAT!r}")
         given = certificate["multipliers"]
-        ordered = json.dumps(certificate["order"])
+        ordered = json.dumps([certificate["order"], certificate.get("forces", [])])
         for name in certificate["fixed"]:
             if name not in ("R", "E", "eta") and json.dumps(name) in ordered:
                 raise Refused(f"{name} is not fixed: the order compares it")
@@ -96,7 +91,7 @@ def visit(data: Any, node: Any, above: list[Vector], level: list[Vector], given:
     if depth > MOST_DEPTH:
         raise Refused("too many cases")
     if node != "leaf":
-        at = read_vector(node["split"])
+        at = {str(name): number(x) for name, x in node["split"].items() if number(x)}
         if not at:
             raise Refused("a case is split at 1")
         visit(data, node["above"], [*above, at], level, given, depth + 1)
@@ -105,30 +100,44 @@ def visit(data: Any, node: Any, above: list[Vector], level: list[Vector], given:
         return
     case = Case([], list(level), given)
     case.assumed = {json.dumps(expression) for expression in data["assumed"]}
-    for text in case.assumed:
-        if not names_in(json.loads(text)) <= {"pi", *data["fixed"]}:
-            raise Refused(f"only what is fixed can be assumed to be positive, not {text}")
+    if any(not names_in(json.loads(text)) <= {"pi", *data["fixed"]} for text in case.assumed):
+        raise Refused("only what is fixed can be assumed to be positive")
     for name, expression, _ in data["atoms"]:
         if not str(name).startswith("~") or name in case.names.values():
             raise Refused(f"{name!r} cannot name an atom")
         case.names[json.dumps(expression)] = name
     for small, large in data["order"]:
-        below, above_it = value_of(small, case), value_of(large, case)
-        if len(below) != 1 or len(above_it) != 1:
-            raise Refused("an order compares products of powers")
-        case.grow.append(plus(vector_of(*above_it), vector_of(*below), Fraction(-1)))
+        case.grow.append(ratio(small, large, case))
     case.grow += above
     if case.grows({}):  # 1 would grow: nothing belongs to this case
         return
     for name, (kind, argument), exponent in data["atoms"]:
         require_atom(name, kind, argument, number(exponent), case)
+    for small, large in data.get("branches", []):
+        require_growth(ratio(small, large, case), case)
     for name, expression in data["definitions"]:
         if name in case.values:
             raise Refused(f"{name!r} is defined twice")
         case.values[name] = value_of(expression, case)
+        case.grow += [ratio(small, large, case) for last, small, large in data.get("forces", []) if last == name]
+        if case.grows({}):
+            return
     found, claimed = value_of(data["quantity"], case), value_of(data["claim"], case)
     if found != claimed or not found:
         raise Refused(f"the quantity is led by {written(found)}, the claim by {written(claimed)}")
+
+
+def ratio(small: Any, large: Any, case: Case) -> Vector:
+    """Logarithm of large/small, two products of powers."""
+    below, over = value_of(small, case), value_of(large, case)
+    if len(below) != 1 or len(over) != 1:
+        raise Refused("an order compares products of powers")
+    return plus(vector_of(*over), vector_of(*below), Fraction(-1))
+
+
+def require_growth(quotient: Vector, case: Case) -> None:
+    if not case.grows(quotient):
+        raise Missing([quotient], case)
 
 
 def require_atom(name: str, kind: str, argument: Any, exponent: Fraction, case: Case) -> None:
@@ -138,11 +147,9 @@ def require_atom(name: str, kind: str, argument: Any, exponent: Fraction, case: 
     sign = 1 if kind == "log" else -1
     if exponent <= 0 or kind not in ("exp", "log") or any(sign * c <= 0 for c in value.values()):
         raise Refused(f"{name} is no exponential that vanishes, nor a logarithm that grows")
-    if not case.grows(vector):
-        raise Missing([vector], case)
-    case.grow.append({name: Fraction(sign)})
+    require_growth(vector, case)
     against = plus({}, vector, exponent * sign)
-    case.grow.append(plus(against, {name: Fraction(1)}, Fraction(-1)))
+    case.grow += [{name: Fraction(sign)}, plus(against, {name: Fraction(1)}, Fraction(-1))]
 
 
 def value_of(expression: Any, case: Case) -> Value:
@@ -171,15 +178,12 @@ def value_of(expression: Any, case: Case) -> Value:
     if head == "^":
         return power(value_of(parts[0], case), number(parts[1]))
     if head == "exp" and len(parts) == 1:
-        inner = vector_of(next(iter(value_of(parts[0], case))))
-        if case.grows(plus({}, inner, Fraction(-1))):
-            return {ONE: Fraction(1)}
-        raise Missing([plus({}, inner, Fraction(-1))], case)
+        require_growth(plus({}, vector_of(next(iter(value_of(parts[0], case)))), Fraction(-1)), case)
+        return {ONE: Fraction(1)}
     if head == "log" and len(parts) == 1 and parts[0][0] == "+" and parts[0][1] == "1":
         rest = value_of(["+", *parts[0][2:]], case)
-        if case.grows(plus({}, vector_of(next(iter(rest))), Fraction(-1))):
-            return rest
-        raise Missing([plus({}, vector_of(next(iter(rest))), Fraction(-1))], case)
+        require_growth(plus({}, vector_of(next(iter(rest))), Fraction(-1)), case)
+        return rest
     raise Refused(f"what is {head!r}?")
 
 
@@ -275,10 +279,6 @@ def vector_of(monomial: Monomial) -> Vector:
 def plus(one: Vector, other: Vector, factor: Fraction) -> Vector:
     found = {name: one.get(name, Fraction(0)) + factor * other.get(name, Fraction(0)) for name in {*one, *other}}
     return {name: x for name, x in found.items() if x}
-
-
-def read_vector(vector: Any) -> Vector:
-    return {str(name): number(x) for name, x in vector.items() if number(x)}
 
 
 def is_number(text: str) -> bool:

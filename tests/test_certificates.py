@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import copy
 import json
+import math
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,18 +14,23 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import exp, log, pi
+from sympy import Piecewise, Symbol, exp, log, pi
 
 from softdyn import certificate_checker
 from softdyn.certificate_checker import Refused, check_certificate
 from softdyn.cli import main
-from softdyn.derive import ContactLaw, E, Limit, R, delta, eta, h
+from softdyn.derive import LENGTH, ContactLaw, E, F, Limit, R, delta, eta, h
 from softdyn.derive.certificate import certificate, certificates
+from softdyn.derive.dominant_balance import definitions
+from softdyn.derive.witness import side_of
 from softdyn.laws import law_of
 
 #: Claims of the stock laws that have a certificate, at least; what the others lack is told by ``softdyn check``.
-COVERED = {"rognon_gay": 12, "lubrication_rigid": 6, "hertz_dry": 4, "cone": 20, "droplet": 19, "equal_spheres": 33}
-COVERED |= {"dlvo": 8, "soap_film": 5, "steric": 5}
+COVERED = {"rognon_gay": 12, "lubrication_rigid": 6, "hertz_dry": 4, "cone": 20, "droplet": 30, "equal_spheres": 41}
+COVERED |= {"dlvo": 8, "soap_film": 5, "steric": 12}
+
+
+ell = Symbol("ell", positive=True)
 
 
 @cache
@@ -49,6 +56,69 @@ def test_certificates_of_stock_laws_hold(name: str) -> None:
                         json.dumps(one).replace('"h"', json.dumps(hidden)).replace('"delta"', json.dumps(hidden))
                     )
                 )
+
+
+def value_of(text: Any, at: dict[str, float]) -> float:
+    """Value of an expression in prefix notation."""
+    if isinstance(text, str):
+        return at[text] if text in at else float(Fraction(text))
+    parts = [value_of(part, at) for part in text[1:]]
+    operations: dict[str, Any] = {"+": math.fsum, "*": math.prod, "^": lambda x: x[0] ** x[1]}
+    operations |= {"exp": lambda x: math.exp(x[0]), "log": lambda x: math.log(x[0])}
+    return float(operations[text[0]](parts))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["droplet", "steric"])
+def test_what_a_certificate_defines_is_the_laws_own(name: str) -> None:
+    """In numbers: also where sums are written out in h and delta, and where one branch alone is left."""
+    for one in made(name):
+        limit = next(x for x in law_of(name).limits if one["claim_of"].startswith(f"{name}: {x.name}: "))
+        side = side_of(limit)
+        sizes = {"R": 1.0, "E": 1.3, "eta": 0.7, "nu": 0.3, "sigma": 0.9, "Pi0": 1.7, "h": 0.11, "delta": 0.07}
+        # on the side of each branch that the order says
+        sizes["L"] = 0.02 if any("L" in str(small) for small, _ in one["branches"]) else 0.4
+        defined = dict(sizes, pi=math.pi)
+        for quantity, text in one["definitions"]:
+            defined[quantity] = value_of(text, defined)
+        exact = {symbol: sizes[symbol.name] for symbol in (R, E, eta, h, *law_of(name).parameters)}
+        exact[delta] = side * sizes["delta"]
+        for symbol, form in definitions(law_of(name)).items():
+            exact[symbol] = float(form.subs(exact))
+            if symbol.name in defined:
+                assert defined[symbol.name] == pytest.approx(exact[symbol], rel=1e-12), (one["claim_of"], symbol)
+
+
+def test_a_branch_and_a_force_are_told_by_the_order() -> None:
+    """A law with a branch: the one that applies; and a claim that needs the force to be large."""
+    brush = Piecewise((E * R * (ell - h), h < ell), (0, True))
+    both = ContactLaw(
+        name="law",
+        a=R,
+        F_ela=E * R * delta,
+        zeta=6 * pi * eta * R**2 / h,
+        F_adh=brush,
+        parameters={ell: LENGTH},
+        limits=(
+            Limit("inside", ((h, ell), (delta, R)), {"F_adh": E * R * ell}),
+            Limit("pressed", ((h, ell), (E * R * ell, F), (delta, R)), {"dh_dt": -F * h / (6 * pi * eta * R**2)}),
+            Limit("unknown", ((h, R), (ell, R), (delta, R)), {"F_adh": E * R * ell}),
+        ),
+    )
+    inside = certificate(both, both.limits[0], "F_adh")
+    pressed = certificate(both, both.limits[1], "dh_dt")
+    for one in (inside, pressed):
+        check_certificate(one)
+        with pytest.raises(Refused):
+            check_certificate({**one, "branches": [pair[::-1] for pair in one["branches"]]})
+    assert inside["forces"] == []
+    assert pressed["forces"][0][0] == "F"
+    with pytest.raises(Refused):  # the claim rests on it
+        check_certificate({**pressed, "forces": []})
+    with pytest.raises(Refused, match="not fixed"):
+        check_certificate({**pressed, "fixed": [*pressed["fixed"], "ell"]})
+    with pytest.raises(Refused, match="branch"):
+        certificate(both, both.limits[2], "F_adh")
 
 
 def test_the_checker_is_short_and_knows_nothing_of_the_prover() -> None:
