@@ -126,7 +126,7 @@ def time_ours(cells: int, elements: str) -> Figures:
     x = unknowns.all_of(unknowns.free_of(rest), system.given(DT))
     equations = system.equations(DT, 1 / DT, rest)
     assembly, (residual, matrix) = median_of(lambda: equations.linearised(x))
-    solver = LinearSolver(unknowns.free_kinds)
+    solver = LinearSolver(unknowns.free_kinds, starts=unknowns.starts)
 
     def solved() -> None:
         solver.factorise(unknowns.free_matrix(matrix))

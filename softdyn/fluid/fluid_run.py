@@ -22,7 +22,7 @@ from softdyn.fluid.flow_system import FluidSystem, prepared
 from softdyn.fluid.fluid_result import HISTORY, FlowFrame, FluidResult, frame_of, gather_flow
 from softdyn.fluid.fluid_scene import FluidScene
 from softdyn.fluid.krylov import LARGE, is_there
-from softdyn.fluid.linear_solvers import LinearSolver
+from softdyn.fluid.linear_solvers import NAMES, LinearSolver
 from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march, restart
 from softdyn.fluid.newton import Solution
 from softdyn.fluid.steady import steady_flow
@@ -127,7 +127,7 @@ def solver_of(system: FluidSystem) -> LinearSolver:
     """
     kinds, basis, by_blocks = system.unknowns.free_kinds, system.unknowns.basis, system.velocity.order == 2
     if len(kinds) < LARGE[system.dimension] or len(system.conditions.slipping) or not by_blocks or not is_there():
-        return LinearSolver(kinds)
+        return LinearSolver(kinds, starts=system.unknowns.starts)
     return LinearSolver(kinds, basis.tocsc().indices // system.velocity.count)
 
 
@@ -287,7 +287,7 @@ def _result(run: Run, began: float) -> FluidResult:
         **counts,
         **{f"linear_{name}": number for name, number in run.solver.counts.items()},
         "linear_residual": run.solver.worst,
-        "linear_solver": "SuperLU" if run.solver.axes is None else "GMRES, by blocks",
+        "linear_solver": NAMES[run.solver.way],
         "residual": worst.pop("step_residual"),
         **worst,
         "wall_s": time.perf_counter() - began,

@@ -34,6 +34,8 @@ class Unknowns:
     basis : sparse matrix, shape (unknowns, free ones)
         Its columns stand in the order in which a factor is taken.
     free_kinds : array of int, shape (free ones,)
+    starts : array of int
+        First of the free ones in each part that is eliminated at once, and their count.
     entries : array of int, or None
         Entries of the whole matrix that make the one of the free unknowns, where no column of the basis has two.
     indices, indptr : array of int
@@ -45,6 +47,7 @@ class Unknowns:
     kinds: Indices
     basis: csr_matrix
     free_kinds: Indices
+    starts: Indices
     lift: csr_matrix
     entries: Indices | None = None
     indices: Indices | None = None
@@ -119,7 +122,7 @@ def unknowns_of(
     size = len(single) + len(columns)
     basis = csr_matrix(coo_matrix((value, (row, column)), shape=(count, size)))
     first = np.concatenate([single, np.array([own[0] for own, _ in columns], dtype=np.int64)])
-    order = _order(
+    order, starts = _order(
         csr_matrix((np.ones(pattern.nnz), pattern.indices, pattern.indptr), pattern.shape),
         basis,
         places[first],
@@ -129,12 +132,12 @@ def unknowns_of(
     given = [np.concatenate(parts) for parts in zip(*lift, strict=True)]
     lifted = csr_matrix(coo_matrix((given[2], (given[0], given[1])), shape=(count, len(fixed) + len(slipping))))
     if columns:
-        return Unknowns(kinds, basis, kinds[first][order], lifted)
+        return Unknowns(kinds, basis, kinds[first][order], starts, lifted)
     numbered = csr_matrix((np.arange(1.0, pattern.nnz + 1), pattern.indices, pattern.indptr), pattern.shape)
     taken = csc_matrix(numbered[single[order]][:, single[order]])
     taken.sort_indices()
     entries = np.rint(taken.data).astype(np.int64) - 1
-    return Unknowns(kinds, basis, kinds[first][order], lifted, entries, taken.indices, taken.indptr)
+    return Unknowns(kinds, basis, kinds[first][order], starts, lifted, entries, taken.indices, taken.indptr)
 
 
 def _tangents(normals: Array) -> tuple[Array, Array]:
@@ -144,8 +147,11 @@ def _tangents(normals: Array) -> tuple[Array, Array]:
     return tangents, np.asarray(np.linalg.pinv(normals, rcond=PARALLEL), dtype=float)
 
 
-def _order(pattern: csr_matrix, basis: csr_matrix, places: Array, kinds: Indices) -> Indices:
-    """Order of the free unknowns: by nested dissection of their nodes, at each node velocities before the pressure."""
+def _order(pattern: csr_matrix, basis: csr_matrix, places: Array, kinds: Indices) -> tuple[Indices, Indices]:
+    """Order of the free unknowns, and where parts of it start that are eliminated at once.
+
+    It is by nested dissection of their nodes, at each node velocities before the pressure.
+    """
     _, node = np.unique(np.column_stack([places]), axis=0, return_inverse=True)
     node = np.asarray(node).ravel()
     nodes = int(node.max()) + 1 if len(node) else 0
@@ -155,5 +161,7 @@ def _order(pattern: csr_matrix, basis: csr_matrix, places: Array, kinds: Indices
     held = of_node @ abs(basis).T
     graph = csr_matrix(held @ pattern @ held.T)
     rank = np.empty(nodes, dtype=np.int64)
-    rank[dissected(csr_matrix(graph + graph.T), where)] = np.arange(nodes)
-    return np.lexsort((kinds, rank[node]))
+    dissection, starts = dissected(csr_matrix(graph + graph.T), where)
+    rank[dissection] = np.arange(nodes)
+    order = np.lexsort((kinds, rank[node]))
+    return order, np.searchsorted(rank[node][order], starts)
