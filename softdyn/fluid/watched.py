@@ -8,7 +8,8 @@ per volume, or of a pressure over the size of the flow, what it accelerates the 
 relative to its largest value, an error of the flow by as much. A step is shortened until none of it exceeds the error
 that is allowed, and ends at each kink and jump.
 
-An expression that depends on the place, too, is one at each point: it is watched at some of them.
+An expression that depends on the place, too, is one at each point: it is watched at some of them, and in each part of
+the run at that point at which the bounds of it are farthest apart. So a pulse at one place is not missed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.enclosure import models
 from softdyn.errors import SceneError
+from softdyn.expression import parse, places_of
 from softdyn.fluid.fields import AXES, FieldFunction
 from softdyn.fluid.flow_system import FluidSystem
 from softdyn.fluid.march import SHORTEST, FlowState
@@ -31,6 +34,10 @@ Array = NDArray[np.float64]
 
 #: Points at most at which an expression of the place is watched.
 POINTS = 32
+#: Parts of the run, in each of which the point is watched at which an expression may change most.
+PARTS = 16
+#: Radius of the disc in which the bounds are found, over half of a part.
+DISC = 2.0
 #: Of a bound of the velocities that there may be, by what is given: those below do not matter.
 NEGLIGIBLE = 1e-10
 #: Of what is allowed; the shortest that a trial makes of a step; the power of the length that the bound goes with.
@@ -208,6 +215,27 @@ def _at_points(field: FieldFunction, at: Array, constants: Mapping[str, float], 
     if not field.expression.of_place:
         yield time_function(text, field.where, given, until)
         return
-    for k in np.unique(np.linspace(0, len(at) - 1, POINTS).astype(int)):
+    some = np.linspace(0, len(at) - 1, POINTS).astype(int)
+    watched = some if len(at) <= POINTS else np.concatenate([some, _farthest(text, at, constants, until)])
+    for k in np.unique(watched):
         here = dict(zip(AXES, at[k].tolist(), strict=False))
         yield time_function(text, field.where, {**given, **here}, until)
+
+
+def _farthest(text: str, at: Array, constants: Mapping[str, float], until: float) -> NDArray[np.intp]:
+    """Points at which the bounds of an expression in a part of the run are farthest apart, one for each part."""
+    axes = AXES[: at.shape[1]]
+    expression = parse(text, {**constants, **dict.fromkeys(axes, 0.0)})
+    places = [
+        (axis, place)
+        for axis, name in enumerate(axes)
+        for _, place in places_of(name, text, {**constants, **dict.fromkeys(axes, 0.0)})
+    ]
+    here = np.array(expression.constants)
+    ends = np.linspace(0.0, until, PARTS + 1)
+    apart = np.empty((len(at), PARTS))
+    for k, point in enumerate(at):
+        for axis, place in places:
+            here[place] = point[axis]
+        apart[k] = np.subtract(*models(expression.shape, here, ends[:-1], ends[1:], DISC, DISC**-3.0)[:, :4:-1].T)
+    return np.argmax(np.where(np.isnan(apart), math.inf, apart), axis=0)
