@@ -352,15 +352,18 @@ def test_a_step_that_cannot_be_made_is_an_error_that_tells_when() -> None:
         march(growing, solver, state, 2.0, 2.0, stepping, lambda step: None)
 
 
-def test_blocks_solve_what_factors_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cavity in three dimensions, in time, whatever the units: and the same twice, to the last bit."""
+@pytest.mark.parametrize("slip", [False, True])
+def test_blocks_solve_what_factors_do(monkeypatch: pytest.MonkeyPatch, slip: bool) -> None:
+    """A cavity in three dimensions, in time, with or without friction at its sides: the same twice, to the bit."""
     pytest.importorskip("pyamg")
     from softdyn.fluid import Boundary, FluidScene, MeshSection, krylov, simulate
 
-    walls = Boundary(["left", "right", "bottom", "front", "back"], velocity=[0.0] * 3)
+    sides = ["left", "right", "front", "back"]
+    walls = [Boundary("bottom", velocity=[0.0] * 3)]
+    walls += [Boundary(sides, slip=True) if slip else Boundary(sides, velocity=[0.0] * 3)]
     scene = FluidScene(
         density=1.0, viscosity=0.01, mesh=MeshSection(box=[1.0] * 3, cells=[3] * 3), until_t=0.1, dt=0.05, times=2,
-        boundary=[Boundary("top", velocity=[1.0, 0.0, 0.0]), walls],
+        boundary=[Boundary("top", velocity=[1.0, 0.0, 0.0]), *walls],
     )  # fmt: skip
     by_factors = simulate(scene)
     monkeypatch.setitem(krylov.LARGE, 3, 0)

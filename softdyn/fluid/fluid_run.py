@@ -123,12 +123,14 @@ def simulate_fluid(
 def solver_of(system: FluidSystem) -> LinearSolver:
     """Solver of the linear systems: factors, or from where these cost more, blocks, if pyamg is there for them.
 
-    Blocks are for elements of Taylor and Hood, and for velocities along axes alone.
+    Blocks are for elements of Taylor and Hood alone.
     """
-    kinds, basis, by_blocks = system.unknowns.free_kinds, system.unknowns.basis, system.velocity.order == 2
-    if len(kinds) < LARGE[system.dimension] or len(system.conditions.slipping) or not by_blocks or not is_there():
+    kinds, basis, count = system.unknowns.free_kinds, system.unknowns.basis, system.velocity.count
+    if len(kinds) < LARGE[system.dimension] or system.velocity.order != 2 or not is_there():
         return LinearSolver(kinds, starts=system.unknowns.starts)
-    return LinearSolver(kinds, basis.tocsc().indices // system.velocity.count)
+    even = np.zeros((basis.shape[0], system.dimension))
+    even[: system.velocities] = np.repeat(np.eye(system.dimension), count, axis=0)
+    return LinearSolver(kinds, basis.T @ even, system.unknowns.starts)
 
 
 def _steady(run: Run, progress: Progress | None, began: float) -> FluidResult:

@@ -35,10 +35,10 @@ def is_there() -> bool:
     return find_spec("pyamg") is not None
 
 
-def block_solver(matrix: csc_matrix, kinds: Indices, axes: Indices) -> BlockSolver | None:
+def block_solver(matrix: csc_matrix, kinds: Indices, motions: Array) -> BlockSolver | None:
     """Solver of a matrix; None if its preconditioner cannot be made, as of a matrix that is singular."""
     try:
-        return BlockSolver(matrix, kinds, axes)
+        return BlockSolver(matrix, kinds, motions)
     except (ValueError, RuntimeError, np.linalg.LinAlgError):
         return None
 
@@ -52,7 +52,7 @@ class BlockSolver:
         Those of all solutions.
     """
 
-    def __init__(self, matrix: csc_matrix, kinds: Indices, axes: Indices) -> None:
+    def __init__(self, matrix: csc_matrix, kinds: Indices, motions: Array) -> None:
         from scipy.sparse.linalg import splu
 
         self.velocities, self.pressures = np.flatnonzero(kinds == 0), np.flatnonzero(kinds == 1)
@@ -70,7 +70,7 @@ class BlockSolver:
         laplacian = self.D @ diags(self.M) @ self.G
         # of an enclosed flow it is singular but for the pressure that is held
         self.inner = splu(csc_matrix(laplacian + 1e-12 * diags(laplacian.diagonal())))
-        self.cycle = _multigrid(self.F, axes[self.velocities])
+        self.cycle = _multigrid(self.F, motions[self.velocities])
 
     def solve(self, right: Array) -> Array:
         """Solution, as far as GMRES comes."""
@@ -98,18 +98,17 @@ class BlockSolver:
         return found
 
 
-def _multigrid(matrix: csr_matrix, axes: Indices) -> Any:
+def _multigrid(matrix: csr_matrix, motions: Array) -> Any:
     """A cycle of multigrid, whose smooth errors are even motions along each axis."""
     from pyamg import smoothed_aggregation_solver
 
-    even = (axes[:, None] == np.unique(axes)).astype(float)
     smoother = ("gauss_seidel", {"sweep": "symmetric"})
     # it draws numbers of numpy's own to estimate eigenvalues: the same ones at any time
     state = np.random.get_state()  # noqa: NPY002
     np.random.seed(1)  # noqa: NPY002
     try:
         levels = smoothed_aggregation_solver(
-            matrix, B=even, symmetry="nonsymmetric", strength=("symmetric", {"theta": 0.0}), smooth="jacobi",
+            matrix, B=motions, symmetry="nonsymmetric", strength=("symmetric", {"theta": 0.0}), smooth="jacobi",
             presmoother=smoother, postsmoother=smoother, max_coarse=500,
         )  # fmt: skip
     finally:

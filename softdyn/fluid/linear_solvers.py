@@ -37,7 +37,7 @@ PIVOT = 1e-3
 BLOCKS, FRONTS, ORDERED, FREE = range(4)
 NAMES = {BLOCKS: "GMRES, by blocks", FRONTS: "fronts", ORDERED: "SuperLU", FREE: "SuperLU"}
 #: What to try where the residual is not met. By blocks it is the direct solution that is left.
-SAFER = {BLOCKS: ORDERED, FRONTS: ORDERED, ORDERED: FREE}
+SAFER = {BLOCKS: FRONTS, FRONTS: ORDERED, ORDERED: FREE}
 #: Nodes of a part that is not cut any more.
 LEAF = 40
 
@@ -96,8 +96,8 @@ class LinearSolver:
     ----------
     kinds : array of int, shape (unknowns,)
         0 of velocities, whose rows are forces; 1 of pressures, whose rows are fluxes.
-    axes : array of int, shape (unknowns,), optional
-        Along which axis each velocity is: with it, matrices are not factorised but solved by blocks.
+    motions : array, shape (unknowns, axes), optional
+        Even motions of the whole fluid along each axis: with them, matrices are not factorised but solved by blocks.
     starts : array of int, optional
         First unknown of each part that is eliminated at once, and their count: with it, factors are made by fronts.
     fronts : Fronts, optional
@@ -119,7 +119,7 @@ class LinearSolver:
     """
 
     kinds: Indices
-    axes: Indices | None = None
+    motions: Array | None = None
     starts: Indices | None = None
     fronts: Fronts | None = None
     factor: Any = None
@@ -146,7 +146,8 @@ class LinearSolver:
         if not np.isfinite(matrix.data).all():
             raise LinearFailed("the matrix of the flow holds entries that are no numbers")
         self.balance = _balance(self.sizes, self.kinds)
-        self.factor = self._factor(BLOCKS if self.axes is not None else FRONTS if self.starts is not None else ORDERED)
+        direct = ORDERED if self.starts is None else FRONTS
+        self.factor = self._factor(direct if self.motions is None else BLOCKS)
 
     def _factor(self, way: int) -> Any:
         """Factor of the matrix in balanced units, or what solves by blocks; None if there is none."""
@@ -158,10 +159,11 @@ class LinearSolver:
         if way == BLOCKS:
             from softdyn.fluid.krylov import block_solver
 
-            assert self.axes is not None
-            return block_solver(scaled, self.kinds, self.axes)
+            assert self.motions is not None
+            return block_solver(scaled, self.kinds, self.motions)
         if way == FRONTS:
-            assert self.starts is not None
+            if self.starts is None:
+                return None
             if self.fronts is None or not self.fronts.fit(scaled):
                 self.fronts = fronts_of(scaled, self.starts)
             return front_factor(self.fronts, scaled)
@@ -203,7 +205,7 @@ class LinearSolver:
         x = self._by_factor(right)
         left, remainder = self._residual(x, right)
         for _ in range(MOST_REFINEMENTS):
-            if not left > (ROUNDING if self.axes is None else 0.1 * LINEAR_RESIDUAL):
+            if not left > (ROUNDING if self.motions is None else 0.1 * LINEAR_RESIDUAL):
                 break
             better = x + self._by_factor(remainder)
             new, other = self._residual(better, right)
