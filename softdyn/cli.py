@@ -189,7 +189,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         help="at real values of the law's parameters, in SI units, as R=50e-6,sigma=.03: all is told in numbers, and "
-        "drawn with units; what is not given is the law's typical value",
+        "drawn with units; what is not given is the law's typical value. Of a closure at a point, as Re=10,phi=0.4",
     )
     regimes.add_argument("--json", action="store_true", help="one JSON object instead of text")
     regimes.add_argument("--plot", metavar="PICTURE", type=Path, help="draw them too: .png, .svg or .pdf")
@@ -599,18 +599,25 @@ def _regimes(options: argparse.Namespace) -> int:
 
 
 def _regimes_of_closure(closure: Any, options: argparse.Namespace) -> int:
-    if options.at or options.numeric:
-        raise SceneError(f"{closure.name} is a closure: --at and --numeric are of laws; leave them out")
+    if options.numeric:
+        raise SceneError(f"{closure.name} is a closure: --numeric is of laws; leave it out")
     from softdyn.derive.closure_regimes import discover_closure
+    from softdyn.study.closure_at import at_point, point_of, point_text
     from softdyn.study.closure_plane import presence_of_closure
     from softdyn.study.closure_text import regimes_of_closure_data, regimes_of_closure_text
+    from softdyn.study.values import read_values
 
+    point = point_of(closure, read_values(options.at)) if options.at else None
     diagram = discover_closure(closure)
     found = presence_of_closure(diagram)
+    there = None if point is None else at_point(diagram, *point)
     if options.json:
-        print(json.dumps(regimes_of_closure_data(diagram, found), indent=2))
+        data = regimes_of_closure_data(diagram, found)
+        print(json.dumps(data if there is None else {**data, "at": there}, indent=2))
     else:
         print(regimes_of_closure_text(diagram, found), end="")
+        if there is not None:
+            print(point_text(closure, there), end="")
     if options.plot is not None:
         from softdyn.study import closure_pictures, figures
 

@@ -245,8 +245,22 @@ def test_regimes_are_told_and_drawn(name, tmp_path, capsys):
 
 
 def test_values_of_laws_are_refused_of_closures(capsys):
+    assert main(["regimes", "ergun", "--numeric"]) == 2
+    assert "--numeric is of laws" in capsys.readouterr().err
     assert main(["regimes", "ergun", "--at", "R=1"]) == 2
-    assert "--at and --numeric are of laws" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert all(words in said for words in ("--at R: ergun is told at values of Re and phi", "Re is missing"))
+
+
+def test_a_closure_is_told_at_a_point(capsys):
+    """Ergun's two terms stand to each other as 150 phi/c to 1.75 Re: at Re = 6, phi = 0.4, as 100 to 10.5."""
+    assert main(["regimes", "ergun", "--at", "Re=6,c=0.6", "--json"]) == 0
+    there = json.loads(capsys.readouterr().out)["at"]
+    # 50 pi eta r (phi/c + 7 Re/600), over 6 pi eta r
+    assert there["value"] == pytest.approx((50 * 2 / 3 + 3.5) / 6)
+    slow, fast = there["regimes"]
+    assert (slow["error"], fast["error"]) == pytest.approx((0.105, 100 / 10.5))
+    assert slow["decades"] == pytest.approx(-fast["decades"]) == pytest.approx(np.log10(100 / 10.5))
 
 
 @pytest.mark.parametrize("form", ["text", "latex", "json"])
