@@ -238,4 +238,4 @@ def _farthest(text: str, at: Array, constants: Mapping[str, float], until: float
         for axis, place in places:
             here[place] = point[axis]
         apart[k] = np.subtract(*models(expression.shape, here, ends[:-1], ends[1:], DISC, DISC**-3.0)[:, :4:-1].T)
-    return np.argmax(np.where(np.isnan(apart), math.inf, apart), axis=0)
+    return np.asarray(np.argmax(np.where(np.isnan(apart), math.inf, apart), axis=0))
