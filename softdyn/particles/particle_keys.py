@@ -208,8 +208,10 @@ class ParticleScene:
                 "[particles] file",
                 PATH,
                 "Where positions, radii and species are read from, instead: a table with the columns x, y, z, radius "
-                "or diameter, species; or the result of an earlier run (.npz), whose last frame is gone on from, with "
-                "its box, tilt, gaps and tangential forces; time starts anew.",
+                "or diameter, species; the result of an earlier run (.npz), whose last frame is gone on from, with "
+                "its box, tilt, gaps and tangential forces, time starting anew; or the last frame of a file of LAMMPS "
+                "(.data, .lmp, .dump, .lammpstrj), extended XYZ (.xyz), GSD (.gsd) or VTK (.vtk, .vtu), with its box. "
+                "Such a file may leave radii to the scene.",
             ),
         ]
     ] = None

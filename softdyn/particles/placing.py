@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
+from softdyn.particles.foreign_files import read_foreign, reader_of
 from softdyn.particles.names import AXES, is_number
 from softdyn.particles.particle_keys import PLACES
 from softdyn.scene.keys import key_faults, rows
@@ -50,9 +51,14 @@ def placed(
         raise SceneError(PLACES)
     if scene.positions is not None:
         raise SceneError("[particles] takes positions or file, one of them")
-    if file is not None and (scene.radii is not None or scene.species is not None):
+    own = [name for name in ("radii", "species") if getattr(scene, name) is not None]
+    if file is not None and own and reader_of(Path(file)) is None:
         raise SceneError("[particles] radii and species belong in the file")
     found = packed(packing) if packing is not None else read_particles(file)  # type: ignore[arg-type]
+    for name in found.keys() & own:
+        raise SceneError(f"[particles] {name}: {file} tells them; leave them out")
+    if "radii" not in found and "radii" not in own:
+        raise SceneError(f"{file} tells no sizes: give [particles] radii")
     if "box" in found and (scene.box is not None or scene.tilt):
         source = "[packing]" if packing is not None else "[particles] file"
         raise SceneError(f"[box] follows from {source}: leave it out, but for its depth")
@@ -102,14 +108,17 @@ def read_particles(path: str | Path) -> dict[str, Any]:
     Parameters
     ----------
     path : str or Path
-        Of a result (.npz), whose last frame is taken with its films, or of a table with the headings x, y, z, radius
+        Of a result (.npz), whose last frame is taken with its films; of a table with the headings x, y, z, radius
         and species in any order (y, z and species optional; ``diameter`` in the place of radius is twice that), see
-        :mod:`softdyn.tables`.
+        :mod:`softdyn.tables`; or of another program: LAMMPS data (.data, .lmp) and dumps (.dump, .lammpstrj), XYZ and
+        extended XYZ (.xyz, .extxyz), GSD (.gsd), points of VTK (.vtk, .vtu), see
+        :mod:`softdyn.particles.foreign_files`.
 
     Returns
     -------
     dict
-        ``positions`` (N, d), ``radii`` (N,); ``species``, ``box``, ``tilt``, ``depth`` and ``films`` if there are any.
+        ``positions`` (N, d), ``radii`` (N,) but for files of other programs that tell no sizes; ``species``, ``box``,
+        ``tilt``, ``depth`` and ``films`` if there are any.
 
     Raises
     ------
@@ -117,6 +126,9 @@ def read_particles(path: str | Path) -> dict[str, Any]:
         Naming the line at fault.
     """
     path = Path(path)
+    read = reader_of(path)
+    if read is not None:
+        return read_foreign(path, read)
     if path.suffix != ".npz":
         return _from_table(path)
     from softdyn.particles.results import load_particles

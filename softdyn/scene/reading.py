@@ -15,12 +15,16 @@ from softdyn.words import listed
 
 _RESULT = 'a result: softdyn plot and convert read it, and a scene may go on from it, [particles] file = "..."'
 _TABLE = "a table: a scene names it, as [particles] file, or as what drives a pair"
+_PARTICLES = 'particles of another program: a scene starts from them, [particles] file = "..."'
 #: Endings of files that are no scenes, and what they are.
 NO_SCENES = {
     ".npz": _RESULT,
     ".json": _RESULT,
     ".csv": _TABLE,
-    ".gsd": "what other programs show",
+    ".gsd": _PARTICLES,
+    ".xyz": _PARTICLES,
+    ".data": _PARTICLES,
+    ".dump": _PARTICLES,
     ".pvd": "what other programs show",
     ".py": 'a law: a scene names it, law = "FILE.py"',
 }
