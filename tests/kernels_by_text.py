@@ -25,10 +25,10 @@ _counter = itertools.count()
 
 
 class TextKernel:
-    """A kernel built from the text that was emitted for it."""
+    """A kernel built from the text that was emitted for it; one form, ``ir``, may serve several targets."""
 
-    def __init__(self, law: ContactLaw, needs: Needs, target: str, folder: Path) -> None:
-        self.ir: KernelIR = kernel_ir(law, needs)
+    def __init__(self, law: ContactLaw, needs: Needs, target: str, folder: Path, ir: KernelIR | None = None) -> None:
+        self.ir: KernelIR = ir or kernel_ir(law, needs)
         self.text = emit(self.ir, target)
         self._function = (_c_functions if target == "c" else _numba_functions)(self.text, folder)
 

@@ -349,6 +349,7 @@ def test_friction_beyond_the_largest_number_is_told(tmp_path: Path, capsys: pyte
 SIZES = st.sampled_from([10.0**k for k in (-300, -200, -99, -30, -3, 0, 3, 30, 99, 200, 300)])
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_particles_of_numbers_of_any_size_end_in_words(

@@ -158,6 +158,7 @@ def test_both_targets_make_the_same_steps() -> None:
     np.testing.assert_allclose(one.x, other.x, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_is_the_same_to_the_last_bit(tmp_path: Path) -> None:
     scene = crowd(2, 8, times=6)
     whole = simulate(scene)
@@ -178,6 +179,7 @@ def test_a_resumed_run_is_the_same_to_the_last_bit(tmp_path: Path) -> None:
     read.plot()
 
 
+@pytest.mark.slow
 def test_what_is_given_is_followed() -> None:
     """A held grain moves as told, a pushed one by its push, and the energy that they take is told."""
     scene = ParticleScene(

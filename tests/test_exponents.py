@@ -42,6 +42,7 @@ BY_HAND = {
 }
 
 
+@pytest.mark.slow
 def test_measured_exponents_are_the_papers_within_what_the_next_terms_predict(paper: exponents.Measurement) -> None:
     seen = set()
     for run in paper.runs:

@@ -56,6 +56,7 @@ def approaching(gap: float, ratio: float = 1.0, **changes: Any) -> float:
     return 1.0 / float(v[0, 0] - v[1, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [1e-3, 1e-2, 0.1, 0.5, 1.0, 3.0, 10.0, 30.0, 99.0])
 def test_two_equal_spheres_approach_as_fast_as_in_brenners_series(gap: float) -> None:
     exact = 3 * np.pi * float(brenner.friction(gap))
@@ -87,7 +88,7 @@ def test_a_sphere_settles_on_a_wall_as_fast_as_in_brenners_solution(gap: float, 
 
 
 @pytest.mark.parametrize("ratio", [1.2, 2.0, 5.0, 10.0, 40.0])
-@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("gap", [gap if gap > 0.1 else pytest.param(gap, marks=pytest.mark.slow) for gap in GAPS])
 def test_unequal_spheres_approach_as_fast_as_in_the_exact_solution(gap: float, ratio: float) -> None:
     """Free ones, under equal and opposite forces; the gap in smaller radii."""
     exact = 6 * np.pi * ratio / (1 + ratio) * two_spheres.friction(gap, ratio)
@@ -136,6 +137,7 @@ def test_more_drag_than_the_law_declares_adds_to_its_friction() -> None:
     assert approaching(195.0, law=mobile) == pytest.approx(2 * np.pi, rel=0.01)
 
 
+@pytest.mark.slow
 @given(gap=st.floats(-3, 1).map(lambda x: 10**x), ratio=st.floats(0.1, 1.0))
 @settings(max_examples=15, deadline=None)
 def test_the_law_and_the_drags_make_the_friction_of_the_law(gap: float, ratio: float) -> None:
@@ -160,6 +162,7 @@ def test_what_is_left_of_a_stock_law_is_positive_and_vanishes(name: str) -> None
     assert x.is_positive
 
 
+@pytest.mark.slow
 def test_without_drag_the_kernel_knows_nothing_of_it() -> None:
     with_drag, without = (emit(contact_ir(equal_spheres, ContactNeeds(drag=drag)), "c") for drag in (True, False))
     assert "excess" in with_drag
@@ -170,6 +173,7 @@ def variant(name: str, zeta: Any, **more: Any) -> Any:
     return replace(rognon_gay, name=name, zeta=zeta, limits=(), **more)
 
 
+@pytest.mark.slow
 def test_a_law_that_holds_distant_particles_together_needs_a_range_with_drag() -> None:
     growing = variant("growing", 6 * pi * eta * R * (1 + R / h + h / R))
     assert not is_bounded(growing)

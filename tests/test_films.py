@@ -94,6 +94,7 @@ def test_each_branch_is_a_film_with_its_rate(name: str) -> None:
                 assert abs((up + down) / (up - down)) < 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["exponential", "power", "attractive"])
 def test_a_film_in_closed_form_carries_the_force(name: str) -> None:
     law = law_of(name)
@@ -180,6 +181,7 @@ def test_what_has_no_closed_form_is_not_inverted() -> None:
         assert inverted(remote, h, force) is None
 
 
+@pytest.mark.slow
 def test_films_without_a_leading_form_and_forms_without_a_film_are_told() -> None:
     """The two lists are of one law: where they differ, the text says so."""
     found = films_of("power")
@@ -218,6 +220,7 @@ def test_a_film_as_deep_as_the_model_reaches_is_found(side: int) -> None:
     assert branch.stable is (side > 0)
 
 
+@pytest.mark.slow
 def test_a_law_without_a_remote_force_has_no_film() -> None:
     assert find_films(discover(changed())) is None
 

@@ -120,12 +120,14 @@ def test_what_a_product_alone_is_known_of_is_named_with_the_product() -> None:
 # --- laws of contacts ---
 
 
+@pytest.mark.slow
 def test_exact_data_give_the_parameters_exactly() -> None:
     _, h = drainage()
     found = fit_drainage(h, free=["eta", "E"], parameters={**SPHERES, "eta": 1.7, "E": 0.4})
     assert found.values == pytest.approx({"eta": 1.0, "E": 1.0}, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_profiles_say_what_standard_errors_do_where_these_are_small() -> None:
     _, h = drainage()
     found = fit_drainage(h * (1 + 1e-3 * noise(4, 40)), profiles=True)
@@ -135,6 +137,7 @@ def test_profiles_say_what_standard_errors_do_where_these_are_small() -> None:
     assert found.profile_eta_chi2.min() == 0
 
 
+@pytest.mark.slow
 def test_force_and_viscosity_are_known_by_their_ratio_alone() -> None:
     # rigid as they are, dh/dt goes as F/eta: the data cannot tell the two apart, and the fit says so
     t, _ = drainage()
@@ -150,6 +153,7 @@ def test_force_and_viscosity_are_known_by_their_ratio_alone() -> None:
     assert found.values["force"] / found.values["eta"] == pytest.approx(1e-3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_modulus_that_does_not_matter_is_not_determined() -> None:
     stiff = {**SPHERES, "E": 1e9}
     t, _ = drainage()

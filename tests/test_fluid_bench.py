@@ -10,6 +10,7 @@ from softdyn.bench import fluid_bench
 from softdyn.errors import SceneError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", fluid_bench.ELEMENTS)
 def test_a_step_is_solved_to_rounding_and_costs_more_than_its_assembly(elements: str) -> None:
     found = fluid_bench.time_ours(8, elements)

@@ -61,6 +61,7 @@ def test_a_pulse_of_any_width_gives_its_impulse(place: float, decades: float, he
     assert result.stats["warnings"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "width"), [(0.337, 1e-2), (0.71, 1e-6)])
 def test_a_pulse_gives_its_impulse(place: float, width: float) -> None:
     result = driven(f"3*exp(-((t - {place})/{width})**2)")
@@ -85,6 +86,7 @@ def test_a_step_ends_at_each_jump_and_kink(force: str, breaks: list[float]) -> N
     assert all(np.abs(times / at - 1).min() < 1e-15 for at in breaks)
 
 
+@pytest.mark.slow
 def test_a_gate_that_opens_for_short_whiles_lets_all_through() -> None:
     force = "exp(-50*sin(20*t + 0.7)**2)"
     assert velocity(driven(force)) == pytest.approx(impulse(force, []) / DENSITY, rel=FEW * RTOL)
@@ -96,6 +98,7 @@ def test_a_fluid_at_rest_may_start_as_slowly_as_it_likes(power: int) -> None:
     assert velocity(driven(f"t**{power}")) == pytest.approx(1 / (power + 1) / DENSITY, rel=FEW * RTOL)
 
 
+@pytest.mark.slow
 def test_a_pulse_of_the_pressure_acts_as_one_of_the_force() -> None:
     """In a channel without friction; on both sides of the pulse the flow is steady."""
     scene = FluidScene(

@@ -92,6 +92,7 @@ def test_a_box_closed_by_walls_is_at_rest_under_any_force_with_a_potential(eleme
     assert result.p[-1] - result.p[-1].mean() == pytest.approx(expected - expected.mean(), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e-30, 1e30])
 def test_no_scale_of_the_viscosity_matters_to_a_creeping_flow(factor: float) -> None:
     walls = [*ENDS, Boundary(["bottom", "top"], velocity=[0.0, 0.0])]

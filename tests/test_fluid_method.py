@@ -352,6 +352,7 @@ def test_a_step_that_cannot_be_made_is_an_error_that_tells_when() -> None:
         march(growing, solver, state, 2.0, 2.0, stepping, lambda step: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slip", [False, True])
 def test_blocks_solve_what_factors_do(monkeypatch: pytest.MonkeyPatch, slip: bool) -> None:
     """A cavity in three dimensions, in time, with or without friction at its sides: the same twice, to the bit."""

@@ -97,6 +97,7 @@ def test_frames_of_a_run_that_has_not_ended_have_a_picture_without_forces() -> N
     assert figure.get_suptitle() == f"{len(result.corners)} triangles, t = 1"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_flow_in_space_is_drawn_as_a_slice_through_its_middle(order: int) -> None:
     mesh = box_mesh((2, 1, 0.5), (4, 4, 2))

@@ -88,6 +88,7 @@ def pressure_drop(closure: str, Re: float, c: float, radius: float) -> float:
     return float(drag(c, 1 - c, Re, 1.0, radius) * slip * (1 - c) / (4 / 3 * math.pi * radius**3) / c)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", ["P1-P1", "P2-P1"])
 @pytest.mark.parametrize("cells", [2, 20])
 @pytest.mark.parametrize(("Re", "c"), [(1e-12, 0.3), (1e-3, 0.9), (1e-3, 0.3), (1.0, 0.6), (1e4, 0.3), (1e8, 0.9)])

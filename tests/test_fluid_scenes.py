@@ -48,6 +48,7 @@ def test_there_are_those_that_the_page_names() -> None:
     assert set(fluid_scenes()) == {"cavity", "cylinder", "cylinder_shedding", "bed", "channel", "darcy"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["cavity", "channel", *(pytest.param(name, marks=pytest.mark.slow) for name in ("cylinder", "bed", "darcy"))],

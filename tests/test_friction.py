@@ -26,6 +26,7 @@ def test_the_return_map_is_coulombs_law() -> None:
     assert set(tangent()) == {"along", "across", "by_N"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["sphere", "disc"])
 @pytest.mark.parametrize("mu", [0.1, 1.0])
 def test_on_a_slope_grains_roll_or_slide(shape: str, mu: float) -> None:
@@ -77,6 +78,7 @@ def test_an_oblique_impact_slides_as_rigid_bodies_do(d: int) -> None:
     assert result.energy["friction"] == pytest.approx(-result.energy["kinetic"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_tangential_spring_turns_with_the_pair() -> None:
     """A grain is turned on another, which loads the spring; then both turn as one body, and it turns with them."""
     half, turn = 0.499, 2.0

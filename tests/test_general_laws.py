@@ -71,6 +71,7 @@ def pair_by_hand(forces: Forces, h0: float, T: float, deflection: Callable[[floa
     return float(np.exp(end.y[0, -1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["c", pytest.param("numba", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", list(LAWS))
 def test_a_pair_under_a_varying_force_is_what_its_balance_says(name: str, target: str) -> None:
@@ -124,6 +125,7 @@ def test_a_pair_whose_centres_are_moved_is_what_its_balance_says(name: str, cont
     assert abs(result.delta[-1] - deflection(T, gap)) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(LAWS))
 def test_particles_are_what_their_balance_says(name: str) -> None:
     """Three spheres in a viscous fluid, pushed together and pulled apart; their gaps are states of their own."""

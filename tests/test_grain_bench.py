@@ -9,6 +9,7 @@ import pytest
 from softdyn.bench import grain_bench
 
 
+@pytest.mark.slow
 def test_a_compressed_lattice_keeps_its_six_contacts_for_each_grain() -> None:
     found = grain_bench.time_ours(4, 5)
     assert found["grains"] == 4 * 4**3

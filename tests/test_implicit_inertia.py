@@ -32,6 +32,7 @@ def kinetic(result: ParticleResult, mass: Array, k: int) -> float:
     return float(np.sum(mass[:, None] * result.v[k] ** 2) / 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("z", [0.03, 0.3])
 def test_a_linear_dashpot_gives_the_known_restitution(z: float) -> None:
     """Of the relative velocity along the normal exp(-pi z/sqrt(1 - z^2)) is left; of all others all."""
@@ -51,6 +52,7 @@ def test_a_linear_dashpot_gives_the_known_restitution(z: float) -> None:
     assert result.energy["dashpots"] == pytest.approx(lost, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_hertzian_collision_lasts_as_long_as_hertz_has_it() -> None:
     """2.87 (m^2/(R E*^2 v))^(1/5), its exact constant by quadrature; twice over, by two speeds, within 1e-4."""
     # 2 times the integral of (1 - u^(5/2))^(-1/2) from 0 to 1, times (15/16)^(2/5)
@@ -108,6 +110,7 @@ def test_steps_are_of_order_three() -> None:
     assert orders.max() < 3.5
 
 
+@pytest.mark.slow
 def test_three_grains_keep_momentum_to_rounding_and_the_rest_to_the_tolerance() -> None:
     """An oblique collision of three in space: angular momentum and energy are no sums of forces that cancel."""
     draw = np.random.default_rng(1)
@@ -125,6 +128,7 @@ def test_three_grains_keep_momentum_to_rounding_and_the_rest_to_the_tolerance() 
     assert not result.stats["warnings"]
 
 
+@pytest.mark.slow
 def test_films_stop_spheres_that_come_fast() -> None:
     """A sphere with inertia in a fluid, far from others: exp(-6 pi eta R t/m), and where its energy goes."""
     scene = ParticleScene(
@@ -138,6 +142,7 @@ def test_films_stop_spheres_that_come_fast() -> None:
     assert result.energy["drag"] == pytest.approx((1 - math.exp(-4 * rate)) / 2, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_spin_is_a_motion_with_a_moment_of_inertia() -> None:
     """A torque T turns a sphere at T t/(2/5 m R^2), a disc at T t/(1/2 m R^2), with m of its shape."""
     for shape, moment in (("sphere", 0.4), ("disc", 0.5 * math.pi * 2 * ONE)):

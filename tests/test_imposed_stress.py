@@ -101,6 +101,7 @@ def test_the_stress_is_as_imposed(d: int, stress: dict[str, Any], shear_rate: fl
         assert np.all(result.gradient[:, 0, 1] == shear_rate)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_the_stress_is_as_imposed_with_tangential_forces(drag: float) -> None:
     """These have a part in the stress, and in the work of the box."""
@@ -115,6 +116,7 @@ def test_the_stress_is_as_imposed_with_tangential_forces(drag: float) -> None:
     assert abs(result.energy["imbalance"]) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_the_stress_of_a_shear_flow_imposed_gives_back_the_flow(drag: float) -> None:
     """The stress measured at a fixed rate, as a polynomial of t, imposed: the same strain, and the same gaps."""
@@ -135,6 +137,7 @@ def test_the_stress_of_a_shear_flow_imposed_gives_back_the_flow(drag: float) -> 
         np.testing.assert_allclose(imposed.contacts(-1)["h"], sheared.contacts(-1)["h"], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_work_of_the_pressure_is_that_of_the_box_and_the_flow() -> None:
     """-integral of P dV, as it rises from that at the start; the rest goes to the fluid, 2 eta D : D."""
     first = simulate_particles(packing(drag=1.0, until_t=1.0, times=2))
@@ -184,6 +187,7 @@ def test_the_condensed_matrix_is_the_derivative_of_the_stress(names: tuple[str, 
         np.testing.assert_allclose(S[:, k], (ends[0] - ends[1]) / (2 * step), rtol=1e-3, atol=1e-3 * np.abs(S).max())
 
 
+@pytest.mark.slow
 def test_a_run_under_an_imposed_stress_resumes(tmp_path: Path) -> None:
     scene = packing(stress={"pressure": 0.04, "xy": 1e-3}, drag=1.0)
     whole = simulate_particles(scene)
@@ -203,6 +207,7 @@ def test_a_run_under_an_imposed_stress_resumes(tmp_path: Path) -> None:
         simulate_particles(replace(scene, stress={"pressure": 0.04}), None, tmp_path / "a.npz", resume=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tangential", [False, True])
 def test_a_wall_that_comes_is_a_particle_that_goes_to_it(tangential: bool) -> None:
     """The same gaps and the same work, whichever of the two moves; both by the same Runge-Kutta stages.
@@ -241,6 +246,7 @@ def test_a_wall_that_comes_is_a_particle_that_goes_to_it(tangential: bool) -> No
     np.testing.assert_allclose(moved.wall_point[:, 0, 1], risen, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_fast_wall_passes_nobody() -> None:
     """From beyond the range of any contact, in long steps: the contact is found in time."""
     scene = ParticleScene(
@@ -388,6 +394,7 @@ def test_a_strain_that_is_no_end_is_refused(changes: dict[str, Any], message: st
         simulate_particles(packing(drag=1.0, **changes))
 
 
+@pytest.mark.slow
 def test_a_shear_rate_that_changes_is_followed() -> None:
     """The box leans by the integral of its rate, energy is in balance; a constant may be given as text."""
     swings = packing(shear_rate="g*w*cos(w*t)", constants={"g": 0.05, "w": 0.02}, drag=1.0, until_t=500.0, times=26)

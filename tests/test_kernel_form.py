@@ -51,6 +51,7 @@ def entries(kind: str) -> list[tuple[str, str]]:
     return sorted({(part, name) for ir in kernels_of(kind) for part in parts for name in getattr(ir, part)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_templates_use_every_entry_of_the_form_and_fail_without_it(kind: str) -> None:
     for part, name in entries(kind):
@@ -76,6 +77,7 @@ def test_a_form_is_text_and_numbers(kind: str) -> None:
             assert not one.lines or set(one.gives) <= {name for name, _ in one.lines}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_signatures_are_those_of_the_text(kind: str) -> None:
     for ir in kernels_of(kind):
@@ -114,6 +116,7 @@ def test_a_gap_that_stands_alone_is_a_term_of_the_gap(tmp_path: Path) -> None:
         assert compile_c(emit(ir, "c"), tmp_path)
 
 
+@pytest.mark.slow
 def test_the_head_names_what_was_declared() -> None:
     (ir,) = kernels_of("contacts")
     lines = header(ir).splitlines()

@@ -211,6 +211,7 @@ def test_particles_of_a_file_in_python(tmp_path: Path) -> None:
         particles.ParticleScene(law="rognon_gay", parameters={}, file=tmp_path / "some.csv", radii=1.0)
 
 
+@pytest.mark.slow
 def test_arrays_in_a_scene_make_many_runs() -> None:
     given: dict[str, Any] = {**PAIR, "h": np.array([1.0, 2.0]), "force": 1e-2, "until_h": 0.1, "gaps": 3}
     del given["pair"]

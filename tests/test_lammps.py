@@ -221,6 +221,7 @@ def test_what_explicit_steps_ask_of_the_kernel_is_what_it_says_of_the_state() ->
     assert -state["friction"] * state["dh_dt"] == pytest.approx(F - given["remote"], rel=1e-8, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_stock_laws_are_all_here() -> None:
     """Those that many particles can have; of the others the contacts have no gap, or no deflection."""
     assert set(PARAMETERS) == {name for name in stock_laws() if contact_kind(name) == "film"}

@@ -219,6 +219,7 @@ def test_an_inexact_constant_is_refused_with_the_exact_one(number: Any, exact: s
     law_with(F_ela=Rational(p, q_) * E * a * delta)
 
 
+@pytest.mark.slow
 @given(st.floats(1e-6, 1e6))
 def test_the_rational_proposed_is_the_number_meant(number: float) -> None:
     found = re.search(r"write Rational\((-?\d+), (\d+)\)", the_fault(F_ela=number * E * a * delta))

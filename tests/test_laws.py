@@ -61,6 +61,7 @@ def of_state(law: ContactLaw, expr: Expr) -> Callable[..., mpmath.mpf]:
 # ------------------------------------------------------------------------------------------------------ what is claimed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=() if name in ("rognon_gay", "cone") else pytest.mark.slow) for name in LAWS],
@@ -233,6 +234,7 @@ MUTANTS["soap_film"] |= {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law_name", "mutant"),
     [
@@ -274,6 +276,7 @@ def test_the_series_is_summed_right() -> None:
         assert float(brenner_series(10.0**decade)) == pytest.approx(value, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_friction_of_equal_spheres_is_brenners_within_one_percent() -> None:
     """At delta = 0, over h/R = 1e-4 ... 1e2; droplet has the same."""
     gaps = np.geomspace(1e-4, 1e2, 49)
@@ -598,6 +601,7 @@ def films_of(name: str) -> Films:
 FILMS = [pytest.param(name, marks=pytest.mark.slow) if name in HEAVY else name for name in WITH_FILMS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILMS)
 def test_films_are_where_the_gap_rests(name: str) -> None:
     """Each film found is a zero of dh/dt, stable or not, and relaxes, as the law in mpmath says."""
@@ -621,6 +625,7 @@ def test_films_are_where_the_gap_rests(name: str) -> None:
     assert checked >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "force"),
     [

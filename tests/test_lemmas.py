@@ -88,6 +88,7 @@ def test_lemmas_are_terms_and_their_quotients_tend_to_1(name: str) -> None:
         assert further <= far + 1e-9
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_theory(tmp_path: Path) -> None:
     path = tmp_path / "Limits.thy"
     assert main(["check", "rognon_gay", "--lemmas", str(path)]) == 0

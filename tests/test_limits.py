@@ -188,6 +188,7 @@ def mutants() -> dict[tuple[str, str], Finding]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(CLAIM_MUTANTS))
 def test_a_wrong_claim_is_disproved_with_the_exact_ratio(name: str) -> None:
     _, quantity, _, ratio = CLAIM_MUTANTS[name]
@@ -200,6 +201,7 @@ def test_a_wrong_claim_is_disproved_with_the_exact_ratio(name: str) -> None:
         assert simplify(finding.ratio - ratio) == 0
 
 
+@pytest.mark.slow
 def test_how_a_wrong_claim_fails_is_said() -> None:
     reasons = {name: finding.reason for (name, _), finding in mutants().items()}
     assert reasons["factor 2"] == "found/claimed tends to 1/2, not to 1"
@@ -261,6 +263,7 @@ LAW_MUTANTS: dict[str, tuple[dict[str, Expr], dict[tuple[str, str], Expr]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(LAW_MUTANTS))
 def test_the_table_is_disproved_of_a_wrong_law_with_the_exact_ratio(name: str) -> None:
     changes, expected = LAW_MUTANTS[name]
@@ -402,6 +405,7 @@ def test_they_do_so_of_any_argument(name: str, number: Rational, power: Expr, ga
 slip_length = Symbol("b", positive=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "gap",
     [h, hbar, 1 / (1 / h + 1 / R), h / sqrt(1 + x**2), R * log(1 + x), R * tanh(x)],
@@ -504,6 +508,7 @@ def test_a_power_is_known_by_its_range(ends: tuple[int, int], is_known: bool) ->
     assert (one_verdict(law, STOKES, eta * R * x**n) == "proved") == is_known
 
 
+@pytest.mark.slow
 def test_an_ordering_in_which_either_of_two_terms_may_win_is_cut() -> None:
     """In delta << R << h, delta^2 h may be small or large against R^3."""
     law = variant(SIMPLE, a=R + delta**2 * h / R**2)

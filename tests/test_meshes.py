@@ -77,6 +77,7 @@ def test_the_channel_with_a_cylinder_has_its_area_and_no_sharp_angle(around: int
     assert len(mesh.boundaries["outlet"]) == around // 4
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(
     length=st.floats(1.0, 10.0),

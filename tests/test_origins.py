@@ -61,6 +61,7 @@ def test_a_pair_is_made_again_to_the_bit(name: str, ending: str, tmp_path: Path)
     assert differences(result, softdyn.simulate(softdyn.scene_of(twice))) == {}
 
 
+@pytest.mark.slow
 def test_many_particles_are_made_again_to_the_bit(tmp_path: Path) -> None:
     result = softdyn.simulate(many())
     read = softdyn.load_result(result.save(tmp_path / "run.npz"))
@@ -70,6 +71,7 @@ def test_many_particles_are_made_again_to_the_bit(tmp_path: Path) -> None:
     assert differences(result, softdyn.simulate(softdyn.scene_of(twice))) == {}
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_from_another_tells_its_own_start(tmp_path: Path) -> None:
     first = softdyn.simulate(many())
     scene = replace(many(), **from_result(first))
@@ -92,6 +94,7 @@ law = ContactLaw(name="mine", a=sqrt(R*(h + Abs(delta))), F_ela=E*R*delta, zeta=
 """
 
 
+@pytest.mark.slow
 def test_a_law_file_that_has_changed_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     law = tmp_path / "mine.py"
     law.write_text(LAW.format(number=6))
@@ -103,6 +106,7 @@ def test_a_law_file_that_has_changed_is_refused(tmp_path: Path, capsys: pytest.C
     assert "the law 'mine' is not the one that made it: its equations have changed" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_law_that_was_an_object_cannot_be_found_again(tmp_path: Path) -> None:
     law = ContactLaw(name="mine", a=sqrt(R * h), F_ela=E * R * delta, zeta=6 * pi * eta * R**2 / h)
     result = softdyn.simulate(**{**PAIR, "law": law}, force=1e-2, until_h=0.1)
@@ -146,6 +150,7 @@ def test_results_of_earlier_versions_are_read_and_tell_that_they_do_not_know(tmp
         softdyn.scene_of(softdyn.load_result(path))
 
 
+@pytest.mark.slow
 def test_results_of_both_kinds_have_the_same_verbs() -> None:
     pair, particles = softdyn.simulate(PAIRS["a number"]), softdyn.simulate(many())
     for result in (pair, particles):

@@ -77,6 +77,7 @@ def test_gaps_at_output_times_are_those_of_the_quadrature(kappa: float) -> None:
         assert np.all(error[:-1] <= 2 * rtol + 4e-16 * (np.abs(found.t * found.dh_dt / found.h)[:-1] + 20)), rtol
 
 
+@pytest.mark.slow
 def test_where_the_gap_settles_time_takes_over_from_the_gap() -> None:
     """By a rule that the result reports; both ways agree."""
     zeta = film_run(until_t=1e12, times=2, quantities=("zeta",)).zeta[-1]
@@ -128,6 +129,7 @@ def scipy_gaps(force: object, h0: float, times: np.ndarray, kinks: list[float]) 
     return np.array(gaps)
 
 
+@pytest.mark.slow
 def test_a_sinusoidal_force_that_crosses_zero_against_scipy() -> None:
     """The law has a kink where F crosses zero: without a restart there the errors stay above 1e-10."""
     times, w = np.linspace(0, 3e5, 16), 1e-4
@@ -168,6 +170,7 @@ def test_a_force_table_against_scipy() -> None:
     np.testing.assert_allclose(found.F, np.interp(times, t, F), rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_an_expression_and_a_number_of_the_same_value_agree() -> None:
     number, expression = run(gaps=20), run(gaps=20, force="1e-2 + 0*t")
     np.testing.assert_allclose(number.t, expression.t, rtol=1e-9)
@@ -223,6 +226,7 @@ def test_a_thousand_random_approaches_keep_their_tolerance() -> None:
         assert np.all(np.abs(found.t - exact.t) * rate <= 10 * rtol * growth + rounding), (kappa, start, end, rtol)
 
 
+@pytest.mark.slow
 def test_a_pulse_far_from_the_start_neither_overflows_nor_is_lost() -> None:
     """exp(-(t - 50)^2) split into a product of exponentials overflows; the impulse of the pulse is sqrt(pi) F."""
     scene = {"h": 1.0, "until_h": None, "until_t": 100.0, "times": 3, "quantities": ("F", "zeta"), "rtol": 1e-11}
@@ -258,6 +262,7 @@ def test_on_a_film_a_hundred_times_the_time_costs_half_as_much_again_at_most() -
             assert abs(math.log(result.h[-1] / 1e-4)) < rtol + 1e-14
 
 
+@pytest.mark.slow
 def test_the_approach_to_a_film_against_quadrature() -> None:
     """Times to come within 1e-1 to 1e-4 of the film, each compared through the rate: an error of ln h."""
     gaps = [1e-4 * (1 + 10.0**-k) for k in range(1, 5)]
@@ -309,6 +314,7 @@ def test_under_a_constant_push_the_gap_falls_and_never_vanishes(kappa: float, st
     assert result.h[-1] == start * 1e-6
 
 
+@pytest.mark.slow
 @given(kappa=st.floats(-10, -0.5).map(lambda x: 10**x), gap=st.floats(-8, 3).map(lambda x: 10**x))
 @settings(max_examples=40, deadline=None)
 def test_reversing_the_force_at_a_gap_reverses_its_rate(kappa: float, gap: float) -> None:
@@ -318,6 +324,7 @@ def test_reversing_the_force_at_a_gap_reverses_its_rate(kappa: float, gap: float
     assert push.delta[0] == -pull.delta[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [1e-2, "1e-2*(1 + 0.5*sin(1e-5*t))"])
 def test_the_energy_balance_of_the_four_terms(force: object) -> None:
     """-int F dX = [U] - int U_h dh + int zeta (dh/dt)^2 dt, with U = int 2 F_ela d(delta) at fixed h.
@@ -344,6 +351,7 @@ def test_the_energy_balance_of_the_four_terms(force: object) -> None:
     assert abs(without_U_h / work - 1) > 1e-5  # the term is there: the law is not conservative
 
 
+@pytest.mark.slow
 def test_errors_that_grow_on_the_way_are_told_and_mended(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pressed to 2e-3 and pulled to 400 R: d(ln h)/dt rises a thousandfold with h, and what a step errs with it.
 
@@ -370,6 +378,7 @@ def test_errors_that_grow_on_the_way_are_told_and_mended(monkeypatch: pytest.Mon
     assert found.stats["rtol"] < once.stats["rtol"] == rtol
 
 
+@pytest.mark.slow
 def test_where_rounding_forbids_the_result_says_so_and_gaps_are_well_conditioned() -> None:
     """From h/R = 1e-8 nearly all the time goes by at the start, 1e16 times what follows; t is rounded as much."""
     gaps = np.geomspace(1e-8, 1.0, 9)

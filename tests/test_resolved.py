@@ -99,12 +99,14 @@ effects = st.floats(-6, 0.5).map(lambda x: 10**x) | st.floats(-6, 0.5).map(lambd
 few_turns = st.floats(0.1, 60.0) | st.sampled_from([1.0, 8.0, 16.0, 32.0, 64.0])
 
 
+@pytest.mark.slow
 @given(widths, places, effects)
 @settings(deadline=None, max_examples=40)
 def test_a_pulse_of_any_width_anywhere_is_not_missed(width: float, place: float, effect: float) -> None:
     check_pulse(width, place, effect)
 
 
+@pytest.mark.slow
 @given(st.floats(1.0, 60.0) | st.sampled_from([16.0, 64.0, 128.0]), st.floats(0.5, 500.0), st.floats(0.0, 3.0))
 @settings(deadline=None, max_examples=15)
 def test_gates_are_not_aliased(count: float, q: float, phase: float) -> None:
@@ -117,6 +119,7 @@ def test_chirps_are_followed(turns: float) -> None:
     check_chirp(turns)
 
 
+@pytest.mark.slow
 @given(st.tuples(few_turns, few_turns, few_turns), st.floats(-9, 0).map(lambda x: 10**x))
 @settings(deadline=None, max_examples=20)
 def test_sums_of_sines_are_followed(turns: tuple[float, float, float], small: float) -> None:
@@ -173,6 +176,7 @@ def test_every_drive_sees_a_pulse_as_the_same_table_does(drive: str, target: str
     np.testing.assert_allclose(found.h, expected.h, rtol=2e-6)
 
 
+@pytest.mark.slow
 def test_a_batch_sees_what_a_run_sees() -> None:
     """In the kernel's own loop over runs, with no look at each."""
     c = np.linspace(0.1, 0.9, 17) * T
@@ -190,6 +194,7 @@ def test_a_batch_sees_what_a_run_sees() -> None:
     assert (np.abs(many.h[:, 0] / unpushed.h[0] - 1) > 1e-3).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["1e-3*step(sin(w*t))", "5e-4*(1 + sign(sin(w*t)))"])
 def test_an_expression_jumps_as_a_table_does(form: str) -> None:
     edges = T / 8 * np.arange(9)
@@ -200,6 +205,7 @@ def test_an_expression_jumps_as_a_table_does(form: str) -> None:
     np.testing.assert_allclose(found.h, expected.h, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "form", ["1e-3*max(sin(w*t), 0.2)", "1e-3*min(2, 1.3 + sin(w*t), 0.7)", "1e-3*abs(sin(w*t) - 0.999)"]
 )

@@ -114,6 +114,7 @@ def test_the_smoothed_law_tends_to_signorinis():
         assert float(abs(definitions[derived.P_n].subs(values) - exact)) < 2e-16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 def test_both_targets_agree(d):
     made = []

@@ -36,6 +36,7 @@ def fallen():
     return simulate(heap())
 
 
+@pytest.mark.slow
 def test_grains_of_very_different_masses_pile_up_without_overlap(fallen):
     x, radii = fallen.x[-1], fallen.radii
     i, j = np.triu_indices(len(x), 1)
@@ -73,6 +74,7 @@ def test_elastic_grains_without_friction_keep_their_energy_but_for_the_steps():
     assert result.energy["collisions"] >= -1e-12
 
 
+@pytest.mark.slow
 def test_a_run_depends_on_no_units_of_length_mass_and_time(fallen):
     """By powers of two, to the last bit."""
     length, mass, time = 2.0**20, 2.0**-30, 2.0**-7

@@ -174,6 +174,7 @@ def test_the_drive_tells_the_sign_of_the_deflection(force: object, deflection: s
     assert drive_of(scene.__class__(**{**vars(scene), "force": force})).deflection == deflection
 
 
+@pytest.mark.slow
 def test_a_parameter_keeps_to_its_range_whose_ends_may_belong_to_it(tmp_path: Path) -> None:
     """Poisson's ratio of an isotropic solid: -1 < nu <= 1/2, by the stock law that has one."""
     text = GOOD.replace("rognon_gay", "equal_spheres").replace("eta = 1.0", "eta = 1.0\nnu = 0.5")

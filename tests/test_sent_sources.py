@@ -70,6 +70,7 @@ def test_a_law_goes_with_all_that_it_imports(sent: Sources) -> None:
     assert not sources(["rognon_gay"]).files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["impostor", pytest.param("empty", marks=pytest.mark.slow)])
 def test_a_worker_computes_the_law_that_was_sent(
     where: str, sent: Sources, places: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch

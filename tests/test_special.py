@@ -84,6 +84,7 @@ ARGUMENTS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(drawn=st.lists(ARGUMENTS, min_size=20, max_size=40))
@@ -150,6 +151,7 @@ def test_a_law_with_w_runs_and_rests_where_its_force_is_that_of_w(target: str) -
     assert result.h[-1] == pytest.approx(0.01 / math.e, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_limits_of_w_are_proved_near_its_zero_and_far_out() -> None:
     near = Limit("near", ((delta, h, R), (ell, h)), {"F_adh": E * R**2 * ell / (10**6 * h)})
     wrong = Limit("wrong", ((delta, h, R), (ell, h)), {"F_adh": 2 * E * R**2 * ell / (10**6 * h)})
@@ -160,6 +162,7 @@ def test_limits_of_w_are_proved_near_its_zero_and_far_out() -> None:
     assert (grown.verdict, too_little.verdict) == ("proved", "disproved")
 
 
+@pytest.mark.slow
 def test_regimes_of_w_are_found_near_its_zero_and_undecided_by_name_elsewhere() -> None:
     found = discover(soft())
     forms = [str(regime.forms["F_adh"].leading) for regime in found.regimes if "F_adh" in regime.forms]

@@ -240,6 +240,7 @@ def test_specialised_kernels_give_the_numbers_of_the_general_one(name: str, tmp_
             assert (np.abs(found[output] - expected[output]) <= 64 * 2**-52 * 1e3 * scale).all(), output
 
 
+@pytest.mark.slow
 def test_fewer_outputs_have_the_same_bits(tmp_path: Path) -> None:
     """Leaving outputs out may regroup products, by a few roundings, but a alone is computed as it is among all."""
     gaps = np.geomspace(1e-9, 1e3, 300)
@@ -401,6 +402,7 @@ def expressions() -> st.SearchStrategy[Expr]:
     return st.recursive(leaves, larger, max_leaves=8)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.lists(expressions(), min_size=1, max_size=3), st.tuples(*[st.floats(0.1, 10)] * 4))
 def test_printed_code_computes_the_expressions(exprs: list[Expr], numbers: tuple[float, ...]) -> None:

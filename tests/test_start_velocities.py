@@ -10,6 +10,7 @@ import pytest
 from softdyn import particles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
 def test_the_first_velocities_are_those_of_the_first_forces(rtol: float) -> None:
     """Extrapolated from within the first step they were off by a tenth: pressed spheres spring apart within it."""
