@@ -75,8 +75,8 @@ def statement(
     forces : bool
         Whether what the order says of the force counts; without it a claim holds on a larger set.
     written_out : bool
-        Whether sums that hold the radius have it in h and delta (a^2 - 2 R h cancels, 2 R delta does not), and the
-        force that drives the gap has the remote force's own terms.
+        Whether sums that hold the radius have it in h and delta: a^2 - 2 R h cancels, 2 R delta does not. Here, and
+        with ``forces``, the force that drives the gap is a sum of the remote force's own terms.
     """
     side = side_of(limit)
     compared = inequalities(limit)
@@ -97,7 +97,7 @@ def statement(
         value = _in_one_branch(value, ordered_by, fixed, branches)
         if written_out and symbol != a:
             value = _without_radius(value, equations[0][1])
-        if written_out and symbol.name == "net":
+        if (forces or written_out) and symbol.name == "net":
             # terms of the remote force that may cancel one another are each small against the force
             value = expand_mul(value.xreplace({s: x for s, x in equations if s.name == "F_adh"}))
         if value == 0:
@@ -284,7 +284,14 @@ def _certificate_of(data: dict[str, Any]) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for text in [data["order"], data.get("forces", []), *(expr for _, expr in data["definitions"]), data["claim"]]:
             _functions(text, found)
-        return _filled({**data, "atoms": list(found.values())})
+        # beside a logarithm that grows, an exponential may tend to 1, and the other way round
+        for kinds in (("exp", "log"), ("log",), ("exp",)):
+            atoms = [atom for atom in found.values() if atom[1][0] in kinds]
+            try:
+                return _filled({**data, "atoms": atoms})
+            except _Atoms:
+                continue
+        raise
 
 
 def _constant_sums(text: Any, given: set[str], found: dict[str, Any]) -> None:
