@@ -169,6 +169,7 @@ def test_forms_in_numbers_are_the_laws_own_in_SI_units(side: int) -> None:
     assert number(words.form("dh_dt", regime.forms["dh_dt"].leading), x, kappa) == pytest.approx(rate, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_everything_is_told_in_numbers() -> None:
     values, diagram = diagram_at(BUBBLES)
     text = regimes_text(diagram, films_of(diagram), presence_of(diagram), values)

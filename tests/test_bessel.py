@@ -105,6 +105,7 @@ def test_bessel_functions_are_exact_to_four_units(
         assert units_off(kind, n, argument, value) <= ULPS, (argument, value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_their_symmetry_and_values_at_the_ends(values: Functions, target: str) -> None:
     x = np.array([0.3, 3.0, 30.0])

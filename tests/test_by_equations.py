@@ -128,6 +128,7 @@ def test_contacts_with_a_range_fade_as_their_equations_say() -> None:
             assert abs(np.log(gap / gaps[numbers[int(i), int(j)]])) < 30 * rtol
 
 
+@pytest.mark.slow
 def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nor does it matter that a scene has run before."""
     x, radii, box = random_packing(count=30, dimension=2, fraction=0.8, radii=[1.0, 1.4], seed=3)

@@ -177,6 +177,7 @@ def test_an_entry_that_is_out_of_date_is_replaced(empty_cache: Path) -> None:
     assert sorted(file.name for file in path.iterdir()) == ["entry.json", "two.txt"]
 
 
+@pytest.mark.slow
 @given(st.lists(st.one_of(st.text(), st.integers(), st.lists(st.text())), min_size=1, max_size=3), st.integers(0, 2))
 def test_a_key_changes_with_every_part(parts: list[Any], which: int) -> None:
     changed = list(parts)

@@ -410,6 +410,7 @@ def test_stokes_flow_has_no_operations_of_inertia() -> None:
     assert degree_of(averaged_flow(2, 1), ElementNeeds(("force",), ("rho", "us"), ("c",))) == 1
 
 
+@pytest.mark.slow
 def test_blocks_that_are_zero_are_neither_computed_nor_stored() -> None:
     """Without stabilisation no pressure couples with a pressure; without convection and drag u_x, u_y are by shear."""
     blocks = {(i, j): slots for i, j, slots in ir_of(averaged_flow(2, 2)).settings["blocks"]}
@@ -489,6 +490,7 @@ def test_residuals_add_up_to_the_balance_of_momentum() -> None:
 # ---------------------------------------------------------------- kernels
 
 
+@pytest.mark.slow
 def test_any_number_of_elements_gives_the_same_bits() -> None:
     """Blocks of lanes are filled up, and the rest is not added."""
     kernel = get_element_kernel(averaged_flow(2, 1), "c")

@@ -67,6 +67,7 @@ def test_measured_exponents_are_the_papers_within_what_the_next_terms_predict(pa
     assert seen == set(BY_HAND)
 
 
+@pytest.mark.slow
 def test_the_largest_deviation_of_each_regime_is_what_the_next_corrections_explain(
     paper: exponents.Measurement,
 ) -> None:

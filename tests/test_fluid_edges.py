@@ -68,6 +68,7 @@ def test_fluid_that_flows_into_a_box_without_an_exit_is_refused(elements: str) -
         simulate(scene)
 
 
+@pytest.mark.slow
 def test_a_wall_of_dense_grains_across_the_channel_lets_through_what_it_must() -> None:
     """The densest that there can be, four cells thick: all of the fluid goes through it, at a great pressure."""
     wall = "1 - 0.95*smoothstep(x, 0.9, 1.2)*(1 - smoothstep(x, 1.8, 2.1))"

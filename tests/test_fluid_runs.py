@@ -197,6 +197,7 @@ def test_what_viscosity_dissipates_was_kinetic_energy() -> None:
     assert result.kinetic_rate[-1] == pytest.approx(-result.dissipation[-1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_no_unit_matters() -> None:
     """The same cavity in units of 2^30 of length, 2^-20 of time and 2^50 of mass."""
     L, T, M = 2.0**30, 2.0**-20, 2.0**50

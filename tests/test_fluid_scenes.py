@@ -65,6 +65,7 @@ def test_each_runs_on_few_cells_and_has_a_picture(name: str) -> None:
     assert ("porosity" in titles) == (scene.bed is not None)
 
 
+@pytest.mark.slow
 def test_what_flows_in_evenly_flows_out_whole() -> None:
     result = simulate(coarser(stock("channel")))
     assert result.flux_left[-1] == pytest.approx(-1, rel=1e-12)

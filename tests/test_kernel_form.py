@@ -65,6 +65,7 @@ def test_templates_use_every_entry_of_the_form_and_fail_without_it(kind: str) ->
         assert missing, f"no template uses {part}.{name} of {kind}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_form_is_text_and_numbers(kind: str) -> None:
     """No expression of sympy is left in it, so that a template can print all of it."""

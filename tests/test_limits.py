@@ -766,6 +766,7 @@ ORDERED: dict[str, tuple[tuple[Any, ...], dict[str, Expr], dict[str, tuple[Expr,
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(ORDERED))
 def test_forces_and_own_lengths_can_be_ordered(name: str) -> None:
     order, right, wrong = ORDERED[name]

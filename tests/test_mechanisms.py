@@ -80,6 +80,7 @@ def test_of_two_species_one_sinks_and_one_floats() -> None:
     np.testing.assert_allclose(v, -2e-3 / (9 * ETA) * np.array([10.0, -0.75]), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tangential", [False, True])
 def test_a_floor_bears_the_weight(tangential: bool) -> None:
     """Of a column without drag, and the balance of energy closes over its settling."""
@@ -192,6 +193,7 @@ def run(scene: ParticleScene, *more: Mechanism) -> State:
     return state
 
 
+@pytest.mark.slow
 def test_a_drag_that_depends_on_the_slip_enters_from_outside() -> None:
     """Pushed so that v = exp(-t) along (3, 4)/5: x = 1 - exp(-t); it takes the integral of z (1 + k v) v^2."""
     z, k, t = 0.7, 3.0, 2.0
@@ -270,6 +272,7 @@ def test_a_momentum_enters_from_outside(drag: float) -> None:
 # What a scene imports
 
 
+@pytest.mark.slow
 def test_a_scene_imports_the_rooms_that_it_asks_for_alone() -> None:
     scenes = {
         "": "hold=[]",

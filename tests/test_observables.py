@@ -137,6 +137,7 @@ HELD = [(i, j, 1.0) for i in range(4) for j in range(i)]
 NETWORK = [*HELD, (0, 4, 1.0), (1, 4, 1.0), (4, 5, 1.0), (3, 6, -1.0)]
 
 
+@pytest.mark.slow
 def test_walls_bear_what_particles_are_pushed_with() -> None:
     """Two on top of each other, without drag: their weights on the floor; of walls that shear, opposite forces."""
     floor, lid = Wall([0.0, -1.02], [0.0, -1.0], velocity=[1e-3, 0.0]), Wall([0.0, 3.04], [0.0, 1.0])

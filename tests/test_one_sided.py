@@ -80,6 +80,7 @@ def test_a_dry_contact_follows_the_force(target: str) -> None:
     np.testing.assert_allclose(result.dX_dt, -1e-3 * np.cos(result.t) / (0.75 * force / deflection), rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_regimes_of_the_one_sided_laws_are_those_of_the_whole_one() -> None:
     """Friction at no deflection and elasticity at no gap have the leading forms that the whole law has there."""
     whole = discover(equal_spheres)

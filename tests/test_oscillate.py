@@ -74,6 +74,7 @@ def test_harmonics_of_a_known_stress_with_a_drift_are_exact() -> None:
     np.testing.assert_allclose(harmonics(stress + 7 + 0.3 * phase, 0.1), found, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spacing", [pytest.param(1.98, marks=pytest.mark.slow), 1.9])
 def test_a_lattice_of_pressed_discs_has_the_modulus_known_by_hand(spacing: float) -> None:
     """G' = (sqrt 3/4)(k - 3 F/r), of the depth of a layer; films that are frozen at high frequency are springs alone.

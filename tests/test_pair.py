@@ -237,6 +237,7 @@ def test_a_pulse_far_from_the_start_neither_overflows_nor_is_lost() -> None:
     assert 1.0 - pulse.h[-1] == pytest.approx(fall, rel=1.2e-2)
 
 
+@pytest.mark.slow
 def test_the_gap_settles_on_a_film_where_the_remote_force_balances() -> None:
     parameters = {**UNIT, "A": 1e-2 * math.exp(10), "lam": 1e-5}
     result = softdyn.simulate(law=film, parameters=parameters, h=1.0, force=1e-2, until_t=1e12, times=3)

@@ -81,6 +81,7 @@ def test_names_change_nothing_of_a_run(target: str, names: list[str]) -> None:
     np.testing.assert_allclose(x, y, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_limit_of_the_friction_far_apart_is_the_same_whatever_the_names() -> None:
     """For every name that a module of derive gives to something: each is a parameter of a law here."""
     folder = Path(derive_package.__file__).parent

@@ -136,6 +136,7 @@ def test_contacts_come_and_go_in_a_gsd_trajectory(walled: ParticleResult, tmp_pa
     assert counts[0] == 0 < counts[-1]
 
 
+@pytest.mark.slow
 def test_what_slides_and_turns_is_in_both(sliding: ParticleResult, tmp_path: Path) -> None:
     """As vectors in space: in the plane particles turn about z."""
     d = sliding.x.shape[2]

@@ -91,6 +91,7 @@ def test_the_solution_within_a_stiff_step_is_damped() -> None:
         assert end == pytest.approx(np.cos(t + dt), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_outputs_do_not_change_the_steps() -> None:
     """As many steps for a hundred outputs as for two; what they give lies on the run in small steps."""
 

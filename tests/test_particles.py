@@ -67,6 +67,7 @@ def gaps(result: ParticleResult) -> Array:
     return result.contact_h.reshape(len(result), -1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_two_particles_are_the_pair(d: int) -> None:
     """To 1e-9: third order at 5e-10 in each of some hundred steps."""
@@ -139,6 +140,7 @@ def test_unequal_spheres_are_a_pair_of_their_effective_radius(one: float, other:
     np.testing.assert_allclose(distance, one + other + pair.h - 2 * pair.delta, rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rigid", [True, False])
 def test_a_wall_is_a_sphere_of_infinite_radius(rigid: bool) -> None:
     """R = 2 R1; a rigid wall doubles E, as it gives in by nothing; X = R1 + h - 2 delta."""
@@ -180,6 +182,7 @@ def test_forces_balance_at_the_end_of_every_step(drag: float) -> None:
     assert result.step_t[-1] == 5e4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_energy_is_accounted_for(drag: float) -> None:
     """Every term of the balance is there, and what is left falls with the tolerance."""
@@ -240,6 +243,7 @@ def test_internal_forces_and_torques_sum_to_zero() -> None:
     assert abs(np.sum(state.x[:, 0] * total[:, 1] - state.x[:, 1] * total[:, 0])) < 4 * rounding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_nothing_depends_on_place_direction_or_numbering(drag: float) -> None:
     """Same gaps after a translation, a rotation, another numbering: to the tolerance of Newton's iteration."""
