@@ -203,7 +203,7 @@ def test_no_verdict_on_a_random_law_is_false(drawn: tuple[Expr, bool]) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)  # of 12 forms, each some times over
+@settings(max_examples=300, deadline=None)
 @given(corrections())
 def test_no_verdict_on_many_random_laws_is_false(drawn: tuple[Expr, bool]) -> None:
     verdict, vanishes = verdict_on(drawn)
