@@ -15,9 +15,9 @@ from softdyn.derive.dimensions import (
     VISCOSITY,
     Dimension,
 )
-from softdyn.derive.law import ContactLaw, Drag, Limit, Tangential
+from softdyn.derive.law import ContactLaw, Drag, Limit, Rubbing, Tangential
 from softdyn.derive.splines import read_points, spline
-from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa, size_ratio
+from softdyn.derive.symbols import E, F, R, a, delta, eta, h, kappa, size_ratio, slip_rate
 
 __all__ = [
     "DIMENSIONLESS",
@@ -36,6 +36,7 @@ __all__ = [
     "F",
     "Limit",
     "R",
+    "Rubbing",
     "Tangential",
     "a",
     "delta",
@@ -44,5 +45,6 @@ __all__ = [
     "kappa",
     "read_points",
     "size_ratio",
+    "slip_rate",
     "spline",
 ]

@@ -70,6 +70,7 @@ from softdyn.derive.dimensions import (
     FORCE,
     FRICTION,
     LENGTH,
+    TIME,
     Dimension,
     DimensionMismatchError,
     dimension_of,
@@ -78,7 +79,20 @@ from softdyn.derive.positive import Positivity, positivity, ranges_of_positive, 
 from softdyn.derive.soundness import is_side, rewritable, tidy
 from softdyn.derive.special import LambertW
 from softdyn.derive.splines import Spline
-from softdyn.derive.symbols import COMMON_PARAMETERS, DIMENSIONS, MEANINGS, E, F, R, a, delta, eta, h, size_ratio
+from softdyn.derive.symbols import (
+    COMMON_PARAMETERS,
+    DIMENSIONS,
+    MEANINGS,
+    E,
+    F,
+    R,
+    a,
+    delta,
+    eta,
+    h,
+    size_ratio,
+    slip_rate,
+)
 
 if TYPE_CHECKING:
     from softdyn.derive.closure import Closure
@@ -100,6 +114,12 @@ TANGENTIAL = {
     "coupling": ((a, h, size_ratio), FRICTION * LENGTH),
     "rolling": ((a, h, size_ratio), FRICTION * LENGTH**2),
     "k_t": ((a, h), FORCE / LENGTH),
+}
+
+RUBBING = {
+    "load": ((a, h, delta), FORCE),
+    "k_t": ((a, h, delta), FORCE / LENGTH),
+    "mu": ((h, slip_rate), DIMENSIONLESS),
 }
 
 DRAG = {
@@ -139,10 +159,9 @@ def faults_of(law: ContactLaw) -> list[str]:
             found = _gap_faults(name, expr, law)
         faults += found
         sound = sound and not found
-    faults += (
-        _tangential_faults(law, known) + _drag_faults(law, known) + _typical_faults(law) + _limit_faults(law, known)
-    )
-    faults += _unequal_faults(law) + _dashpot_faults(law, known)
+    for part in (_tangential_faults, _rubbing_faults, _drag_faults, _dashpot_faults):
+        faults += part(law, known)
+    faults += _typical_faults(law) + _limit_faults(law, known) + _unequal_faults(law)
     if sound and not faults:
         faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
     if sound and not faults and law.tangential is not None:
@@ -154,6 +173,12 @@ def _tangential_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str
     if law.tangential is None:
         return []
     return _part_faults("tangential", "Tangential(sliding=..., k_t=...)", TANGENTIAL, law, known)
+
+
+def _rubbing_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
+    if law.rubbing is None:
+        return []
+    return _part_faults("rubbing", "Rubbing(load=..., k_t=...)", RUBBING, law, known)
 
 
 def _drag_faults(law: ContactLaw, known: Mapping[str, Symbol]) -> list[str]:
@@ -233,7 +258,7 @@ def _part_faults(
             faults.append(f"{where} = {expr!r} is a {type(expr).__name__}, not a sympy expression")
             continue
         found = _symbol_faults(where, expr, arguments, law, known) + node_faults(where, expr)
-        known_dimensions = {**DIMENSIONS, **law.parameters, size_ratio: DIMENSIONLESS}
+        known_dimensions = {**DIMENSIONS, **law.parameters, size_ratio: DIMENSIONLESS, slip_rate: LENGTH / TIME}
         faults += found or dimension_faults(where, expr, dimension, known_dimensions) or _gap_faults(where, expr, law)
     return faults
 

@@ -47,7 +47,7 @@ from typing import TYPE_CHECKING
 
 from sympy import Add, Expr, Function, Max, Min, Mul, Piecewise, S, Symbol, diff, expand, simplify
 
-from softdyn.derive import controls, far_field
+from softdyn.derive import controls, coulomb, far_field
 from softdyn.derive import dynamics as d
 from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.controls import log_zeta_delta, log_zeta_h, remote_delta, remote_h
@@ -111,6 +111,8 @@ class ContactNeeds:
         Whether particles slide and roll on one another.
     drag : bool
         Whether the fluid resists the particles by themselves.
+    rubbing : bool
+        Whether surfaces rub, as far as Coulomb friction lets them.
     explicit : bool
         Whether steps are explicit in the positions: then slopes along the distance are of no use, and what bounds such
         a step, and what contacts dissipate, is.
@@ -121,6 +123,7 @@ class ContactNeeds:
     tangential: bool = False
     drag: bool = False
     explicit: bool = False
+    rubbing: bool = False
 
 
 @cache
@@ -201,7 +204,7 @@ def contact_equations(law: ContactLaw, needs: ContactNeeds) -> Equations:
     Each quantity is in terms of h, overlap, g, s, y*, the parameters and earlier ones. What rules save is counted of an
     iteration and the tangent.
     """
-    definitions = _definitions(law, needs.tangential, needs.drag, is_unequal(law, needs))
+    definitions = _definitions(law, needs, is_unequal(law, needs))
     return Equations(definitions, frozenset({H, H_h, Y_h, F_r, *tangential_outputs(needs)}))
 
 
@@ -210,7 +213,7 @@ def is_unequal(law: ContactLaw, needs: ContactNeeds) -> bool:
     return size_ratio.name in needs.varying and law.unequal != 1
 
 
-def _definitions(law: ContactLaw, tangential: bool, drag: bool, unequal: bool) -> dict[Symbol, Expr]:
+def _definitions(law: ContactLaw, needs: ContactNeeds, unequal: bool) -> dict[Symbol, Expr]:
     # the names of a law's own parameters may be those of the kernel's variables
     law = in_code(law)
     values = partials(law)
@@ -224,13 +227,15 @@ def _definitions(law: ContactLaw, tangential: bool, drag: bool, unequal: bool) -
     def of_law(symbol: Symbol, variable: Symbol) -> Expr:
         return sound(total(symbol, variable).subs(values))
 
-    beside, carried, slope = carried_friction(law, drag, unequal)
+    beside, carried, slope = carried_friction(law, needs.drag, unequal)
     generic = d.generic_dynamics(law.general)
     sliding: dict[Symbol, Expr] = {}
-    if tangential and law.tangential is not None:
-        declared = tangential_stage.tangential_definitions(law.tangential)
+    if needs.tangential or needs.rubbing:
         sliding = {symbol: values[symbol] for symbol in (d.a_h, d.a_delta)}
-        sliding |= declared
+    if needs.tangential and law.tangential is not None:
+        sliding |= tangential_stage.tangential_definitions(law.tangential)
+    if needs.rubbing and law.rubbing is not None:
+        sliding |= coulomb.rubbing_definitions(law.rubbing)
     stage = stage_equation()
     return {
         delta: _deflection(),
@@ -297,10 +302,12 @@ def _relative_slope_as_written(product: Expr, variable: Symbol) -> Expr:
 
 def tangential_outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
     """What the kernel gives of tangential motion: equal spheres have no lever."""
+    rubbing = coulomb.OUTPUTS if needs.rubbing else ()
     if not needs.tangential:
-        return ()
+        return rubbing
     given = tangential_stage.OUTPUTS if size_ratio.name in needs.varying else tangential_stage.OUTPUTS[:-1]
-    return tuple(symbol for x in given for symbol in ((x,) if needs.explicit else (x, tangential_stage.ALONG[x])))
+    sliding = (symbol for x in given for symbol in ((x,) if needs.explicit else (x, tangential_stage.ALONG[x])))
+    return (*sliding, *rubbing)
 
 
 def explicit_outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:

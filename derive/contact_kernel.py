@@ -9,6 +9,8 @@ contacts from pulled ones; the resistance of a particle alone. Its settings:
 
 fading : bool
     Whether contacts have a range.
+rubbing : bool
+    Whether surfaces rub: then there is a function more, the return map of Coulomb friction.
 more : tuple of str
     Rows of what ``contacts`` gives besides: of tangential motion, and to explicit steps.
 
@@ -22,8 +24,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import sympy
-from sympy import Expr, Piecewise, Symbol
+from sympy import Expr, Piecewise, S, Symbol
 
+from softdyn.derive import coulomb
 from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.contact_equations import (
     F,
@@ -61,6 +64,7 @@ from softdyn.derive.law import (
     law_hash,
     parameters_of,
     particles_hash,
+    rubbing_expressions,
     tangential_expressions,
 )
 from softdyn.derive.printing import straight_line
@@ -73,7 +77,9 @@ if TYPE_CHECKING:
     from softdyn.derive.law import ContactLaw
 
 #: What the templates provide to the code of functions.
-GIVEN = ("h", "overlap", "g", "s", "y_star", "rate", "pace", "reach", "pressed", "delta")
+GIVEN = (
+    "h", "overlap", "g", "s", "y_star", "rate", "pace", "reach", "pressed", "delta", "load", "size", "slip_rate", "mu",
+)  # fmt: skip
 #: What ``state`` reports of a contact.
 OUTPUTS = (delta, a, F, friction, remote, C, dF_dh, dh_dt, F_by_gap, F_by_distance)
 
@@ -89,7 +95,7 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
     LawError
         If a varying parameter is not the law's; or if tangential motion is asked for, and the law does not declare any.
     """
-    names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential, needs.drag))
+    names = tuple(symbol.name for symbol in parameters_of(law, needs.tangential, needs.drag, needs.rubbing))
     unequal, gapless = is_unequal(law, needs), is_rigid(law) or is_dry(law)
     faults = [
         f"{name!r} is no parameter; there are {', '.join(names)}"
@@ -100,6 +106,12 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         faults.append(
             "tangential motion is asked for, and the law declares none: give it tangential=Tangential(sliding=..., "
             "k_t=...), or leave [contacts] tangential out"
+        )
+    if needs.rubbing and law.rubbing is None and (law.tangential is None or not is_dry(law)):
+        faults.append(
+            "[friction] is asked for, and the law says nothing of surfaces that touch: give it "
+            "rubbing=Rubbing(load=..., k_t=...), a load that they bear through their film; of a dry law, "
+            "tangential=Tangential(sliding=oo, k_t=...)"
         )
     if gapless and needs.explicit:
         faults.append(
@@ -117,7 +129,8 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
     if needs.drag:
         declared_drag = drag_expressions(in_code(law).drag)
         resisting = {Symbol(name, real=True): expr for name, expr in declared_drag.items()}
-        resisting = resisting if needs.tangential else {k: e for k, e in resisting.items() if k.name != "rotation"}
+        turning = needs.tangential or needs.rubbing
+        resisting = resisting if turning else {k: e for k, e in resisting.items() if k.name != "rotation"}
     codes = {**code_names(law), undragged.name: undragged.name}
     uniform = tuple(name for name in names if name not in needs.varying)
     varying = tuple(name for name in names if name in needs.varying)
@@ -132,7 +145,9 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
     by_name |= {"dashpot": law.dashpot} if law.dashpot != 0 else {}
     by_name |= tangential_expressions(law.tangential) if needs.tangential and law.tangential is not None else {}
     by_name |= {f"drag {symbol.name}": getattr(law.drag, symbol.name) for symbol in resisting}
-    beside = f", {particles_hash(law)}" if needs.tangential or needs.drag or unequal or law.dashpot != 0 else ""
+    by_name |= rubbing_of_law(law) if needs.rubbing else {}
+    more = needs.tangential or needs.rubbing or needs.drag or unequal or law.dashpot != 0
+    beside = f", {particles_hash(law)}" if more else ""
     return KernelIR(
         kind="gapless" if gapless else "contacts",
         name=law.name,
@@ -148,10 +163,12 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
         functions={
             **{name: code(targets, within) for name, (targets, within) in parts.items()},
             "drag": code(list(resisting), resisting),
+            **({"rub": code(coulomb.MAP, _bounded(law))} if needs.rubbing else {}),
         },
         settings={
             "fading": needs.fading,
             "more": tuple(symbol.name for symbol in (*tangential_outputs(needs), *explicit_outputs(needs))),
+            "rubbing": needs.rubbing,
             **({"rigid": is_rigid(law)} if gapless else {}),
         },
         savings=savings,
@@ -164,7 +181,20 @@ Parts = dict[str, tuple[Sequence[Symbol], dict[Symbol, Expr]]]
 
 def _outputs(needs: ContactNeeds) -> tuple[Symbol, ...]:
     """What ``state`` reports."""
-    return (*OUTPUTS, *(tangential_stage.STATE_OUTPUTS if needs.tangential else ()))
+    sliding = tangential_stage.STATE_OUTPUTS if needs.tangential else ()
+    return (*OUTPUTS, *sliding, *(coulomb.STATE_OUTPUTS if needs.rubbing else ()))
+
+
+def _bounded(law: ContactLaw) -> dict[Symbol, Expr]:
+    """The return map of a law's surfaces that rub."""
+    return coulomb.bounded_force(S.One if law.rubbing is None else in_code(law).rubbing.mu)  # type: ignore[union-attr]
+
+
+def rubbing_of_law(law: ContactLaw) -> dict[str, Expr]:
+    """What is declared of surfaces that rub, by the names that the header of a kernel has."""
+    if law.rubbing is None:
+        return {} if law.tangential is None else {"k_t": law.tangential.k_t}
+    return {f"rubbing {name}": expr for name, expr in rubbing_expressions(law.rubbing).items()}
 
 
 def _film_parts(definitions: dict[Symbol, Expr], needs: ContactNeeds) -> Parts:

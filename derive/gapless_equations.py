@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 
 from sympy import Dummy, Expr, Integer, Max, Min, Piecewise, S, Symbol, diff, expand, powsimp, simplify
 
+from softdyn.derive import coulomb
 from softdyn.derive import dynamics as d
 from softdyn.derive import tangential as tangential_stage
 from softdyn.derive.contact_equations import (
@@ -57,7 +58,7 @@ from softdyn.derive.contact_equations import (
 from softdyn.derive.controls import log_zeta_delta, log_zeta_h, remote_h
 from softdyn.derive.dynamics import C, F_adh, F_ela, dF_ddelta, dF_dh, partials, total, zeta
 from softdyn.derive.equations import Equations
-from softdyn.derive.law import in_code, is_rigid
+from softdyn.derive.law import Rubbing, in_code, is_rigid
 from softdyn.derive.soundness import relative_slope, sound
 from softdyn.derive.symbols import a, delta, h
 
@@ -162,6 +163,23 @@ def _stiffness(law: ContactLaw) -> Expr:
     return direct.subs(size, delta) if at_touch.is_finite else sound(2 * d.stiffness_of(law))
 
 
+def _rubbing(law: ContactLaw) -> dict[Symbol, Expr]:
+    """What is declared of surfaces that rub; of dry ones all that presses them, but for remote forces.
+
+    Surfaces that part fast are pulled by the dashpot, and then rub no more.
+    """
+    if law.rubbing is not None:
+        return coulomb.rubbing_definitions(law.rubbing)
+    assert law.tangential is not None, "a law without a stiffness is refused before"
+    found = coulomb.rubbing_definitions(Rubbing(load=S.Zero, k_t=law.tangential.k_t))
+    pressing = F_ela * touch - friction * rate
+    slope = -touch * dF_ddelta / 2 - friction * pace - friction_r * rate
+    assert expand(force_of_contact()[F] - pressing - remote) == 0, "the load is not what the contact presses with"
+    assert expand(force_of_contact()[F_r] - slope - remote_r) == 0, "its slope is not that of the force"
+    found |= {coulomb.load: Max(0, pressing), coulomb.load_r: Piecewise((slope, coulomb.load > 0), (S.Zero, True))}
+    return {symbol: _in_touch(expr) if symbol in coulomb.STATE_OUTPUTS[1:] else expr for symbol, expr in found.items()}
+
+
 def gapless_equations(law: ContactLaw, needs: ContactNeeds) -> Equations:
     """Everything there is to say about a contact without a gap state, before any specialisation.
 
@@ -171,11 +189,14 @@ def gapless_equations(law: ContactLaw, needs: ContactNeeds) -> Equations:
     law = in_code(law)
     values, rigid = partials(law), is_rigid(law)
     sliding: dict[Symbol, Expr] = {}
-    if needs.tangential and law.tangential is not None:
+    if needs.tangential or needs.rubbing:
         sliding = {symbol: values[symbol] for symbol in (d.a_h, d.a_delta)}
+    if needs.tangential and law.tangential is not None:
         sliding |= tangential_stage.tangential_definitions(law.tangential)
-        if not rigid:  # what slides is what touches
-            sliding = {x: expr.subs({w: touch, w_h: 0}) for x, expr in sliding.items()}
+    if needs.rubbing:
+        sliding |= _rubbing(law)
+    if sliding and not rigid:  # what slides is what touches
+        sliding = {x: expr.subs({w: touch, w_h: 0}) for x, expr in sliding.items()}
     definitions = {
         touch: S.Zero if rigid else Piecewise((Integer(1), overlap > 0), (Integer(0), True)),
         delta: S.Zero if rigid else Max(0, overlap) / 2,

@@ -109,6 +109,39 @@ def tangential_expressions(tangential: Tangential) -> dict[str, Expr]:
     return {name: getattr(tangential, name) for name in ("sliding", "coupling", "rolling", "k_t")}
 
 
+@dataclass(frozen=True)
+class Rubbing:
+    """Surfaces that touch through their film and rub, in scenes of many particles with Coulomb friction.
+
+    They bear the ``load`` as they touch, are joined by a tangential spring, and slide where it would bear more than
+    mu load: see :mod:`softdyn.derive.coulomb`. A dry law that declares nothing has the force of the contact for a load,
+    and the ``k_t`` of its :class:`Tangential`.
+
+    Parameters
+    ----------
+    load : Expr
+        Normal force between the surfaces themselves, 0 where they do not touch: a function of a, h and delta, that
+        part of the law's force which is not the film's.
+    k_t : Expr
+        Tangential stiffness of what touches, force/length, a function of a, h and delta.
+    mu : Expr or int
+        Coefficient of friction over that of the scene, [friction] mu: a function of h and of ``slip_rate``.
+    """
+
+    load: Expr
+    k_t: Expr
+    mu: Expr = S.One
+
+    def __post_init__(self) -> None:
+        for name, value in rubbing_expressions(self).items():
+            object.__setattr__(self, name, _exact(value))
+
+
+def rubbing_expressions(rubbing: Rubbing) -> dict[str, Expr]:
+    """Return the declared expressions, by name."""
+    return {name: getattr(rubbing, name) for name in ("load", "k_t", "mu")}
+
+
 #: Drag and torque on a sphere alone.
 ALONE, TURNING = drag_of_sphere(R), torque_of_sphere(R)
 
@@ -163,6 +196,8 @@ class ContactLaw:
         resists the rate of the distance of the centres.
     tangential : Tangential, optional
         What tangential motion meets, in scenes of many particles that ask for it.
+    rubbing : Rubbing, optional
+        Where surfaces touch and rub, in scenes with Coulomb friction.
     drag : Drag
         What the fluid does to a particle alone, likewise.
     unequal : Expr or int
@@ -203,6 +238,7 @@ class ContactLaw:
     F_adh: Expr = S.Zero
     dashpot: Expr = S.Zero
     tangential: Tangential | None = None
+    rubbing: Rubbing | None = None
     drag: Drag = Drag()
     unequal: Expr = S.One
     parameters: Mapping[Symbol, Dimension] = field(default_factory=dict)
@@ -245,7 +281,7 @@ def _renamed(value: Any, names: Mapping[Symbol, Symbol]) -> Any:
         return {_renamed(key, names): _renamed(content, names) for key, content in value.items()}
     if isinstance(value, (tuple, list)):
         return tuple(_renamed(part, names) for part in value)
-    if isinstance(value, (Limit, Tangential, Drag)):
+    if isinstance(value, (Limit, Tangential, Rubbing, Drag)):
         return replace(value, **{item.name: _renamed(getattr(value, item.name), names) for item in fields(value)})
     return value
 
@@ -311,11 +347,17 @@ def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
 
 
 @lru_cache(maxsize=128)
-def parameters_of(law: ContactLaw, tangential: bool = False, drag: bool = False) -> tuple[Symbol, ...]:
+def parameters_of(
+    law: ContactLaw, tangential: bool = False, drag: bool = False, rubbing: bool = False
+) -> tuple[Symbol, ...]:
     """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
     used = {R}.union(*(expr.free_symbols for expr in (*expressions(law).values(), law.dashpot)))
     if tangential and law.tangential is not None:
         used = used.union(*(expr.free_symbols for expr in tangential_expressions(law.tangential).values()))
+    if rubbing and law.rubbing is not None:
+        used = used.union(*(expr.free_symbols for expr in rubbing_expressions(law.rubbing).values()))
+    elif rubbing and law.tangential is not None:
+        used = used.union(law.tangential.k_t.free_symbols)
     if drag:
         used = used.union(*(expr.free_symbols for expr in drag_expressions(law.drag).values()))
     common = [symbol for symbol in COMMON_PARAMETERS if symbol in used]
@@ -385,6 +427,8 @@ def particles_hash(law: ContactLaw) -> str:
     declared = drag_expressions(law.drag)
     if law.tangential is not None:
         declared |= tangential_expressions(law.tangential)
+    if law.rubbing is not None:
+        declared |= {f"rubbing {name}": expr for name, expr in rubbing_expressions(law.rubbing).items()}
     declared |= {"unequal": law.unequal} | ({} if law.dashpot == 0 else {"dashpot": law.dashpot})
     text = "\n".join(f"{name} {srepr(expr)}" for name, expr in declared.items())
     return sha256(text.encode()).hexdigest()[:16]

@@ -14,7 +14,7 @@ kappa     F/(E R^2)                                              none
 ========= ====================================================== ===========
 
 Particles of different radii and tangential motion have one more, ``size_ratio`` = R1 R2/(R1 + R2)^2 of a pair: 1/4 of
-equal spheres, 0 of a sphere and a plane.
+equal spheres, 0 of a sphere and a plane. Surfaces that rub have ``slip_rate``, their speed along one another.
 """
 
 from sympy import Expr, Symbol
@@ -30,6 +30,8 @@ a = Symbol("a", positive=True)
 F = Symbol("F", real=True)
 kappa: Expr = F / (E * R**2)
 size_ratio = Symbol("size_ratio", nonnegative=True)
+#: Speed of two surfaces that rub along one another: friction may depend on it.
+slip_rate = Symbol("slip_rate", nonnegative=True)
 
 #: Symbols that any law may use without declaring them, with their dimensions.
 DIMENSIONS: dict[Symbol, Dimension] = {
@@ -47,6 +49,7 @@ MEANINGS = {
     **{symbol.name: "one of the paper's symbols" for symbol in DIMENSIONS},
     "kappa": "F/(E R^2) in regimes, limits and sweeps",
     "size_ratio": "R1 R2/(R1 + R2)^2 of a pair",
+    "slip_rate": "the speed of surfaces that rub",
     "force": "the external force in sweeps",
     "velocity": "that of the centres in sweeps",
     "compliance_p1": "that of a spring",

@@ -44,8 +44,9 @@ class ContactKernel:
         What :func:`contacts` gives of tangential motion; empty without it.
     compile_s : float
         Time spent on deriving, building and loading it.
-    contacts, state, energy, drag : functions
-        See the template ``contacts``, or ``gapless`` where there is no gap state; drag is None in a kernel without.
+    contacts, state, energy, drag, rub : functions
+        See the template ``contacts``, or ``gapless`` where there is no gap state; drag and rub are None in a kernel
+        without.
     bounded : bool
         Whether its friction has a limit far apart; in a kernel without drag it does not matter.
     tabulated : bool
@@ -73,6 +74,7 @@ class ContactKernel:
     state: Callable[..., None]
     energy: Callable[..., None]
     drag: Callable[..., None] | None
+    rub: Callable[..., None] | None
     bounded: bool
     pressed_only: bool
     tabulated: bool
@@ -106,7 +108,9 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
         "bounded": not needs["drag"] or contact_kind(law) == "dry" or is_bounded(law),
         "pressed_only": pressed_only(law),
         "tabulated": has_tables(law),
-        "positive": [symbol.name for symbol in parameters_of(law, needs["tangential"], True) if symbol.is_positive],
+        "positive": [
+            symbol.name for symbol in parameters_of(law, needs["tangential"], True, True) if symbol.is_positive
+        ],
         "ranges": plain_ranges(law),
         "source": written.text,
         "suffix": written.suffix,
@@ -124,6 +128,7 @@ def get_contact_kernel(
     fading: bool = False,
     tangential: bool = False,
     drag: bool = False,
+    rubbing: bool = False,
 ) -> ContactKernel:
     """Contact kernel of a law, from the cache or made now.
 
@@ -139,6 +144,8 @@ def get_contact_kernel(
         Whether particles slide and roll on one another.
     drag : bool
         Whether the fluid resists the particles by themselves.
+    rubbing : bool
+        Whether surfaces rub, with Coulomb friction.
 
     Raises
     ------
@@ -147,6 +154,7 @@ def get_contact_kernel(
     began = time.perf_counter()
     target = choose_target(target)
     needs = {"varying": tuple(sorted(varying)), "fading": fading, "tangential": tangential, "drag": drag}
+    needs |= {"rubbing": True} if rubbing else {}
     manifest = manifest_of(find(law), target, needs, "contacts", contact_manifest)
     key, _, functions = loaded(target, manifest)
     return ContactKernel(
@@ -165,6 +173,7 @@ def get_contact_kernel(
         state=functions.state,
         energy=functions.energy,
         drag=functions.drag if manifest["drag"] else None,
+        rub=functions.rub if rubbing else None,
         bounded=bool(manifest["bounded"]),
         pressed_only=bool(manifest["pressed_only"]),
         tabulated=bool(manifest["tabulated"]),

@@ -101,6 +101,8 @@ class Balance:
         What the kernel gives of tangential motion.
     T : array, shape (contacts, d), optional
         Forces of the contacts besides those along the normals, from i to j.
+    rubbed : array, shape (contacts, d), optional
+        Of these, what surfaces that touch bear by friction.
     notes : dict
         What mechanisms found, for themselves.
     film : array, shape (contacts,), optional
@@ -119,6 +121,7 @@ class Balance:
     residual: float
     values: dict[str, Array] = field(default_factory=dict)
     T: Array | None = None
+    rubbed: Array | None = None
     notes: dict[str, Any] = field(default_factory=dict)
     film: Array | None = None
 
@@ -260,12 +263,14 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
         found = (mechanism.act(system, contacts, given, at) for mechanism in system.having["act"])
         actions = [action for action in found if action is not None]
         T: Array | None = None
+        rubbed: Array | None = None
         notes: dict[str, Any] = {}
         for action in actions:
             reaction += action.reaction
             notes |= action.notes
             if action.T is not None:
                 T = action.T if T is None else T + action.T
+            rubbed = action.rubbed if action.rubbed is not None else rubbed
         if turning:
             reaction -= held_torque(x[:, :d], system.radii, reaction)
         biggest = max([largest(external), largest(F), *(action.largest for action in actions)])
@@ -277,7 +282,7 @@ def balance(system: System, contacts: Contacts, newton: Newton, given: StageInpu
             noise += sum(ROUNDING * action.friction * largest(x) for action in actions)
         off = wrong if math.isnan(wrong) else max(wrong - noise, 0.0)
         relative = off / biggest if biggest > 0 else wrong
-        return replace(at, off=off, residual=relative, T=T, notes=notes)
+        return replace(at, off=off, residual=relative, T=T, rubbed=rubbed, notes=notes)
 
     now = evaluate(x, y)
     for attempt in range(4):

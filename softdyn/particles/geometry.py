@@ -148,6 +148,8 @@ class Contacts:
         Whether the contact has been within its range.
     T : array, shape (n, d)
         Tangential forces, from i to j; of no columns without tangential motion.
+    rubbed : array, shape (n, d)
+        Of these, what surfaces that touch bear by friction; of no columns without.
     since : array, shape (n, potentials with an age)
         Times since which the two have been within the cut-off of each; inf beyond it.
     """
@@ -160,6 +162,7 @@ class Contacts:
     h: Array
     touched: NDArray[np.bool_]
     T: Array
+    rubbed: Array
     since: Array
 
     def __len__(self) -> int:
@@ -177,7 +180,7 @@ def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Co
     n = len(i)
     touched, nothing = np.zeros(n, bool), np.zeros((n, 0))
     return Contacts(
-        i, j, shift, radii[i] + with_walls[j], np.empty((0, n)), np.full(n, np.nan), touched, nothing, nothing
+        i, j, shift, radii[i] + with_walls[j], np.empty((0, n)), np.full(n, np.nan), touched, nothing, nothing, nothing
     )
 
 

@@ -231,6 +231,8 @@ def _accept(system: System, newton: Newton, state: State, step: Step, dt: float,
     state.contacts.h = step.end.h
     if step.end.T is not None:
         state.contacts.T = step.end.T
+    if step.end.rubbed is not None:
+        state.contacts.rubbed = step.end.rubbed
     state.kept = step.kept
     for name, amount in step.work.items():
         state.work[name] += amount

@@ -61,6 +61,7 @@ def no_contact_kernel(target: str, drag: bool) -> ContactKernel:
         state=nothing,
         energy=nothing,
         drag=of_spheres if drag else None,
+        rub=None,
         bounded=True,
         pressed_only=False,
         tabulated=False,

@@ -22,9 +22,6 @@ from softdyn.words import listed
 if TYPE_CHECKING:
     from softdyn.particles.system import ValidatedScene
 
-#: Fields of a scene that the implicit method does not know yet.
-NOT_YET = {"friction": "[friction]"}
-
 #: Rooms of mechanisms that explicit steps know; contacts are their own.
 KNOWN_TO_EXPLICIT = (
     "soft_films", "dry_contacts", "pushes", "gravity", "inertia", "coulomb", "holds", "walls", "shear",
@@ -60,8 +57,6 @@ def method_of(facts: ValidatedScene) -> str:
                 "give a dry law, as hertz_dry, or the implicit method"
             )
         faults += _unknown_to_explicit(facts)
-    else:
-        faults += [f"{place} is not known to the implicit method yet" for place in _not_yet(facts)]
     if name not in ("implicit", "brownian"):
         between = {"[[potential]]": scene.potential, "[[bond]]": scene.bond}
         faults += [f"{place} is not known to the method {name}: leave it out" for place in between if between[place]]
@@ -107,10 +102,6 @@ def _brownian_faults(facts: ValidatedScene, name: str) -> list[str]:
     if not is_number(scene.shear_rate):
         faults.append("[flow] shear_rate: with noise the rate is a number, which steps of a fixed length resolve")
     return faults
-
-
-def _not_yet(facts: ValidatedScene) -> list[str]:
-    return [place for field, place in NOT_YET.items() if getattr(facts.scene, field) is not None]
 
 
 def _unknown_to_explicit(facts: ValidatedScene) -> list[str]:

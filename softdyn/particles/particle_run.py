@@ -119,6 +119,7 @@ def kernel_needs(facts: ValidatedScene) -> dict[str, Any]:
         "fading": math.isfinite(facts.reach) and _fades(facts),
         "tangential": bool(facts.scene.tangential),
         "drag": bool(facts.scene.drag),
+        "rubbing": facts.scene.friction is not None,
     }
 
 

@@ -120,6 +120,8 @@ def _take(state: State, found: Balance) -> None:
     state.contacts.h = found.h  # beyond the range pressed gaps follow the centres
     if found.T is not None:
         state.contacts.T = found.T
+    if found.rubbed is not None:
+        state.contacts.rubbed = found.rubbed
 
 
 def pass_break(system: System, newton: Newton, state: State) -> None:
@@ -195,6 +197,7 @@ def _films(system: System, given: Mapping[str, Any]) -> Contacts:
     contacts.q = mixed_parameters(system, system.kernel, i, j)
     contacts.h, contacts.touched = h, np.ones(len(h), bool)
     contacts.T = np.zeros((len(h), system.dimension if system.width > system.dimension else 0))
+    contacts.rubbed = np.zeros((len(h), system.dimension if system.scene.friction is not None else 0))
     contacts.since = np.full((len(h), system.timed), np.inf)
     if contacts.T.size and "T" in films:
         contacts.T = films["T"][near].astype(float)

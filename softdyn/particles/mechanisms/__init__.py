@@ -76,6 +76,8 @@ class Action:
         what rounding of positions makes of it.
     T : array, shape (contacts, d), optional
         Forces of the contacts besides those along the normals, from i to j.
+    rubbed : array, shape (contacts, d), optional
+        Of these, what surfaces that touch bear by friction: a contact keeps it by itself.
     notes : mapping
         What else was found, for the mechanism itself; names are its own.
     """
@@ -85,6 +87,7 @@ class Action:
     friction: float = 0.0
     stiffness: float = 0.0
     T: Array | None = None
+    rubbed: Array | None = None
     notes: Mapping[str, Any] = field(default_factory=dict)
 
 

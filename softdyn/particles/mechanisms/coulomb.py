@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated
 
 from softdyn.particles.mechanisms import Mechanism
@@ -10,6 +11,10 @@ from softdyn.scene.keys import Key, with_keys
 from softdyn.scene.kinds import NOT_NEGATIVE, between
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from softdyn.particles.contact_kernels import ContactKernel
     from softdyn.particles.system import ValidatedScene
 
 
@@ -59,6 +64,11 @@ class Rubbing(Mechanism):
     restitution: float
 
     takes = ("friction",)
+
+    def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: NDArray[np.float64]) -> Mechanism:
+        """What implicit steps have of it; the other methods have it in their own kernels."""
+        made: Mechanism = import_module("softdyn.particles.mechanisms.rubbing").implicit(self, facts)
+        return made
 
 
 def check(facts: ValidatedScene, faults: list[str]) -> Rubbing | None:

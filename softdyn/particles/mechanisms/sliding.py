@@ -62,8 +62,8 @@ class Sliding(Mechanism):
     def begin(self, system: System, contacts: Contacts, t: float, x: Array) -> tuple[dict[str, Any], dict[str, Array]]:
         """See :class:`Mechanism`."""
         normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
-        start = {"T": contacts.T, "angle": np.zeros(len(contacts)), "slip": np.zeros_like(contacts.T)}
-        return {"sliding": starting(contacts, system.radii, normal)}, start
+        start = {"T": of_films(contacts), "angle": np.zeros(len(contacts)), "slip": np.zeros_like(contacts.T)}
+        return {"sliding": starting(contacts, system.radii, normal, start["T"])}, start
 
     def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action:
         """See :class:`Mechanism`."""
@@ -148,7 +148,7 @@ class Sliding(Mechanism):
     def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:
         """See :class:`Mechanism`."""
         k_t = contact_state(system, contacts, overlap, contacts.h)["k_t"]
-        return float(np.sum(contacts.T**2 / (2 * k_t[:, None])))
+        return float(np.sum(of_films(contacts) ** 2 / (2 * k_t[:, None])))
 
 
 def check(facts: ValidatedScene, faults: list[str]) -> Sliding:
@@ -228,13 +228,18 @@ def known_of(given: StageInput) -> Known:
     return replace(begun, force=given.own["T"], angle=given.own["angle"])
 
 
-def starting(contacts: Contacts, radii: Array, normal: Array) -> Known:
-    """What is known at the start of a step."""
+def of_films(contacts: Contacts) -> Array:
+    """Tangential forces of the films, shape (contacts, d): all, but for what surfaces bear that touch."""
+    return contacts.T - contacts.rubbed if contacts.rubbed.size else contacts.T
+
+
+def starting(contacts: Contacts, radii: Array, normal: Array, force: Array) -> Known:
+    """What is known at the start of a step, with the forces there."""
     wall = contacts.j >= len(radii)
     one = radii[contacts.i]
     other = radii[np.where(wall, contacts.i, contacts.j)]  # a wall, which does not turn, may have any
     unlike = np.where(wall, -1.0, (one - other) / (one + other))
-    return Known(normal, contacts.T, np.zeros(len(contacts)), np.array([one, other]), unlike)
+    return Known(normal, force, np.zeros(len(contacts)), np.array([one, other]), unlike)
 
 
 def carry(force: Array, start: Array, end: Array) -> Array:
@@ -358,13 +363,39 @@ def _skew(v: Array) -> Array:
     return out - out.transpose(0, 2, 1)
 
 
+@dataclass(frozen=True)
+class Bounded:
+    """How a force follows from that of a spring, of which it is a part: see :mod:`softdyn.derive.coulomb`.
+
+    Attributes
+    ----------
+    trial : array, shape (contacts, d)
+        That of the spring.
+    passed : array, shape (contacts, d, d)
+        Derivative by it.
+    along : array, shape (contacts, d)
+        Derivative by the distance r, besides.
+    """
+
+    trial: Array
+    passed: Array
+    along: Array
+
+
 def tangents(
-    known: Known, values: dict[str, Array], slid: TangentialForces, n: Array, curvature: Array, s: float
+    known: Known,
+    values: dict[str, Array],
+    slid: TangentialForces,
+    n: Array,
+    curvature: Array,
+    s: float,
+    bounded: Bounded | None = None,
 ) -> Iterator[Array]:
     """Derivatives of the forces and torques/R on i and j by the coordinates of i and j: blocks ii, ij, ji, jj in turn.
 
     Exact where n has not turned since the start of the step; what is left out is of second order in that turn.
     """
+    trial = slid.force if bounded is None else bounded.trial
     c, d = n.shape
     m = slid.turn.shape[1]
     dyad = n[:, :, None] * n[:, None, :]
@@ -381,7 +412,7 @@ def tangents(
     turn_r = beta_r[0][:, None] * slid.rotation[0] + beta_r[1][:, None] * slid.rotation[1]
     along = along + values["stiff"][:, None] * turning(turn_r, n)
     # by x_j - x_i, which changes r and turns n
-    apart = along[:, :, None] * n[:, None, :] - curved * n[:, :, None] * slid.force[:, None, :]
+    apart = along[:, :, None] * n[:, None, :] - curved * n[:, :, None] * trial[:, None, :]
     apart -= stiff * curved * dot(n, slid.relative)[:, None, None] * across
     rolled = rolling_stiffness(known, values, s)[:, None, None]
     rolled_r = (values["roll_r"] / s if s > 0 else np.zeros(c))[:, None]
@@ -412,6 +443,9 @@ def tangents(
             by_rotation = stiff * slid.beta[column][:, None, None] * by_turn
             if d == 3:  # what is known of the force spins with the particles
                 by_rotation = by_rotation + spun[:, :, None] * n[:, None, :] / (2 * known.radii[column])[:, None, None]
+            if bounded is not None:
+                by_x = bounded.passed @ by_x - other * bounded.along[:, :, None] * n[:, None, :]
+                by_rotation = bounded.passed @ by_rotation
             block[:, :d, :d] = sign * by_x
             block[:, :d, d:] = sign * by_rotation
             block[:, d:, :d] = by_force @ by_x - other * aside

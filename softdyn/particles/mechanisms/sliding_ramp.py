@@ -75,7 +75,7 @@ def holding(system: System, contacts: Contacts, x: Array, t: float) -> Array:
     (films,) = system.having["solve"]
     n, r, _, F, _, values = films.solve(system, contacts, x, cell, StageInput(t, 0.0, x, nothing), nothing.copy())
     force = with_torques(system, sum_of(contacts, F, n, count))
-    known, still = sliding.starting(contacts, system.radii, n), np.zeros(force.shape)
+    known, still = sliding.starting(contacts, system.radii, n, contacts.T), np.zeros(force.shape)
     images, curvature = np.zeros(contacts.T.shape), curvatures(contacts, r, count)
     slid = sliding.slide(known, contacts, values, n, r, curvature, still, images, 0.0)
     return force + sliding.reactions(contacts, known, slid, n, count)
@@ -138,7 +138,7 @@ def _part(
     x = place[:, : system.dimension]
     turned = place - with_torques(system, x)  # in a step rotations count from its start
     normal, _ = directions(contacts, x, lattice(system.box, ramp.t), system.walls)
-    begun = sliding.starting(contacts, system.radii, normal)
+    begun = sliding.starting(contacts, system.radii, normal, contacts.T)
     s, nothing = GAMMA * width, np.zeros(len(contacts))
     zeros = np.zeros_like(place), np.zeros_like(contacts.T), nothing, np.zeros_like(contacts.T)
     rates: list[tuple[Array, ...]] = []
