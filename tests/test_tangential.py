@@ -83,7 +83,7 @@ def stirred(
     n, _ = directions(state.contacts, state.x, lattice(system.box, 0.0), system.walls)
     T = draw.standard_normal(n.shape) * 1e-2
     state.contacts.T = T - sliding.dot(T, n)[:, None] * n
-    known = sliding.starting(state.contacts, system.radii, n)
+    known = sliding.starting(state.contacts, system.radii, n, state.contacts.T)
     return system, state, known, far * draw.standard_normal(system.fixed.shape), 3.0
 
 

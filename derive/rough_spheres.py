@@ -1,4 +1,4 @@
-"""Two equal elastic spheres whose films break at a roughness: ``equal_spheres``, and asperities that touch and rub.
+"""A contact law: ``equal_spheres`` whose films break at a roughness, where asperities touch and rub.
 
 Surfaces carry asperities, which touch below a gap h_r and bear a pressure there that grows without bound as they are
 flattened. Between planes, with the stiffness P0 of what touches::
@@ -13,6 +13,8 @@ surfaces.
 Where asperities touch they rub, in scenes with Coulomb friction: they bear that load, and are joined by a tangential
 spring that is as stiff as the normal one but for Mindlin's factor 2 (1 - nu)/(2 - nu), that of one asperity and so of
 all. The film slides and rolls beside them.
+
+A scene takes it as a law (``law`` here), or by the path of a file of one's own with such a declaration.
 
 Typical: spheres of R = 20 um and E = 3 GPa with a roughness of 100 nm.
 """

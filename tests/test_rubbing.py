@@ -1,0 +1,242 @@
+"""Coulomb friction in implicit steps: dry contacts, and films that break at a roughness."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softdyn.derive import R, Rubbing, eta, h, slip_rate
+from softdyn.derive.laws.equal_spheres import law as equal_spheres
+from softdyn.derive.rough_spheres import P0, h_r
+from softdyn.derive.rough_spheres import law as rough_spheres
+from softdyn.errors import LawError, SceneError
+from softdyn.particles import Packing, ParticleScene, Push, Wall, linear
+from softdyn.particles.force_balance import Balance, Newton, StageInput
+from softdyn.particles.geometry import directions, lattice
+from softdyn.particles.mechanisms.coulomb import Friction
+from softdyn.particles.mechanisms.gravity import Gravity
+from softdyn.particles.mechanisms.inertia import Inertia
+from softdyn.particles.particle_run import prepare, simulate_particles
+from softdyn.particles.results import ParticleResult
+from softdyn.particles.start import start
+
+ROUGH = {"E": 1e4, "eta": 1.0, "nu": 0.5, "P0": 1e3, "h_r": 0.01}
+#: Drag of a sphere of radius 1 in this fluid, and its torque.
+DRAG, TORQUE = 6 * math.pi, 8 * math.pi
+
+
+def pressed(force: float, mu: float, law: Any = rough_spheres, **changes: Any) -> ParticleScene:
+    """A sphere in a fluid, pressed on a wall by 2 until its film breaks, and pushed along it."""
+    given: dict[str, Any] = {
+        "positions": [[0.0, 1.009]],
+        "radii": 1.0,
+        "range": 0.2,
+        "drag": 1.0,
+        "wall": [Wall([0.0, 0.0], [0.0, -1.0])],
+        "push": [Push([0], [force, -2.0])],
+        "friction": Friction(mu),
+        "until_t": 40.0,
+        "times": [0.0, 30.0, 40.0],
+        "rtol": 1e-4,
+    }
+    return ParticleScene(law, ROUGH, **{**given, **changes})
+
+
+@pytest.mark.parametrize(("force", "mu"), [pytest.param(1.0, 0.0, marks=pytest.mark.slow), (1.04, 0.3), (1.06, 0.3)])
+def test_a_sphere_rolls_as_far_as_friction_holds_it_and_slides_beyond(force: float, mu: float) -> None:
+    """Exact: T = F/(1 + 3/4 l^2), l the lever, where it rolls; mu N beyond, F = 1.05 at mu = 0.3."""
+    result = simulate_particles(pressed(force, mu))
+    lever = 1 + (float(result.x[-1, 0, 1]) - 1) / 2
+    T = min(force / (1 + DRAG / TORQUE * lever**2), 2.0 * mu)
+    assert result.v[-1, 0, 0] == pytest.approx((force - T) / DRAG, rel=1e-6)
+    assert result.arrays["spin"][-1, 0, 0] == pytest.approx(-T * lever / TORQUE, rel=1e-5, abs=1e-9)
+    np.testing.assert_allclose(result.contacts(-1)["T"][0], [T, 0.0], rtol=1e-5, atol=1e-7)
+    assert abs(result.energy["imbalance"]) < 1e-4
+    assert not result.stats["warnings"]
+
+
+def test_friction_may_fall_with_the_speed_of_sliding_and_the_gap() -> None:
+    """A law's own mu(h, slip_rate), against the solution by bisection."""
+    assert rough_spheres.rubbing is not None
+    # P0 R/eta is a speed, 2000 here: of a sphere and a wall R is twice the radius
+    falling = (1 - h**2 / (4 * h_r**2)) / (1 + 40000 * slip_rate * eta / (P0 * R))
+    weaker = replace(rough_spheres, name="weaker", limits=(), rubbing=replace(rough_spheres.rubbing, mu=falling))
+    result = simulate_particles(pressed(1.5, 0.3, weaker))
+    gap, lever = float(result.contacts(-1)["h"][0]), 1 + (float(result.x[-1, 0, 1]) - 1) / 2
+    low, high = 0.0, 0.6
+    for _ in range(60):
+        T = (low + high) / 2
+        speed = (1.5 - T) / DRAG - T * lever**2 / TORQUE
+        bound = 0.6 * (1 - gap**2 / (4 * ROUGH["h_r"] ** 2)) / (1 + 20 * speed)
+        low, high = (T, high) if bound > T else (low, T)
+    assert result.v[-1, 0, 0] == pytest.approx((1.5 - low) / DRAG, rel=1e-6)
+
+
+def ball(mu: float, method: str, d: int = 2, **changes: Any) -> ParticleScene:
+    """A dry sphere at rest on a slope of 30 degrees, in a frame in which that lies along x."""
+    E, nu, tilt = 1e4, 0.3, math.radians(30)
+    load = 4 / 3 * math.pi * math.cos(tilt)
+    # Hertz's, with R = 2 and a wall that gives in by nothing
+    delta = (3 * load * (1 - nu**2) / (8 * E * math.sqrt(2))) ** (2 / 3)
+    more = [0.0] * (d - 2)
+    given: dict[str, Any] = {
+        "positions": [[0.0, 1 - 2 * delta, *more]],
+        "radii": 1.0,
+        "wall": [Wall([0.0] * d, [0.0, -1.0, *more])],
+        "gravity": Gravity([math.sin(tilt), -math.cos(tilt), *more], 1.0),
+        "inertia": Inertia(1.0),
+        "friction": Friction(mu),
+        "until_t": 1.5,
+        "times": [0.0, 0.5, 1.5],
+        "method": method,
+        "rtol": 1e-4,
+    }
+    return ParticleScene("hertz", {"E": E, "nu": nu, "tau": 2e-3}, **{**given, **changes})
+
+
+@pytest.mark.parametrize(("mu", "d"), [pytest.param(0.1, 2, marks=pytest.mark.slow), (0.1, 3)])
+def test_a_ball_slides_down_a_slope_as_it_must(mu: float, d: int) -> None:
+    """A = g (sin - mu cos), and 5/2 mu g cos of the spin: exact of a rigid ball once its spring has been stretched."""
+    result = simulate_particles(ball(mu, "implicit", d))
+    a = result.v[2, 0, 0] - result.v[1, 0, 0]
+    spin = result.arrays["spin"][2, 0, -1] - result.arrays["spin"][1, 0, -1]
+    assert a == pytest.approx(0.5 - mu * math.sqrt(0.75), rel=1e-6)
+    # the lever is shorter by half of the overlap, 6e-4
+    assert spin == pytest.approx(-2.5 * mu * math.sqrt(0.75), rel=2e-3)
+    assert result.energy["friction"] > 0
+    assert abs(result.energy["imbalance"]) < 1e-6
+
+
+def thrown(method: str, **changes: Any) -> ParticleScene:
+    """A spinning sphere thrown obliquely at a wall, in three dimensions."""
+    flying: dict[str, Any] = {
+        "positions": [[0.0, 1.001, 0.0]],
+        "gravity": None,
+        "velocities": [[0.1, -0.1, 0.05]],
+        "spins": [[0.1, 0.02, 0.2]],
+        "until_t": 0.2,
+        "times": [0.0, 0.2],
+    }
+    return ball(0.2, method, 3, **{**flying, **changes})
+
+
+@pytest.mark.slow
+def test_an_oblique_collision_is_that_of_explicit_steps() -> None:
+    """Surfaces stick and slide within it; both methods have one velocity and one spin towards its end."""
+    implicit, explicit = (simulate_particles(thrown(method, rtol=1e-4)) for method in ("implicit", "explicit"))
+    np.testing.assert_allclose(implicit.v[-1], explicit.v[-1], atol=5e-4 * 0.1)
+    np.testing.assert_allclose(implicit.arrays["spin"][-1], explicit.arrays["spin"][-1], atol=2e-3 * 0.2)
+    assert implicit.energy["friction"] == pytest.approx(explicit.energy["friction"], rel=2e-3)
+
+
+def sheared(**changes: Any) -> ParticleScene:
+    """A few rough spheres in a shear flow, which touch, rub and slide on films."""
+    given: dict[str, Any] = {
+        "packing": Packing("random", count=12, dimension=2, fraction=0.7, radii=1.0, seed=3),
+        "gap": 0.009,
+        "range": 0.3,
+        "tangential": True,
+        "drag": 1.0,
+        "shear_rate": 1.0,
+        "friction": Friction(0.5),
+        "until_t": 0.1,
+        "times": 3,
+        "rtol": 1e-3,
+    }
+    return ParticleScene(rough_spheres, {**ROUGH, "E": 1e6}, **{**given, **changes})
+
+
+@pytest.mark.slow
+def test_energy_of_a_sheared_suspension_that_rubs() -> None:
+    result = simulate_particles(sheared())
+    assert result.energy["friction"] > 0
+    assert abs(result.energy["imbalance"]) < 1e-3
+    assert not result.stats["warnings"]
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_to_the_bit(tmp_path: Any) -> None:
+    """The springs of surfaces that touch are in a checkpoint, apart from the forces of films."""
+
+    def stop(t: float, _steps: int, _iterations: int) -> None:
+        if t > 0.01:
+            raise KeyboardInterrupt
+
+    path, scene = tmp_path / "run.checkpoint.npz", sheared(until_t=0.03)
+    with pytest.raises(KeyboardInterrupt):
+        simulate_particles(scene, stop, path)
+    again: ParticleResult = simulate_particles(scene, None, path, resume=True)
+    whole = simulate_particles(scene, None, tmp_path / "other.checkpoint.npz")
+    for name in ("x", "v", "spin", "contact_T", "contact_h", "step_t"):
+        np.testing.assert_array_equal(again.arrays[name], whole.arrays[name])
+    assert again.energy == whole.energy
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_tangent_is_that_of_the_forces(d: int) -> None:
+    """Of surfaces that stick, and of some that slide: central differences by all coordinates."""
+    system = prepare(
+        sheared(packing=Packing("random", count=24, dimension=d, fraction={2: 0.7, 3: 0.45}[d], radii=1.0, seed=3))
+    )
+
+    state = start(system, Newton())
+    contacts, (films,) = state.contacts, system.having["solve"]
+    rng = np.random.default_rng(2)
+    n, _ = directions(contacts, state.x, lattice(system.box, 0.0), system.walls)
+    T = rng.standard_normal(n.shape)
+    contacts.rubbed = 0.2 * (T - np.sum(n * T, axis=1)[:, None] * n)
+    (rubbing,) = [one for one in system.mechanisms if type(one).__name__ == "Springs"]
+    notes, own = rubbing.begin(system, contacts, 0.0, state.x)
+    start_x = np.zeros(system.fixed.shape)
+    start_x[:, :d] = state.x
+    given = StageInput(0.0, 0.01, start_x, np.zeros(len(contacts)), own, notes)
+    # a state that has slid, but not turned: the tangent is exact there
+    here = start_x.copy()
+    here[:, d:] += 1e-4 * rng.standard_normal(here[:, d:].shape)
+
+    def at(x: np.ndarray) -> tuple[Balance, Any]:
+        y = np.zeros(len(contacts))
+        n, r, h, F, F_r, values = films.solve(system, contacts, x[:, :d], lattice(system.box, 0.0), given, y)
+        found = Balance(x, y, h, F, F_r, n, r, np.zeros_like(x), 0.0, 0.0, values)
+        action = rubbing.act(system, contacts, given, found)
+        assert action is not None
+        return replace(found, notes=dict(action.notes)), action
+
+    middle, action = at(here)
+    keep = action.notes["friction"].bound["keep"][middle.values["load"] > 0]
+    assert (keep < 1).any()
+    assert (keep == 1).any()
+    quarters = rubbing.contact_tangents(system, contacts, given, middle)
+    assert quarters is not None
+    pattern = linear.pattern_of(len(state.x), contacts.i, contacts.j)
+    matrix = linear.assemble_quarters(pattern, quarters, np.zeros(here.shape), system.fixed).toarray()
+    step, numeric = 1e-8, np.empty_like(matrix)
+    for column in range(matrix.shape[1]):
+        change = np.zeros(matrix.shape[1])
+        change[column] = step
+        change = change.reshape(here.shape)
+        numeric[:, column] = ((at(here + change)[1].reaction - at(here - change)[1].reaction) / (2 * step)).reshape(-1)
+    assert np.abs(numeric - matrix).max() < 1e-5 * np.abs(matrix).max()
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"law": equal_spheres}, LawError, "says nothing of surfaces that touch: give it rubbing="),
+        ({"drag": 0.0}, SceneError, r"\[friction\] where nothing but contacts resists"),
+        ({"friction": Friction(0.3, rolling=0.1)}, SceneError, "rolling is known to explicit"),
+    ],
+)
+def test_what_is_not_known_is_refused_by_name(changes: dict[str, Any], error: type[Exception], words: str) -> None:
+    scene = pressed(1.0, 0.3, **changes)
+    with pytest.raises(error, match=words):
+        prepare(scene)
+
+
+def test_a_load_is_a_force() -> None:
+    with pytest.raises(LawError, match="rubbing load"):
+        replace(equal_spheres, name="wrong", rubbing=Rubbing(load=h, k_t=1))
