@@ -360,14 +360,15 @@ def _parser() -> argparse.ArgumentParser:
     reproduce = add(
         "reproduce",
         _reproduce,
-        "draw the papers' figures from runs: 3 and 4 of part 1; the duration of T1 processes; three models",
+        "draw the papers' figures from runs: 3 and 4 of part 1; T1 processes; three models; suspensions that rub",
     )
     reproduce.add_argument(
         "what",
         nargs="?",
-        choices=("pair", "t1", "models"),
+        choices=("pair", "t1", "models", "rubbing"),
         default="pair",
-        help="part 1; the T1; or one packing sheared as dry grains, bubbles and soft spheres (default: %(default)s)",
+        help="part 1; the T1; one packing sheared as dry grains, bubbles and soft spheres; or the viscosity of spheres whose "
+        "films break at a roughness, where they rub (default: %(default)s)",
     )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
@@ -1045,6 +1046,10 @@ def _reproduce(options: argparse.Namespace) -> int:
         from softdyn.particles.three_models import reproduce_models
 
         return reproduce_models(options.folder)
+    if options.what == "rubbing":
+        from softdyn.particles.rubbing_suspension import reproduce_rubbing
+
+        return reproduce_rubbing(options.folder)
     from softdyn.study.reproduce import reproduce
 
     return reproduce(options.folder, target=options.target)
