@@ -367,8 +367,8 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         choices=("pair", "t1", "models", "rubbing"),
         default="pair",
-        help="part 1; the T1; one packing sheared as dry grains, bubbles and soft spheres; or the viscosity of spheres whose "
-        "films break at a roughness, where they rub (default: %(default)s)",
+        help="part 1; the T1; one packing sheared as dry grains, bubbles and soft spheres; or the viscosity of "
+        "spheres whose films break at a roughness, where they rub (default: %(default)s)",
     )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"

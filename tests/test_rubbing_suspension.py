@@ -19,7 +19,7 @@ def test_known_laws_have_their_values() -> None:
 def test_viscosities_are_told_and_drawn() -> None:
     some = Viscosities((0.3, 0.5), tuple(COEFFICIENTS), np.full((3, 2), 4.0), np.full((3, 2), 0.5))
     lines = list(summary(some))
-    assert lines[-1].split() == ["known", "laws", "2.75", "to", "3.61", "11.4", "to", "42.8"]
+    assert lines[-1].split() == ["known", "laws", "2.75", "to", "3.6", "11.4", "to", "42.8"]
     assert "4 (0.5)" in lines[2]
     assert len(draw(some).axes[0].lines) >= 3
 

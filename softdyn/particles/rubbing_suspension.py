@@ -67,8 +67,8 @@ def known_laws(fraction: float) -> dict[str, float]:
     """Relative viscosities of measured suspensions.
 
     Of Boyer, Guazzelli & Pouliquen 2011 (doi:10.1103/PhysRevLett.107.188301; phi_c = 0.585, mu_1 = 0.32, mu_2 = 0.7,
-    I_0 = 0.005), of Zarraga,
-    Hill & Leighton 2000 (doi:10.1122/1.551083), and of Krieger & Dougherty (2.5, phi_c = 0.64).
+    I_0 = 0.005), of Zarraga, Hill & Leighton 2000 (doi:10.1122/1.551083), and of Krieger & Dougherty (2.5,
+    phi_c = 0.64).
     """
     square = (fraction / (0.585 - fraction)) ** 2
     friction = 0.32 + (0.7 - 0.32) / (1 + 0.005 * square)
