@@ -15,6 +15,11 @@ In the weak form all of the flux of momentum is integrated by parts, so that the
 force on the fluid there, and the momentum that it carries in; residuals add up to the balance of momentum exactly.
 Where fluid leaves, :func:`outlet` is integrated over the facets.
 
+Grains that move by themselves are known by what they do over a time step. Their share of the volume grows by dc/dt,
+which div u then makes up for, so that over each step no volume is lost. The force on them, drag that is implicit in
+their velocities at the end of the step, is friction u - pull + lent grad p: what they gain by the pressure in a step
+in which drag stops them, the fluid gives.
+
 Elements: velocity of order 2 and pressure of order 1 (Taylor & Hood, 1973), or both of order 1. Those of the first kind
 conserve volume around each corner alone: through a bed whose porosity changes within few elements the flux swings. So
 where there is drag, 4 h^2 k div(u + us) resists a loss of volume (grad-div stabilisation, arXiv:1712.00413); it falls
@@ -76,6 +81,10 @@ UNITS: dict[str, Dimension] = {
     "eta": VISCOSITY,
     "r": LENGTH,
     "rate": TIME**-1,
+    "growth": TIME**-1,
+    "friction": FORCE / LENGTH**3 / (LENGTH / TIME),
+    "pull": FORCE / LENGTH**3,
+    "lent": DIMENSIONLESS,
     # of sizes that a number without a dimension is added to
     "speed": LENGTH / TIME,
     "slip": LENGTH / TIME,
@@ -224,8 +233,16 @@ class _Parts:
         d = self.dimension = dimension
         self.u, self.p = Field("u", d, vector=True, order=order), Field("p", d)
         self.c, self.us = Field("c", d, order=order), Field("us", d, vector=True, order=order)
-        self.force, self.past = (Field(name, d, vector=True, order=order) for name in ("force", "past"))
+        self.force, self.past, self.pull = (
+            Field(name, d, vector=True, order=order) for name in ("force", "past", "pull")
+        )
+        self.growth, self.friction, self.lent = (Field(name, d, order=order) for name in ("growth", "friction", "lent"))
         self.phi, self.speed = Symbol("phi", nonnegative=True), Symbol("speed", positive=True)
+
+    @property
+    def of_moving(self) -> tuple[Field, ...]:
+        """What is known of grains that move by themselves."""
+        return self.growth, self.friction, self.pull, self.lent
 
     def flow(self, own: Mapping[str, Field]) -> Flow:
         """What a term's force may depend on."""
@@ -267,12 +284,14 @@ def averaged_flow(
     drag: Closure | None = None,
     mixture: Closure | None = None,
     more: tuple[Term, ...] = (),
+    moving: bool = False,
 ) -> WeakForm:
     """Averaged flow in two or three dimensions.
 
     Its fields are u and p; its coefficients c, us, force and past, of the velocity's order; its parameters rho, eta,
     rate, r if there is drag, and those of closures. What is absent leaves no term: rho in Stokes flow, rate and past in
-    steady flow, us with grains at rest, force. Without grains c is one.
+    steady flow, us with grains at rest, force. Without grains c is one. Of grains that move by themselves also growth,
+    dc/dt, and the force on them: friction, pull and lent.
 
     Parameters
     ----------
@@ -285,6 +304,8 @@ def averaged_flow(
         Viscosity of the mixture; without, it is that of the fluid.
     more : tuple of Term
         Forces besides.
+    moving : bool
+        Whether grains move by themselves; their drag is then in what is known of them.
 
     Raises
     ------
@@ -304,14 +325,18 @@ def averaged_flow(
         quantities[viscosity] = _at(mixture, {arguments.c: c.value, arguments.phi: parts.phi})
     resistance, resisted = S.Zero, Matrix.zeros(d, 1)
     if drag is not None:
-        resistance, resisted, made = _drag(drag, parts)
-        quantities |= made
-        limits = {made_symbol: _viscous(made[made_symbol]) for made_symbol in made if made_symbol.name == "K"}
+        resistance, resisted, found = _drag(drag, parts)
+        quantities |= found
+        limits = {symbol: _viscous(found[symbol]) for symbol in found if symbol.name == "K"}
         without["rho"] = {symbol: expr for symbol, expr in limits.items() if _is_settled(expr)}
+    if moving:
+        resistance = parts.friction.value
+        resisted = resistance * u.value - parts.pull.value + parts.lent.value * p.gradient
     quantities[parts.speed] = sqrt(dot(u.value, u.value) + LEAST_SQUARE)
     forces = {term.name: term.force(parts.flow({one.name: one for one in fields_of(term, d, order)})) for term in more}
 
     mean = u.gradient + us.gradient
+    made = divergence(u) + parts.growth.value if moving else mean.trace()
     change = rate * u.value + past.value
     terms = {
         "inertia": rho * dot(change, v.value),
@@ -321,11 +346,11 @@ def averaged_flow(
         "drag": dot(resisted, v.value),
         "force": -c.value * dot(force.value, v.value),
         **{name: -dot(one, v.value) for name, one in forces.items()},
-        "continuity": q.value * mean.trace(),
+        "continuity": q.value * made,
     }
     if order == 2 and resistance != 0:
         # where the porosity changes within few elements, drag alone holds what their pressures push through
-        terms["volume"] = 16 * resistance / FINENESS * mean.trace() * divergence(v)
+        terms["volume"] = 16 * resistance / FINENESS * made * divergence(v)
     if order == 1:
         # what varies of eta* is c, and the second derivatives of u vanish
         steepness = (
@@ -355,7 +380,7 @@ def averaged_flow(
         name="averaged_flow",
         dimension=d,
         fields=(u, p),
-        coefficients=(c, us, force, past, *own.values()),
+        coefficients=(c, us, force, past, *(parts.of_moving if moving else ()), *own.values()),
         terms={name: term for name, term in terms.items() if term != 0},
         parameters=tuple(numbers),
         quantities=_needed(quantities, terms.values()),

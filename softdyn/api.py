@@ -21,7 +21,7 @@ from softdyn.results.registry import load_result, scene_of
 from softdyn.scene.pair_drive import DRIVES
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.pair_scene import read_scene as read_pair_scene
-from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
+from softdyn.scene.reading import is_fluid_scene, is_particle_scene, is_suspension_scene, read_toml
 from softdyn.scene.time_tables import Table
 from softdyn.words import suggestion
 
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from softdyn.derive.regimes import Diagram
     from softdyn.fluid import FluidScene
     from softdyn.particles import ParticleScene
+    from softdyn.suspension import SuspensionScene
 
 P = ParamSpec("P")
 
@@ -56,8 +57,8 @@ __all__ = [
 ]
 
 
-def read_scene(path: str | Path) -> Scene | ParticleScene | FluidScene:
-    """Read a scene file, of two particles, of many, or of a fluid.
+def read_scene(path: str | Path) -> Scene | ParticleScene | FluidScene | SuspensionScene:
+    """Read a scene file, of two particles, of many, of a fluid, or of grains in one.
 
     Raises
     ------
@@ -65,6 +66,10 @@ def read_scene(path: str | Path) -> Scene | ParticleScene | FluidScene:
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
     content = read_toml(Path(path))
+    if is_suspension_scene(content):
+        from softdyn import suspension
+
+        return suspension.read_scene(path)
     if is_fluid_scene(content):
         from softdyn import fluid
 
@@ -153,6 +158,10 @@ def simulate(
         from softdyn import fluid
 
         if isinstance(given, fluid.FluidScene):
+            from softdyn import suspension
+
+            if isinstance(given, suspension.SuspensionScene):
+                return suspension.simulate(given, progress)
             return fluid.simulate(given, progress)
         raise SceneError(f"simulate takes a scene, or the path of a scene file, not {given!r}")
     known = [field.name for field in fields(Scene)]

@@ -85,6 +85,9 @@ class FluidSystem:
         Coefficients of terms.
     viscosity : closure or None
         Of the mixture.
+    moving : dict or None
+        Of grains that move by themselves, at the nodes of the velocity: c, us, growth, friction, pull, lent; see
+        :mod:`softdyn.derive.averaged_flow`.
     warnings : dict
         What is to be told, each once, and the time at which it came.
     """
@@ -107,6 +110,7 @@ class FluidSystem:
     weight: Array
     own: Mapping[str, tuple[FieldFunction, ...]]
     mixture: Closure | None
+    moving: dict[str, Array] | None = None
     warnings: dict[str, float] = field(default_factory=dict)
     _known: tuple[float, dict[str, Array]] | None = None
 
@@ -134,7 +138,7 @@ class FluidSystem:
     def coefficients(self, t: float) -> dict[str, Array]:
         """What is given at the nodes of the velocity at a time, each of shape (nodes,) or (nodes, d)."""
         if self._known is not None and (self._known[0] == t or not self.of_time):
-            return self._known[1]
+            return {**self._known[1], **(self.moving or {})}
         at, found = self.velocity.at, dict[str, Array]()
         if self.porosity is not None:
             found["c"], warning = porosity_at(self.porosity, at, t)
@@ -147,12 +151,14 @@ class FluidSystem:
         for name, fields in self.own.items():
             found[name] = vectors_at(fields, at, t) if len(fields) > 1 else values_at(fields[0], at, t)
         self._known = (t, found)
-        return found
+        return {**found, **(self.moving or {})}
 
     def given(self, t: float) -> Array:
         """Values that boundaries give at a time."""
         known = self.coefficients(t)
-        values, warnings = given_values(self.conditions, t, known.get("c"), known.get("us"))
+        # what grains that move by themselves let in, their growth tells
+        us = known.get("us") if self.moving is None else None
+        values, warnings = given_values(self.conditions, t, known.get("c"), us)
         for warning in warnings:
             self.warnings.setdefault(warning.partition(" at t = ")[0], t)
         fixed = len(self.conditions.fixed)
@@ -252,8 +258,14 @@ def _outside(system: FluidSystem, outlet: Outlet, t: float) -> Array:
     return found
 
 
-def prepared(scene: FluidScene) -> FluidSystem:
+def prepared(scene: FluidScene, moving: bool = False) -> FluidSystem:
     """Check a scene, make its mesh, and get its kernels.
+
+    Parameters
+    ----------
+    scene : FluidScene
+    moving : bool
+        Whether there are grains that move by themselves, of which ``FluidSystem.moving`` is to be told.
 
     Raises
     ------
@@ -268,7 +280,7 @@ def prepared(scene: FluidScene) -> FluidSystem:
     conditions = conditions_of(scene.boundary, mesh, velocity, pressure, scene.constants)
     drag, mixture, terms = _closures(scene)
     faults = [] if scene.bed is None else bed_faults(scene.bed)
-    if mixture is not None and scene.bed is None:
+    if mixture is not None and scene.bed is None and not moving:
         faults.append("[fluid] mixture is of no use without a [bed]: there are no grains")
     gravity = scene.gravity
     if gravity is not None and (len(gravity) != d or not all(map(is_number, gravity))):
@@ -286,9 +298,9 @@ def prepared(scene: FluidScene) -> FluidSystem:
     numbers |= {"rho": float(scene.density), "eta": float(scene.viscosity), "rate": 0.0}
     if bed is not None and bed.radius is not None:
         numbers["r"] = float(bed.radius)
-    absent = {"us": grains is None, "force": force is None and not weight.any()}
+    absent = {"us": grains is None and not moving, "force": force is None and not weight.any()}
     absent |= {"rho": not scene.density, "rate": scene.steady, "past": scene.steady}
-    kernel, outlet_kernel = _kernels(scene, d, order, drag, mixture, terms, absent, bool(conditions.outlets))
+    kernel, outlet_kernel = _kernels(scene, d, order, drag, mixture, terms, absent, bool(conditions.outlets), moving)
     nodes = {order: velocity.of, 1: pressure.of}
     whole = assembly(kernel, mesh.at, mesh.corners, nodes)
     pattern = csr_matrix((np.ones(len(whole.columns)), whole.columns, whole.starts), shape=(whole.size, whole.size))
@@ -302,7 +314,7 @@ def prepared(scene: FluidScene) -> FluidSystem:
         raise SceneError("the mesh has no free unknown: all velocities are given, and all pressures")
     return FluidSystem(
         scene, mesh, velocity, pressure, conditions, held, unknowns, kernel, outlet_kernel, whole, tuple(opened),
-        numbers, porosity, grains, force, weight, own, mixture,
+        numbers, porosity, grains, force, weight, own, mixture, {} if moving else None,
     )  # fmt: skip
 
 
@@ -315,13 +327,14 @@ def _kernels(
     terms: tuple[Term, ...],
     absent: Mapping[str, bool],
     opens: bool,
+    moving: bool,
 ) -> tuple[ElementKernel, ElementKernel | None]:
     """Kernels of the elements and, if there are outlets, of their facets."""
     from softdyn.derive.averaged_flow import averaged_flow, outlet
 
-    form = averaged_flow(d, order, drag=drag, mixture=mixture, more=terms)
+    form = averaged_flow(d, order, drag=drag, mixture=mixture, more=terms, moving=moving)
     known = {one.name for one in form.coefficients} | {symbol.name for symbol in form.parameters}
-    unit = () if scene.bed is not None else ("c",)
+    unit = () if scene.bed is not None or moving else ("c",)
     gone = tuple(name for name, is_absent in absent.items() if is_absent and name in known)
     kernel = get_element_kernel(form, scene.target, absent=gone, unit=unit)
     if not opens:
@@ -348,24 +361,41 @@ def _open(
 
 def _closures(scene: FluidScene) -> tuple[Closure | None, Closure | None, tuple[Term, ...]]:
     """Drag, viscosity of the mixture, and terms of a scene."""
+    asked = {"[bed] drag": None if scene.bed is None else scene.bed.drag, "[fluid] mixture": scene.mixture}
+    found = [None if given is None else closure_of(given, key) for key, given in asked.items()]
+    return found[0], found[1], tuple(_term(one) for one in scene.terms)
+
+
+def closure_of(given: Any, key: str, gives: str = "") -> Closure:
+    """The closure that a key of a scene names.
+
+    Parameters
+    ----------
+    given : str or Closure
+    key : str
+        For messages: "[closures] drag".
+    gives : str
+        What it must give, as "drag"; "" where that is looked at elsewhere.
+
+    Raises
+    ------
+    SceneError
+    """
     from softdyn.derive.closure import Closure
 
-    found: list[Closure | None] = []
-    asked = {"[bed] drag": None if scene.bed is None else scene.bed.drag, "[fluid] mixture": scene.mixture}
-    for key, given in asked.items():
-        if given is None or isinstance(given, Closure):
-            found.append(given)
-            continue
+    closure: Closure | object = given
+    if not isinstance(given, Closure):
         if not isinstance(given, str):
             raise SceneError(f"{key} must be a closure's name, a path or a Closure, not {shown(given)}")
         try:
             closure = law_or_closure_of(given)
         except SceneError as error:
             raise SceneError(f"{key}: {error}") from None
-        if not isinstance(closure, Closure):
-            raise SceneError(f"{key}: {given!r} is a contact law, and a closure is asked for: see softdyn closures")
-        found.append(closure)
-    return found[0], found[1], tuple(_term(one) for one in scene.terms)
+    if not isinstance(closure, Closure):
+        raise SceneError(f"{key}: {given!r} is a contact law, and a closure is asked for: see softdyn closures")
+    if gives and closure.gives != gives:
+        raise SceneError(f"{key}: the closure {closure.name} gives the {closure.gives}, and the {gives} is asked for")
+    return closure
 
 
 def _term(given: Any) -> Term:

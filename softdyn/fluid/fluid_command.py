@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from softdyn.fluid.fluid_result import FluidResult
 from softdyn.fluid.fluid_run import Progress, simulate_fluid
 from softdyn.fluid.fluid_scene import FluidScene, read_fluid_scene
 from softdyn.results.state_file import remove, save_result
+from softdyn.scene.reading import is_suspension_scene, read_toml
 from softdyn.terminal import as_it_is
 
 #: Formats that results of a fluid are saved in.
@@ -32,14 +33,14 @@ def run_fluid(path: Path, output: Path | None, resume: bool, as_json: bool) -> i
         raise SceneError(f"cannot save to {output}: of a fluid the ending must be one of {', '.join(ENDINGS)}")
     if resume and output is None:
         raise SceneError("--resume goes on from the checkpoint of a run with -o FILE: name that file")
-    scene = read_fluid_scene(path)
+    scene, simulate = _read(path)
     checkpoint = output.with_suffix(".checkpoint.npz") if output is not None and not scene.steady else None
     if resume and scene.steady:
         raise SceneError("--resume is for runs in time: a steady flow is found anew")
     if resume and checkpoint is not None and not checkpoint.exists():
         print(f"softdyn: there is no {checkpoint}; starting anew", file=sys.stderr)
     with _progress_bar(scene) as progress:
-        result = simulate_fluid(scene, progress, checkpoint, resume, True)
+        result = simulate(scene, progress, checkpoint, resume, True)
     written = [] if output is None else list(dict.fromkeys((output.with_suffix(".npz"), output)))
     for file in written:
         save_result(result, file, checkpoint)
@@ -54,6 +55,16 @@ def run_fluid(path: Path, output: Path | None, resume: bool, as_json: bool) -> i
     if written:
         print(f"wrote {' and '.join(map(str, written))}")
     return 0
+
+
+def _read(path: Path) -> tuple[FluidScene, Callable[..., FluidResult]]:
+    """A scene, with grains or without, and what runs it."""
+    if not is_suspension_scene(read_toml(path)):
+        return read_fluid_scene(path), simulate_fluid
+    from softdyn.suspension.suspension_run import simulate_suspension
+    from softdyn.suspension.suspension_scene import read_suspension_scene
+
+    return read_suspension_scene(path), simulate_suspension
 
 
 def _boundaries(result: FluidResult) -> list[str]:
@@ -92,6 +103,12 @@ def _tell(result: FluidResult) -> None:
     for name in _boundaries(result):
         force = ", ".join(f"{part: .6e}" for part in result.arrays[f"force_{name}"][-1])
         print(f"  {name:12} force ({force}), flux out {result.arrays[f'flux_{name}'][-1]: .6e}")
+    if "radii" in result.arrays:
+        told = f"exchange {stats['exchange_imbalance']:.1e}, volume of the grains to {stats['volume_imbalance']:.1e}"
+        print(f"  {stats['grains']} grains, width {stats['width']:.4g}; {stats['repeats']} repeats; closes to: {told}")
+        if stats["grains"]:
+            mean = ", ".join(f"{part: .6e}" for part in result.v[-1].mean(axis=0))
+            print(f"  mean velocity of the grains ({mean})")
     print(
         f"  residual {stats['residual']:.1e}; mass closes to {stats['mass_imbalance']:.1e}, momentum to "
         f"{stats['momentum_imbalance']:.1e}; run {stats['wall_s']:.3g} s"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
-from matplotlib.collections import LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
@@ -118,6 +118,8 @@ def plot_fluid(result: Result) -> Figure:
         extend = "both" if below and above else "min" if below else "max" if above else "neither"
         figure.colorbar(drawn, ax=axes, pad=0.015, fraction=0.05, extend=extend)
     draw_streamlines(places[0], picture, result.u[-1])
+    if "radii" in result.arrays:
+        draw_grains(places[0], picture, result)
     if walls:
         _draw_forces(places[len(panels)], result, walls, 0)
         _draw_forces(places[len(panels) + 1], result, walls, 1)
@@ -152,10 +154,13 @@ def animate_fluid(result: Result, path: Path) -> Path:
     largest = max(float(_speeds(result, frame).max()) for frame in range(len(result)))
     drawn = draw_field(axes, picture, _speeds(result, 0), "viridis", (0.0, largest))
     figure.colorbar(drawn, ax=axes, pad=0.015, fraction=0.05, label=_speed_title(result))
+    grains = draw_grains(axes, picture, result, 0) if "radii" in result.arrays else None
     writer = (PillowWriter if path.suffix == ".gif" else FFMpegWriter)(fps=rate)
     with written_whole(path) as temporary, writer.saving(figure, str(temporary), dpi=100):
         for frame in range(len(result)):
             drawn.set_array(picture.spread(_speeds(result, frame)))
+            if grains is not None:
+                grains.set_offsets(_grain_places(picture, result, frame))
             axes.set_title(f"t = {result.t[frame]:<10.4g} {picture.where}", family="monospace", **TITLE)
             writer.grab_frame()
     return path
@@ -254,6 +259,23 @@ def draw_streamlines(axes: Axes, picture: Picture, u: Array) -> list[Artist]:
     assert isinstance(lines.lines, LineCollection)
     lines.lines.set_alpha(0.8)
     return [lines.lines]
+
+
+def draw_grains(axes: Axes, picture: Picture, result: Result, frame: int = -1) -> EllipseCollection:
+    """Draw the outlines of grains, in three dimensions of all of them, whatever the slice."""
+    sizes, none = 2 * result.radii, np.zeros(len(result.radii))
+    grains = EllipseCollection(
+        sizes, sizes, none, units="xy", offsets=_grain_places(picture, result, frame), offset_transform=axes.transData,
+        facecolors="none", edgecolors=ORANGE, linewidths=0.8,
+    )  # fmt: skip
+    axes.add_collection(grains, autolim=False)
+    return grains
+
+
+def _grain_places(picture: Picture, result: Result, frame: int) -> Array:
+    """Places of the grains in the picture, on the near side of what is periodic."""
+    low, side = result.at.min(axis=0), np.ptp(result.at, axis=0)
+    return np.asarray((low + (result.x[frame] - low) % side)[:, list(picture.axes)])
 
 
 def tight_boundaries(result: Result) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from pathlib import Path
@@ -322,7 +322,9 @@ def fingerprint(system: FluidSystem) -> str:
     return total.hexdigest()
 
 
-#: Numbers of a state, and of a solver.
+#: Arrays of a sparse matrix.
+FACTOR = ("data", "indices", "indptr")
+#: Numbers of a state.
 NUMBERS = ("t", "dt", "times", "largest", "rate", "size", "counts")
 
 
@@ -332,8 +334,8 @@ def _save(run: Run, path: Path, key: str) -> None:
     assert state is not None
     told = {name: getattr(state, name) for name in NUMBERS}
     told |= {"frames": len(run.frames), "fluids": run.fluids, "warnings": run.system.warnings}
-    told |= {"solver": solver.counts, "worst": solver.worst}
-    told |= {"kept": solver.factor is not None, "scaled": state.scales is not None}
+    kept, factor = solver_arrays(solver)
+    told |= {**kept, "scaled": state.scales is not None}
     columns = len(HISTORY) + len(run.measures.columns)
     arrays: dict[str, NDArray[Any]] = {
         "xs": np.array(state.xs, dtype=float),
@@ -341,9 +343,23 @@ def _save(run: Run, path: Path, key: str) -> None:
     }
     if state.scales is not None:
         arrays["scales"] = state.scales
-    if solver.factor is not None and solver.matrix is not None:
-        arrays |= {f"factor_{part}": getattr(solver.matrix, part) for part in ("data", "indices", "indptr")}
-    write_state(path, key, told, arrays)
+    write_state(path, key, told, {**arrays, **factor})
+
+
+def solver_arrays(solver: LinearSolver) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What a checkpoint holds of a solver: its counts, and the matrix whose factor it has."""
+    kept = solver.factor is not None and solver.matrix is not None
+    told = {"solver": solver.counts, "worst": solver.worst, "kept": kept}
+    return told, {f"factor_{part}": getattr(solver.matrix, part) for part in FACTOR} if kept else {}
+
+
+def solver_from(solver: LinearSolver, told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Bring a solver to where a checkpoint tells that it was."""
+    if told["kept"]:
+        free = len(solver.kinds)
+        solver.factorise(csc_matrix(tuple(arrays[f"factor_{part}"] for part in FACTOR), shape=(free, free)))
+    solver.counts = {name: int(number) for name, number in told["solver"].items()}
+    solver.worst = float(told["worst"])
 
 
 def _load(run: Run, path: Path, key: str) -> None:
@@ -367,12 +383,7 @@ def _load(run: Run, path: Path, key: str) -> None:
             size=float(told["size"]),
             counts={name: int(number) for name, number in told["counts"].items()},
         )
-        if told["kept"]:
-            free = run.system.unknowns.basis.shape[1]
-            parts = tuple(arrays[f"factor_{part}"] for part in ("data", "indices", "indptr"))
-            run.solver.factorise(csc_matrix(parts, shape=(free, free)))
-        run.solver.counts = {name: int(number) for name, number in told["solver"].items()}
-        run.solver.worst = float(told["worst"])
+        solver_from(run.solver, told, arrays)
         run.system.warnings.update({str(words): float(t) for words, t in told["warnings"].items()})
         run.history = [list(row) for row in arrays["history"].tolist()]
         run.fluids = int(told["fluids"])

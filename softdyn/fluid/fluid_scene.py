@@ -222,7 +222,18 @@ def fluid_scene_from(data: Mapping[str, Any], folder: Path) -> FluidScene:
     SceneError
         Listing unknown and missing keys.
     """
-    fields = fields_from(FluidScene, data, folder, needed=("until", "boundary"))
+    return FluidScene(**fluid_fields_from(FluidScene, data, folder))
+
+
+def fluid_fields_from(cls: type[FluidScene], data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Fields of a scene of a fluid, or of one that has more.
+
+    Raises
+    ------
+    SceneError
+        Listing unknown and missing keys.
+    """
+    fields = fields_from(cls, data, folder, needed=("until", "boundary"))
     if isinstance(fields.get("terms"), list):
         fields["terms"] = [str(folder / one) if isinstance(one, str) else one for one in fields["terms"]]
-    return FluidScene(**fields)
+    return fields

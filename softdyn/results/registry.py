@@ -28,12 +28,17 @@ KINDS = {
     "pair": ("softdyn.results.pair_result:pair_from", "softdyn.scene.pair_scene:Scene"),
     "particles": ("softdyn.particles.results:result_from", "softdyn.particles.particle_scene:ParticleScene"),
     "fluid": ("softdyn.fluid.fluid_result:fluid_from", "softdyn.fluid.fluid_scene:FluidScene"),
+    "suspension": (
+        "softdyn.suspension.suspension_result:suspension_from",
+        "softdyn.suspension.suspension_scene:SuspensionScene",
+    ),
     "fit": ("softdyn.fitting.fit_result:fit_from", ""),  # data make a fit, no scene
 }
 #: Of those whose frames are on disk, what reads these of a run that has not ended.
 UNFINISHED = {
     "particles": "softdyn.particles.unfinished:load_frames",
     "fluid": "softdyn.fluid.fluid_run:load_flow_frames",
+    "suspension": "softdyn.suspension.suspension_run:load_suspension_frames",
 }
 
 

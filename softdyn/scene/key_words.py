@@ -24,6 +24,7 @@ Written by `softdyn keys --markdown`, from the declarations: do not edit.
 """
 
 TWO, MANY, FLUID = "Scenes of two particles", "Scenes of many particles", "Scenes of a fluid"
+BOTH = "Scenes of grains in a fluid"
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,9 @@ def scene_classes() -> dict[str, type]:
     from softdyn.fluid.fluid_scene import FluidScene
     from softdyn.particles.particle_keys import ParticleScene
     from softdyn.scene.pair_scene import Scene
+    from softdyn.suspension.suspension_scene import SuspensionScene
 
-    return {TWO: Scene, MANY: ParticleScene, FLUID: FluidScene}
+    return {TWO: Scene, MANY: ParticleScene, FLUID: FluidScene, BOTH: SuspensionScene}
 
 
 def entries() -> list[Entry]:
@@ -170,7 +172,7 @@ def _cell(text: str) -> str:
 
 
 def schema() -> dict[str, Any]:
-    """A JSON schema of scene files, of two particles, of many, or of a fluid."""
+    """A JSON schema of scene files, of two particles, of many, of a fluid, or of both."""
     kinds = []
     for title, cls in scene_classes().items():
         found = _object_of(cls, title)

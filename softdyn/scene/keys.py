@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, InitVar, dataclass
 from functools import wraps
 from importlib import import_module
+from inspect import get_annotations
 from typing import Any, TypeVar, get_type_hints, is_typeddict
 
 from softdyn.errors import SceneError
@@ -154,7 +155,8 @@ def rows(cls: type) -> tuple[Row, ...]:
 
 
 def _declared(cls: type) -> tuple[Row, ...]:
-    hints = cls.__annotations__
+    # of a class and of those that it is made of, in the order of their fields
+    hints = {name: hint for one in reversed(cls.__mro__) for name, hint in get_annotations(one).items()}
     if any(isinstance(hint, str) for hint in hints.values()):
         hints = get_type_hints(cls, include_extras=True)
     optional: frozenset[str] = getattr(cls, "__optional_keys__", frozenset())

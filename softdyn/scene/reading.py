@@ -80,6 +80,11 @@ def is_fluid_scene(data: Mapping[str, Any]) -> bool:
     return "fluid" in data
 
 
+def is_suspension_scene(data: Mapping[str, Any]) -> bool:
+    """Whether it is one of grains in a fluid (:mod:`softdyn.suspension.suspension_scene`); then it is both others."""
+    return is_fluid_scene(data) and is_particle_scene(data)
+
+
 @dataclass
 class _Place:
     """What stands under one name at the top of a scene file: a key, a section, a list of sections."""

@@ -24,9 +24,14 @@ def fluid_scenes() -> dict[str, Path]:
     return _in(HOME / "fluid" / "scenes")
 
 
+def suspension_scenes() -> dict[str, Path]:
+    """Files of those of grains in a fluid, by name."""
+    return _in(HOME / "suspension" / "scenes")
+
+
 def stock_scenes() -> dict[str, Path]:
     """Files of all of them, by name."""
-    return {**particle_scenes(), **fluid_scenes()}
+    return {**particle_scenes(), **fluid_scenes(), **suspension_scenes()}
 
 
 def found_scene(path: Path) -> Path:

@@ -33,7 +33,9 @@ Ints = NDArray[np.int64]
 #: Width of the filter over the length l: two passes, each of a variance 2 l^2 along an axis.
 WIDE = 2.0
 #: Length of the filter over the length of an element's side, below which the mesh does not resolve it.
-RESOLVED = 0.25
+RESOLVED = 0.5
+#: Of sides, as they follow from volumes.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def filter_of(mesh: Mesh, nodes: Nodes, width: float, periodic: Sequence[tuple[s
         )
     sizes = volumes(mesh)
     side = _side(float(sizes.max()), mesh.dimension)
-    if not length >= RESOLVED * side:
+    if not length >= RESOLVED * side * (1 - ROUNDING):
         raise SceneError(
             f"[coupling] width = {width:.4g}: the mesh does not resolve the filter, for its largest element has sides "
             f"of {side:.4g}; give a width of {WIDE * RESOLVED * side:.4g} at least, or a finer mesh"
@@ -188,7 +190,7 @@ def spread(one: Filter, weights: csr_matrix, amounts: Array) -> Array:
         See :func:`weights_at`.
     amounts : array, shape (grains, ...)
     """
-    flat = np.asarray(weights.T @ amounts.reshape(len(amounts), -1))
+    flat = np.asarray(weights.T @ amounts.reshape(len(amounts), math.prod(amounts.shape[1:])))
     return smoothed(one, flat.reshape(-1, *amounts.shape[1:]))
 
 
@@ -199,4 +201,5 @@ def gathered(one: Filter, weights: csr_matrix, loads: Array) -> Array:
     amounts.
     """
     found = smoothed(one, loads)
-    return np.asarray(weights @ found.reshape(len(found), -1)).reshape(-1, *loads.shape[1:])
+    there = np.asarray(weights @ found.reshape(len(found), -1))
+    return there.reshape(there.shape[0], *loads.shape[1:])

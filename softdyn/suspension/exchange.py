@@ -1,0 +1,223 @@
+"""What grains and fluid exchange in a step: volume, drag and pressure.
+
+The drag on a grain over a step dt is that at its velocity at the end, v = v* + dt/m (F - V grad p), v* being what its
+weight and its contacts make of the velocity before. Solved for F,
+
+    F = K' (<v_f> - v*) + a V <grad p> ,    K' = K/(1 + dt K/m) ,    a = dt K'/m ,
+
+where <> is the filter. The fluid has the same force in each of its places, spread over the filter: its velocity there
+instead of the mean one, so that its matrix stays that of the mesh, in
+
+    friction u - pull + lent grad p ,    friction = spread(K')/c ,  pull = spread(K' v*) ,  lent = spread(a V) .
+
+As filter and spreading are adjoint, and all integrals exact, forces on grains and on the fluid add up to rounding. A
+grain that is held has an infinite mass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+
+from softdyn.errors import IntegrationError
+from softdyn.fluid.flow_system import FluidSystem
+from softdyn.fluid.mesh import place, volumes
+from softdyn.suspension.filter import Filter, gathered, gradients, spread
+from softdyn.suspension.undisturbed import DragLaw, frictions
+
+Array = NDArray[np.float64]
+
+#: Porosity that there must be everywhere: closures hold for none below.
+LEAST = 0.05
+
+
+@dataclass(frozen=True)
+class Projections:
+    """Matrices between the nodes of the fluid and those of the filter.
+
+    Attributes
+    ----------
+    up : sparse matrix, shape (nodes of the velocity, nodes of the filter)
+        Values of a linear field at the nodes of the velocity.
+    moments : sparse matrix, shape (nodes of the filter, nodes of the velocity)
+        Integrals of a field of the velocity's order times the linear shape functions.
+    slopes : tuple of sparse matrices, shape (nodes of the filter, nodes of the filter)
+        The same of the derivatives of a linear field along each axis.
+    """
+
+    up: csr_matrix
+    moments: csr_matrix
+    slopes: tuple[csr_matrix, ...]
+
+
+def projections(fluid: FluidSystem) -> Projections:
+    """Matrices of a fluid; the nodes of the filter are those of the pressure."""
+    mesh, velocity, pressure = fluid.mesh, fluid.velocity, fluid.pressure
+    d, sizes, n = mesh.dimension, volumes(mesh), velocity.of.shape[1]
+    pairs = list(combinations(range(d + 1), 2))
+    node = np.concatenate([velocity.of[:, : d + 1].ravel(), *(velocity.of[:, d + 1 + k] for k in range(n - d - 1))])
+    one = np.concatenate([pressure.of.ravel(), *(pressure.of[:, i] for i, _ in pairs[: n - d - 1])])
+    other = np.concatenate([pressure.of.ravel(), *(pressure.of[:, j] for _, j in pairs[: n - d - 1])])
+    _, first = np.unique(node, return_index=True)
+    rows = np.repeat(node[first], 2)
+    columns = np.stack([one[first], other[first]], axis=1).ravel()
+    up = csr_matrix(coo_matrix((np.full(len(rows), 0.5), (rows, columns)), (velocity.count, pressure.count)))
+    local = _moments(d, velocity.order)
+    moments = _put(sizes[:, None, None] * local, pressure.of, velocity.of, (pressure.count, velocity.count))
+    each = sizes[:, None, None] / (d + 1) * gradients(mesh)
+    slopes = tuple(
+        _put(np.repeat(each[:, None, :, axis], d + 1, axis=1), pressure.of, pressure.of, (pressure.count,) * 2)
+        for axis in range(d)
+    )
+    return Projections(up, moments, slopes)
+
+
+def _put(local: Array, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> csr_matrix:
+    i = np.repeat(rows, columns.shape[1], axis=1).ravel()
+    j = np.tile(columns, (1, rows.shape[1])).ravel()
+    return csr_matrix(coo_matrix((local.ravel(), (i, j)), shape=shape))
+
+
+def _moments(d: int, order: int) -> Array:
+    """Integrals of linear shape functions times those of an order, over the element's volume."""
+
+    def mean(*which: int) -> float:
+        powers = [which.count(k) for k in range(d + 1)]
+        return factorial(d) * float(np.prod([factorial(p) for p in powers])) / factorial(d + len(which))
+
+    corners = range(d + 1)
+    if order == 1:
+        return np.array([[mean(i, j) for j in corners] for i in corners])
+    return np.array(
+        [
+            [2 * mean(i, j, j) - mean(i, j) for j in corners] + [4 * mean(i, j, k) for j, k in combinations(corners, 2)]
+            for i in corners
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Grains at the start of a step, and all that the step needs of them.
+
+    Attributes
+    ----------
+    x, v : arrays, shape (grains, d)
+        Places, and velocities before the step.
+    aim : array, shape (grains, d)
+        Velocities that their weight and contacts would give them by its end.
+    ease : array, shape (grains,)
+        Length of the step over mass; 0 of grains that are held.
+    volume, radii : arrays, shape (grains,)
+    weights : sparse matrix
+        Of the filter, at their places.
+    share : array, shape (nodes of the filter,)
+        Their share of the volume.
+    """
+
+    x: Array
+    v: Array
+    aim: Array
+    ease: Array
+    volume: Array
+    radii: Array
+    weights: csr_matrix
+    share: Array
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Forces on the grains, shape (grains, d) each.
+
+    Attributes
+    ----------
+    drag, pressure : arrays
+        Of the fluid.
+    v : array
+        Velocities at the end of the step.
+    fluid_v : array
+        Velocities of the fluid, as the filter tells them.
+    """
+
+    drag: Array
+    pressure: Array
+    v: Array
+    fluid_v: Array
+
+
+def porosity(one: Filter, share: Array, t: float) -> Array:
+    """Porosity at the nodes of the filter.
+
+    Raises
+    ------
+    IntegrationError
+        Where it is next to nothing, naming the place.
+    """
+    c = 1 - share
+    if not c.min(initial=1.0) >= LEAST:
+        k = int(np.argmin(c))
+        raise IntegrationError(
+            f"grains fill {share[k]:.3g} of the volume at {place(one.nodes.at[k])} at t={t:.6g}, and leave the fluid "
+            f"less than {LEAST:g}: give a larger [coupling] width, or contacts that keep them apart"
+        )
+    return c
+
+
+def seen(one: Filter, maps: Projections, cloud: Cloud, flux: Array, p: Array) -> tuple[Array, Array]:
+    """Velocity of the fluid and gradient of its pressure at the grains, as the filter tells them.
+
+    Parameters
+    ----------
+    flux : array, shape (nodes of the velocity, d)
+    p : array, shape (nodes of the filter,)
+    """
+    v = gathered(one, cloud.weights, (maps.moments @ flux) / (1 - cloud.share)[:, None])
+    slope = gathered(one, cloud.weights, np.stack([part @ p for part in maps.slopes], axis=1))
+    return v, slope
+
+
+def shares_at(one: Filter, cloud: Cloud) -> Array:
+    """Share of the grains at each, as the filter tells it."""
+    return gathered(one, cloud.weights, one.mass * cloud.share)
+
+
+def drags(law: DragLaw, cloud: Cloud, fluid_v: Array, v: Array, shares: Array) -> tuple[Array, Array]:
+    """Friction K of each grain at velocities of both, and its share K' where the step slows the grain down."""
+    relative = np.sqrt(np.sum((fluid_v - v) ** 2, axis=1))
+    whole, _ = frictions(law, relative, shares, cloud.volume, cloud.radii)
+    return whole, whole / (1 + cloud.ease * whole)
+
+
+def known_of(one: Filter, maps: Projections, cloud: Cloud, friction: Array, growth: Array) -> dict[str, Array]:
+    """What the fluid needs to know of the grains, at the nodes of the velocity.
+
+    Parameters
+    ----------
+    friction : array, shape (grains,)
+        K'.
+    growth : array, shape (nodes of the filter,)
+        dc/dt.
+    """
+    c, d = 1 - cloud.share, cloud.x.shape[1]
+    lent = cloud.ease * friction * cloud.volume
+    amounts = np.column_stack([friction, lent, friction[:, None] * cloud.aim, cloud.volume[:, None] * cloud.v])
+    fields = spread(one, cloud.weights, amounts)
+    fields[:, 0] /= c
+    up = np.asarray(maps.up @ np.column_stack([c, growth, fields]))
+    return {
+        "c": up[:, 0], "growth": up[:, 1], "friction": up[:, 2], "lent": up[:, 3],
+        "pull": up[:, 4 : 4 + d], "us": up[:, 4 + d :],
+    }  # fmt: skip
+
+
+def exchanged(one: Filter, maps: Projections, cloud: Cloud, friction: Array, flux: Array, p: Array) -> Exchange:
+    """Forces on the grains of a flow that was solved with what :func:`known_of` makes of the friction."""
+    fluid_v, slope = seen(one, maps, cloud, flux, p)
+    pressure = -cloud.volume[:, None] * slope
+    drag = friction[:, None] * (fluid_v - cloud.aim) - (cloud.ease * friction)[:, None] * pressure
+    return Exchange(drag, pressure, cloud.aim + cloud.ease[:, None] * (drag + pressure), fluid_v)

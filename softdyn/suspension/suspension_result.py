@@ -1,0 +1,102 @@
+"""What a run of grains in a fluid gives: what one of the fluid does, and the grains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.fluid.fluid_result import FlowFrame, FluidResult, fluid_from, gather_flow
+
+if TYPE_CHECKING:
+    from softdyn.fluid.balances import Measures
+    from softdyn.fluid.flow_system import FluidSystem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SuspensionFrame(FlowFrame):
+    """A state at an output time.
+
+    Attributes
+    ----------
+    x, v, drag : arrays, shape (grains, d)
+        Of the grains: places, velocities, and the drag on them in the step that ended.
+    """
+
+    x: Array
+    v: Array
+    drag: Array
+
+
+@dataclass(frozen=True, repr=False)
+class SuspensionResult(FluidResult):
+    """A run of grains in a fluid; all numbers in the units of the scene.
+
+    Attributes
+    ----------
+    arrays : mapping from str to array
+        Those of :class:`softdyn.fluid.fluid_result.FluidResult`, with the porosity ``c`` and the flux of the grains
+        ``us``. Of the grains ``x``, ``v``, ``drag`` (frames, grains, d): places, which periods do not wrap, velocities,
+        and the drag of the fluid; ``radii`` (grains,).
+
+        For each step: ``grain_drag``, ``grain_pressure``, ``grain_weight``, ``grain_momentum`` (steps, d), summed over
+        the grains: drag, -V grad p, weight, and momentum at its end; ``grain_volume``, the integral of their share;
+        ``coupling_repeats``, how often the step was solved until the drag fits, and ``coupling_change``, what it still
+        changed; ``volume_imbalance``, ``exchange_imbalance``: of the volume of the grains, and of the forces that
+        grains and fluid have of each other. ``mass_imbalance`` is that of both phases, in a step.
+    """
+
+    kind: ClassVar[str] = "suspension"
+
+    def __repr__(self) -> str:
+        return (
+            f"<SuspensionResult, {len(self.radii)} grains, {self.stats['elements']}: {len(self)} frames up to "
+            f"t={float(self.t[-1]):.6g}>"
+        )
+
+
+def gather_suspension(
+    system: FluidSystem,
+    measures: Measures,
+    radii: Array,
+    frames: Iterable[SuspensionFrame],
+    history: Sequence[Sequence[float]],
+    stats: Mapping[str, Any],
+) -> SuspensionResult:
+    """Put a result together from its frames and steps."""
+    frames, d, count = list(frames), system.dimension, len(radii)
+    plain = gather_flow(system, measures, frames, history, stats)
+    nodes = system.velocity.count
+    arrays = dict(plain.arrays)
+    arrays["c"] = np.array([frame.c for frame in frames]).reshape(-1, nodes)
+    arrays["us"] = np.array([frame.us for frame in frames]).reshape(-1, nodes, d)
+    for name in ("x", "v", "drag"):
+        arrays[name] = np.array([getattr(frame, name) for frame in frames]).reshape(len(frames), count, d)
+    arrays["radii"] = radii
+    return _with(plain, arrays)
+
+
+def suspension_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> SuspensionResult:
+    """Result from the content of a file.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If an array is missing, or does not fit the others.
+    """
+    plain = fluid_from(content, arrays)
+    shape = (len(plain.t), len(arrays["radii"]), plain.at.shape[1])
+    for name in ("x", "v", "drag"):
+        if arrays[name].shape != shape or arrays[name].dtype.kind != "f":
+            raise ValueError(f"{name} has the shape {arrays[name].shape}, and {shape} is needed")
+    return _with(plain, plain.arrays)
+
+
+def _with(plain: FluidResult, arrays: Mapping[str, NDArray[Any]]) -> SuspensionResult:
+    given = {one.name: getattr(plain, one.name) for one in fields(plain)}
+    return SuspensionResult(**{**given, "arrays": arrays})

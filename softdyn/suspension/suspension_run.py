@@ -1,0 +1,476 @@
+"""Running a scene of grains in a fluid.
+
+A step: the share of the grains and its change since the last one; the flow at the end of the step with the drag on the
+grains implicit, repeated until the drag is that at the speeds that come out; the grains on by what they then feel.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softdyn.errors import IntegrationError, SceneError
+from softdyn.fluid.balances import Measures, measured, measures_of
+from softdyn.fluid.boundary_keys import periodic_pairs
+from softdyn.fluid.fields import AXES, fields_of, vectors_at
+from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_of, prepared
+from softdyn.fluid.fluid_result import HISTORY, frame_of
+from softdyn.fluid.fluid_run import fingerprint, output_times, solver_arrays, solver_from, solver_of
+from softdyn.fluid.linear_solvers import LinearFailed, LinearSolver
+from softdyn.fluid.mesh import place
+from softdyn.fluid.newton import NewtonFailed, Solution, solve
+from softdyn.particles.packing import BALL
+from softdyn.results.carried import carried
+from softdyn.results.frame_file import FrameFile, begin, go_on, unended
+from softdyn.results.origin import about, origin_now, scene_from
+from softdyn.results.state_file import frames_beside, read_state, remove, write_state
+from softdyn.suspension.exchange import (
+    Cloud,
+    Exchange,
+    Projections,
+    drags,
+    exchanged,
+    known_of,
+    porosity,
+    projections,
+    seen,
+    shares_at,
+)
+from softdyn.suspension.filter import Filter, filter_of, require_inside, spread, weights_at
+from softdyn.suspension.suspension_result import SuspensionFrame, SuspensionResult, gather_suspension
+from softdyn.suspension.suspension_scene import WIDTH, SuspensionScene, check_suspension, grains_of
+from softdyn.suspension.undisturbed import DragLaw, drag_law
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, int, int, float], None]
+
+#: Repetitions of a step until the drag fits.
+MOST = 50
+#: Speeds over those at which a factor was made, up and down, from which sizes are told anew.
+OTHER = 2.0
+#: Imbalance from which a result warns.
+IMBALANCE = 1e-9
+#: What is told of a step behind what is told of the flow: by axes, and numbers.
+SUMS = ("grain_drag", "grain_pressure", "grain_weight", "grain_momentum")
+NUMBERS = ("grain_volume", "volume_imbalance", "exchange_imbalance", "coupling_repeats", "coupling_change")
+
+
+@dataclass(frozen=True)
+class Suspension:
+    """A scene made ready to run.
+
+    Attributes
+    ----------
+    fluid : FluidSystem
+    filter : Filter
+    maps : Projections
+    law : DragLaw
+    radii, volume, mass : arrays, shape (grains,)
+    acceleration : array, shape (d,)
+        Of gravity.
+    start : tuple of two arrays, shape (grains, d)
+        Places and velocities.
+    times : array
+        Ends of all steps.
+    """
+
+    fluid: FluidSystem
+    filter: Filter
+    maps: Projections
+    law: DragLaw
+    radii: Array
+    volume: Array
+    mass: Array
+    acceleration: Array
+    start: tuple[Array, Array]
+    times: Array
+
+
+@dataclass
+class State:
+    """Where a run is, with all that the next step needs."""
+
+    step: int
+    flow: Array
+    x: Array
+    v: Array
+    share: Array
+    drag: Array
+    scales: Array | None = None
+    rate: float = 0.0
+    size: float = 0.0
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("steps", "iterations", "repeats"), 0))
+
+
+@dataclass
+class Run:
+    """A run: what is told of it so far."""
+
+    system: Suspension
+    measures: Measures
+    solver: LinearSolver
+    frames: list[SuspensionFrame] | FrameFile[SuspensionFrame]
+    state: State
+    history: list[list[float]] = field(default_factory=list)
+
+    @property
+    def t(self) -> float:
+        """The time that it has reached."""
+        return 0.0 if not self.state.step else float(self.system.times[self.state.step - 1])
+
+
+def made_ready(scene: SuspensionScene) -> Suspension:
+    """Check a scene, make its mesh, filter and kernels.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError
+    """
+    check_suspension(scene)
+    fluid = prepared(replace(scene, parameters=_of_fluid(scene)), moving=True)
+    d = fluid.dimension
+    grains = grains_of(scene, d)
+    width = scene.width or WIDTH * float(grains.radii.max(initial=0.0))
+    if not width:
+        raise SceneError("[coupling] width is missing: without grains it does not follow from their radii")
+    one = filter_of(fluid.mesh, fluid.pressure, width, periodic_pairs(scene.boundary))
+    _, lost = weights_at(one, grains.x)
+    require_inside(grains.x, lost)
+    closure = closure_of(scene.drag, "[closures] drag", "drag")
+    missing = [symbol.name for symbol in closure.parameters if symbol.name not in scene.parameters]
+    if missing:
+        raise SceneError(f"[parameters] {missing[0]} is missing: the closure {closure.name} needs it")
+    numbers = {**fluid.numbers, **{s.name: float(scene.parameters[s.name]) for s in closure.parameters}}
+    extent = float(np.ptp(fluid.mesh.at, axis=0).min())
+    law = drag_law(closure, numbers, d, one.length, extent)
+    volume = BALL[d] * grains.radii**d
+    mass = np.full(len(volume), math.inf) if scene.held else float(scene.grain_density or 0.0) * volume
+    acceleration = np.zeros(d) if scene.gravity is None else np.array(scene.gravity, dtype=float)
+    start = (grains.x, grains.v)
+    return Suspension(
+        fluid, one, projections(fluid), law, grains.radii, volume, mass, acceleration, start, _times(scene)
+    )
+
+
+def _of_fluid(scene: SuspensionScene) -> dict[str, Any]:
+    """Parameters of a scene but for those of the drag alone."""
+    drag = closure_of(scene.drag, "[closures] drag", "drag")
+    own = {symbol.name for symbol in drag.parameters}
+    if scene.mixture is not None:
+        own -= {symbol.name for symbol in closure_of(scene.mixture, "[fluid] mixture", "viscosity").parameters}
+    return {name: value for name, value in scene.parameters.items() if name not in own}
+
+
+def _times(scene: SuspensionScene) -> Array:
+    """Ends of the steps: equal ones up to each output time, none longer than is asked for."""
+    assert scene.dt is not None
+    goals = np.unique(np.append(output_times(scene), float(scene.until_t or 0.0)))
+    parts, last = [], 0.0
+    for goal in goals[goals > 0]:
+        count = max(1, math.ceil((goal - last) / scene.dt * (1 - 1e-12)))
+        parts.append(last + (goal - last) * np.arange(1, count + 1) / count)
+        parts[-1][-1] = goal
+        last = float(goal)
+    return np.concatenate(parts)
+
+
+def simulate_suspension(
+    scene: SuspensionScene,
+    progress: Progress | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    keep: bool = False,
+) -> SuspensionResult:
+    """Run a scene of grains in a fluid; see :func:`softdyn.fluid.fluid_run.simulate_fluid`.
+
+    Raises
+    ------
+    SceneError, LawError, CompileError
+        If the scene cannot be used.
+    IntegrationError
+        If it cannot be carried to its end: naming the time, and the grain or the place. Its attribute ``partial`` is
+        the result up to the last good state.
+    """
+    began = time.perf_counter()
+    system = made_ready(scene)
+    solver = solver_of(system.fluid)
+    run = Run(system, measures_of(system.fluid), solver, [], _begin(system))
+    checkpoint = None if checkpoint is None else Path(checkpoint)
+    key = "" if checkpoint is None else _key(system, scene)
+    if resume and checkpoint is not None and checkpoint.exists():
+        _load(run, checkpoint, key)
+    else:
+        if checkpoint is not None:
+            beside: dict[str, NDArray[Any]] = {}
+            head = {
+                "kind": SuspensionResult.kind,
+                "key": key,
+                **about(origin_now(scene, system.fluid.kernel.key), beside),
+            }
+            run.frames = begin(frames_beside(checkpoint), SuspensionFrame, head, beside)
+        if output_times(scene)[0] == 0:
+            run.frames.append(_frame(run))
+
+    def go(after: Callable[[], None] | None) -> None:
+        goals = set(output_times(scene).tolist())
+        while run.state.step < len(system.times):
+            solution = _step(run)
+            if run.t in goals:
+                run.frames.append(_frame(run))
+            if progress is not None:
+                progress(run.t, run.state.step, run.state.counts["iterations"], solution.measure)
+            if after is not None:
+                after()
+
+    carried(
+        go,
+        checkpoint,
+        lambda: _save(run, cast(Path, checkpoint), key),
+        lambda: _result(run, scene, began),
+        lambda: run.t,
+    )
+    result = _result(run, scene, began)
+    if checkpoint is not None and not keep:
+        remove(checkpoint)
+    return result
+
+
+def _begin(system: Suspension) -> State:
+    """State at the start."""
+    fluid, scene = system.fluid, system.fluid.scene
+    x, v = system.start
+    weights, _ = weights_at(system.filter, x)
+    share = spread(system.filter, weights, system.volume)
+    c = np.asarray(system.maps.up @ porosity(system.filter, share, 0.0))
+    flow = np.zeros(len(fluid.unknowns.kinds))
+    fluid.moving = {"c": c, "us": np.zeros((len(c), fluid.dimension))}
+    if scene.start is not None:
+        fields = fields_of(scene.start, fluid.dimension, scene.constants, "[start] velocity")
+        flow[: fluid.velocities] = (c[:, None] * vectors_at(fields, fluid.velocity.at, 0.0)).T.reshape(-1)
+    flow = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(0.0))
+    return State(0, flow, x.copy(), v.copy(), share, np.zeros_like(x))
+
+
+def _step(run: Run) -> Solution:
+    """A step of both phases.
+
+    Raises
+    ------
+    IntegrationError
+    """
+    system, state = run.system, run.state
+    one, maps, fluid = system.filter, system.maps, system.fluid
+    t, before = float(system.times[state.step]), run.t
+    dt = t - before
+    weights, lost = weights_at(one, state.x)
+    if len(lost):
+        raise IntegrationError(
+            f"grain {lost[0]} has left the mesh, at {place(state.x[lost[0]])}, t={before:.6g}: nothing keeps grains "
+            "off walls yet; end the run earlier, or make the mesh larger"
+        )
+    share = spread(one, weights, system.volume)
+    porosity(one, share, before)
+    held = np.isinf(system.mass)
+    ease = np.where(held, 0.0, dt / system.mass)
+    aim = state.v + np.where(held[:, None], 0.0, dt * system.acceleration)
+    cloud = Cloud(state.x, state.v, aim, ease, system.volume, system.radii, weights, share)
+    growth = (state.share - share) / dt
+    shares = shares_at(one, cloud)
+    fluid_v, _ = seen(one, maps, cloud, *_fields(fluid, state.flow))
+    whole, friction = drags(system.law, cloud, fluid_v, state.v, shares)
+    rate = 1 / dt
+    past, flow, change, repeats = -rate * state.flow, state.flow, 0.0, 0
+    scales = state.scales if state.rate and abs(rate / state.rate - 1) < 1e-9 else None
+    while True:
+        fluid.moving = known_of(one, maps, cloud, friction, growth)
+        equations = fluid.equations(t, rate, past)
+        guess = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(t))
+        factors = run.solver.counts["factorisations"]
+        try:
+            solution = solve(equations, fluid.unknowns, run.solver, guess, scales)
+        except (NewtonFailed, LinearFailed) as error:
+            run.solver.forget()
+            state.scales = None
+            worst = f", at {fluid.where(error.row)}" if isinstance(error, NewtonFailed) else ""
+            raise IntegrationError(
+                f"a step of the length {dt:.4g} from t={before:.6g} fails: {error}{worst}; give a shorter [steps] dt"
+            ) from None
+        flow, scales = solution.x, solution.scales
+        size = float(np.abs(flow[: fluid.velocities]).max(initial=0.0))
+        if run.solver.counts["factorisations"] > factors:
+            state.rate, state.size = rate, size
+        state.counts["iterations"] += solution.iterations
+        repeats += 1
+        forces = exchanged(one, maps, cloud, friction, *_fields(fluid, flow))
+        new, other = drags(system.law, cloud, forces.fluid_v, forces.v, shares)
+        speeds = np.sqrt(np.sum((forces.fluid_v - forces.v) ** 2, axis=1))
+        change = float(np.max(np.abs(new - whole) * speeds, initial=0.0))
+        largest = float(np.max(new * speeds, initial=0.0))
+        change = change / largest if largest else 0.0
+        if change <= fluid.scene.rtol:
+            break
+        if repeats == MOST:
+            raise IntegrationError(
+                f"the drag on the grains does not settle at t={t:.6g}: after {MOST} repetitions of the step it changes "
+                f"by {change:.1e}, and rtol={fluid.scene.rtol:g} is asked for; give a shorter [steps] dt"
+            )
+        whole, friction = new, other
+    v = forces.v
+    told = _told(run, equations, solution, cloud, forces, growth)
+    run.history.append([t, dt, float(solution.iterations), solution.measure, math.nan, *told, float(repeats), change])
+    state.scales = scales if size < OTHER * state.size and size * OTHER > state.size else None
+    state.flow, state.x, state.v, state.share, state.drag = flow, state.x + dt * v, v, share, forces.drag
+    state.step += 1
+    state.counts["steps"] += 1
+    state.counts["repeats"] += repeats
+    return solution
+
+
+def _fields(fluid: FluidSystem, x: Array) -> tuple[Array, Array]:
+    """Flux at the nodes of the velocity, and pressure."""
+    return x[: fluid.velocities].reshape(fluid.dimension, -1).T, x[fluid.velocities :]
+
+
+def _told(
+    run: Run, equations: FlowEquations, solution: Solution, cloud: Cloud, forces: Exchange, growth: Array
+) -> list[float]:
+    """What is told of a step: of the flow, then of the grains and of what the two exchange."""
+    system, measures = run.system, run.measures
+    fluid, maps, mass = system.fluid, system.maps, system.filter.mass
+    x, d, columns = solution.x, fluid.dimension, measures.columns
+    told = measured(fluid, measures, equations, x, solution.residual, run.solver.least)
+    # what flows out of the fluid is what grains displace
+    fluxes = told[[columns.index(f"flux_{name}") for name in measures.names]]
+    made = float(mass @ growth)
+    flowing = float(np.abs(fluxes).sum() + mass @ np.abs(growth))
+    told[columns.index("mass_imbalance")] = abs(fluxes.sum() + made) / flowing if flowing else 0.0
+    # of the force on the grains the fluid feels all, but for the pressure, of which it has p grad c
+    p = x[fluid.velocities :]
+    steep = np.array([p @ (part @ (1 - cloud.share)) for part in maps.slopes])
+    bed = told[[columns.index(f"bed_force_{axis}") for axis in AXES[:d]]]
+    # the pressure may be large, and what it does to the grains little
+    pushed = sum(float(np.abs(p) @ np.abs(part @ (1 - cloud.share))) for part in maps.slopes)
+    sizes = float(np.abs(forces.drag).sum() + np.abs(bed).sum()) + pushed
+    off = float(np.abs(bed + steep - forces.drag.sum(axis=0)).max())
+    free = np.where(np.isinf(system.mass), 0.0, system.mass)[:, None]
+    by_axes = [forces.drag, forces.pressure, free * system.acceleration, free * forces.v]
+    volume, whole = float(mass @ cloud.share), float(system.volume.sum())
+    numbers = [volume, abs(volume - whole) / whole if whole else 0.0, off / sizes if sizes else 0.0]
+    return [*told.tolist(), *np.concatenate([one.sum(axis=0) for one in by_axes]).tolist(), *numbers]
+
+
+def _columns(run: Run) -> Measures:
+    """Measures with the names of all that is told of a step."""
+    axes = AXES[: run.system.fluid.dimension]
+    names = (*run.measures.columns, *(f"{name}_{axis}" for name in SUMS for axis in axes), *NUMBERS)
+    return replace(run.measures, columns=names)
+
+
+def _frame(run: Run) -> SuspensionFrame:
+    state, flow = run.state, frame_of(run.system.fluid, run.t, run.state.flow)
+    return SuspensionFrame(flow.t, flow.u, flow.p, flow.c, flow.us, state.x.copy(), state.v.copy(), state.drag.copy())
+
+
+def _result(run: Run, scene: SuspensionScene, began: float) -> SuspensionResult:
+    system, measures, solver = run.system.fluid, _columns(run), run.solver
+    columns = (*HISTORY, *measures.columns)
+    rows = np.array(run.history, dtype=float).reshape(-1, len(columns))
+    kinds = ("mass", "momentum", "volume", "exchange")
+    worst = {f"{what}_imbalance": float(rows[:, columns.index(f"{what}_imbalance")].max(initial=0.0)) for what in kinds}
+    stats: dict[str, Any] = {
+        "method": "Euler",
+        "elements": scene.elements,
+        "unknowns": len(system.unknowns.kinds),
+        "free": system.unknowns.basis.shape[1],
+        "grains": len(run.system.radii),
+        "width": 2 * run.system.filter.length,
+        "rejected": 0,
+        **run.state.counts,
+        **{f"linear_{name}": number for name, number in solver.counts.items()},
+        "linear_residual": solver.worst,
+        "linear_solver": "SuperLU" if solver.axes is None else "GMRES, by blocks",
+        "residual": float(rows[:, columns.index("step_residual")].max(initial=0.0)),
+        **worst,
+        "energy_imbalance": float(rows[:, columns.index("energy_imbalance")].max(initial=0.0)),
+        "wall_s": time.perf_counter() - began,
+        "kernel": system.kernel.key,
+    }
+    stats["warnings"] = [f"{words} (first at t = {t:g})" for words, t in system.warnings.items()]
+    stats["warnings"] += [
+        f"the balance of {what} is off by {worst[f'{what}_imbalance']:.1e}"
+        for what in kinds
+        if worst[f"{what}_imbalance"] > IMBALANCE
+    ]
+    plain = gather_suspension(system, measures, run.system.radii, run.frames, run.history, stats)
+    return replace(plain, origin=origin_now(scene, system.kernel.key))
+
+
+def _key(system: Suspension, scene: SuspensionScene) -> str:
+    """Digest of what a run depends on: all of the scene, and its steps."""
+    whole = fingerprint(replace(system.fluid, scene=scene))
+    return sha256(whole.encode() + system.times.tobytes()).hexdigest()
+
+
+def _save(run: Run, path: Path, key: str) -> None:
+    """Write a checkpoint: a run that goes on from it does, to the last bit, what this one does."""
+    state, kept, beside = run.state, *solver_arrays(run.solver)
+    told = {name: getattr(state, name) for name in ("step", "rate", "size", "counts")}
+    told |= {"frames": len(run.frames), "scaled": state.scales is not None, "warnings": run.system.fluid.warnings}
+    arrays = {name: getattr(state, name) for name in ("flow", "x", "v", "share", "drag")}
+    arrays["history"] = np.array(run.history, dtype=float).reshape(-1, len(HISTORY) + len(_columns(run).columns))
+    if state.scales is not None:
+        arrays["scales"] = state.scales
+    write_state(path, key, {**told, **kept}, {**arrays, **beside})
+
+
+def _load(run: Run, path: Path, key: str) -> None:
+    """Go on from a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        If the file is none, or belongs to another scene.
+    """
+    try:
+        told, arrays = read_state(path, key)
+        given = {name: arrays[name] for name in ("flow", "x", "v", "share", "drag")}
+        run.state = State(
+            step=int(told["step"]),
+            **given,
+            scales=arrays["scales"] if told["scaled"] else None,
+            rate=float(told["rate"]),
+            size=float(told["size"]),
+            counts={name: int(number) for name, number in told["counts"].items()},
+        )
+        solver_from(run.solver, told, arrays)
+        run.system.fluid.warnings.update({str(words): float(t) for words, t in told["warnings"].items()})
+        run.history = [list(row) for row in arrays["history"].tolist()]
+        run.frames = go_on(frames_beside(path), SuspensionFrame, key, int(told["frames"]))
+    except OSError as error:
+        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
+
+
+def load_suspension_frames(path: Path) -> SuspensionResult:
+    """Return a result of the frames that a run has written so far.
+
+    Raises
+    ------
+    SceneError
+        If the file is no such file, holds no frame, or tells of a scene that cannot be made ready.
+    LawError, CompileError
+    """
+    system, frames, words = unended(
+        path, SuspensionFrame, lambda origin: made_ready(scene_from(origin, SuspensionScene))
+    )
+    stats = {"elements": system.fluid.scene.elements, "warnings": [words]}
+    return gather_suspension(system.fluid, measures_of(system.fluid), system.radii, frames, [], stats)
