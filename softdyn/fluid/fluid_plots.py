@@ -80,7 +80,7 @@ class Picture:
 
 
 def plot_fluid(result: Result) -> Figure:
-    """Draw the flow at the end: speed and streamlines, pressure, porosity if there is a bed; and forces over time.
+    """Draw the flow at the end: speed and streamlines, pressure, porosity; and over time velocities of grains, forces.
 
     In three dimensions it is a slice through the middle, along the two longer sides. Forces are those of the fluid on
     the parts of the boundary that nothing flows through.
@@ -99,17 +99,17 @@ def plot_fluid(result: Result) -> Figure:
     walls = tight_boundaries(result) if history else []
     wide, high = picture.high - picture.low
     width = float(np.clip(4.4 * wide / high, 6.0, 11.0))
-    side = width < 8 and not walls  # beside each other where they are as high as they are wide
     tall = float(np.clip(0.86 * width * high / wide, 1.3, 7.0)) + 0.75
-    if side:
-        figure = Figure(figsize=(width * len(panels) * 0.95, tall + 0.6), layout="constrained")
-        places = [figure.add_subplot(1, len(panels), k + 1) for k in range(len(panels))]
-    else:
-        rows = [tall] * len(panels) + [2.3] * (2 if walls else 0)
-        figure = Figure(figsize=(width + 1.4, sum(rows) + 0.6), layout="constrained")
-        grid = figure.add_gridspec(len(rows), 1, height_ratios=rows)
-        places = [figure.add_subplot(grid[k]) for k in range(len(rows))]
-    for axes, (title, values, colours) in zip(places, panels, strict=False):
+    # beside each other where they are as high as they are wide
+    across = len(panels) if width < 8 else 1
+    each = min(0.95 * width, tall * wide / high + 2) if across > 1 else width + 1.4
+    grains = "radii" in result.arrays and bool(len(result.radii)) and len(result) > 1
+    rows = [tall] * (len(panels) // across) + [2.3] * (2 * bool(walls) + grains)
+    figure = Figure(figsize=(each * across, sum(rows) + 0.6), layout="constrained")
+    grid = figure.add_gridspec(len(rows), across, height_ratios=rows)
+    places = [figure.add_subplot(grid[k // across, k % across]) for k in range(len(panels))]
+    lines = [figure.add_subplot(grid[k, :]) for k in range(len(panels) // across, len(rows))]
+    for axes, (title, values, colours) in zip(places, panels, strict=True):
         low, high = _range(picture, values, from_zero=axes is places[0])
         drawn = draw_field(axes, picture, values, colours, (low, high))
         axes.set_title(title, **TITLE)
@@ -120,9 +120,13 @@ def plot_fluid(result: Result) -> Figure:
     draw_streamlines(places[0], picture, result.u[-1])
     if "radii" in result.arrays:
         draw_grains(places[0], picture, result)
-    if walls:
-        _draw_forces(places[len(panels)], result, walls, 0)
-        _draw_forces(places[len(panels) + 1], result, walls, 1)
+    if across > 1:
+        for axes in places:
+            axes.locator_params(axis="x", nbins=3)
+    if grains:
+        _draw_velocities(lines.pop(0), result)
+    for axes, axis in zip(lines, picture.axes, strict=False):
+        _draw_forces(axes, result, walls, axis)
     figure.suptitle(_told(result, picture), fontsize="medium")
     return figure
 
@@ -294,6 +298,16 @@ def _draw_forces(axes: Axes, result: Result, names: list[str], axis: int) -> Non
     axes.set_title(f"force of the fluid along {'xyz'[axis]}", **TITLE)
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small", loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=4, borderpad=0.1)
+
+
+def _draw_velocities(axes: Axes, result: Result) -> None:
+    """Mean velocity of the grains over time."""
+    for axis, (values, colour) in enumerate(zip(result.v.mean(axis=1).T, COLOURS, strict=False)):
+        axes.plot(result.t, values, color=colour, label=f"along {'xyz'[axis]}")
+    axes.set(xlabel="time $t$", ylabel="$v$")
+    axes.set_title("mean velocity of the grains", **TITLE)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small", loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=3, borderpad=0.1)
 
 
 def _speeds(result: Result, frame: int) -> Array:

@@ -24,7 +24,7 @@ from softdyn.fluid.fields import AXES, fields_of, vectors_at
 from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_of, prepared
 from softdyn.fluid.fluid_result import HISTORY, frame_of
 from softdyn.fluid.fluid_run import fingerprint, output_times, solver_arrays, solver_from, solver_of
-from softdyn.fluid.linear_solvers import LinearFailed, LinearSolver
+from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
 from softdyn.fluid.mesh import place
 from softdyn.fluid.newton import NewtonFailed, Solution, solve
 from softdyn.particles.packing import BALL
@@ -363,7 +363,7 @@ def _told(
     free = np.where(np.isinf(system.mass), 0.0, system.mass)[:, None]
     by_axes = [forces.drag, forces.pressure, free * system.acceleration, free * forces.v]
     volume, whole = float(mass @ cloud.share), float(system.volume.sum())
-    numbers = [volume, abs(volume - whole) / whole if whole else 0.0, off / sizes if sizes else 0.0]
+    numbers = [volume, abs(volume - whole) / whole if whole else 0.0, off / sizes if whole and sizes else 0.0]
     return [*told.tolist(), *np.concatenate([one.sum(axis=0) for one in by_axes]).tolist(), *numbers]
 
 
@@ -396,7 +396,7 @@ def _result(run: Run, scene: SuspensionScene, began: float) -> SuspensionResult:
         **run.state.counts,
         **{f"linear_{name}": number for name, number in solver.counts.items()},
         "linear_residual": solver.worst,
-        "linear_solver": "SuperLU" if solver.axes is None else "GMRES, by blocks",
+        "linear_solver": NAMES[solver.way],
         "residual": float(rows[:, columns.index("step_residual")].max(initial=0.0)),
         **worst,
         "energy_imbalance": float(rows[:, columns.index("energy_imbalance")].max(initial=0.0)),
