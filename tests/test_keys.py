@@ -74,7 +74,7 @@ def test_one_key_is_told_by_any_of_its_names(capsys: pytest.CaptureFixture[str])
     assert "gap" in told("contacts")
     assert told("lengths") == told("box.lengths")
     assert 'in Python: stress["xy"]' in told("xy")
-    assert told("force").count("in Python:") == 3  # of two particles, of a push, and on a fluid
+    assert told("force").count("in Python:") == 4  # of two particles, of a push, on a fluid, and on one with grains
     assert "1e-09 by default" in told("rtol")
 
 
