@@ -19,7 +19,8 @@ from softdyn.fluid.numbering import nodes_of
 from softdyn.particles.files import particle_scene_from
 from softdyn.particles.particle_scene import check
 from softdyn.scene.pair_scene import check_scene, scene_from
-from softdyn.scene.reading import is_fluid_scene, is_particle_scene
+from softdyn.scene.reading import is_fluid_scene, is_particle_scene, is_suspension_scene
+from softdyn.suspension.suspension_scene import check_suspension, suspension_scene_from
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / ".docs").glob("*.md"))]
@@ -60,7 +61,11 @@ def scenes(page: str) -> list[dict[str, Any]]:
 def test_the_scenes_of_a_page_are_read(page: str, tmp_path: Path) -> None:
     (tmp_path / "forces.py").write_text("\n".join(snippets(page, "python")))  # as a page may call its file
     for data in scenes(page):
-        if is_particle_scene(data):
+        if is_suspension_scene(data):
+            suspension = suspension_scene_from(data, tmp_path)
+            check_suspension(suspension)
+            made_mesh(suspension.mesh)
+        elif is_particle_scene(data):
             packed = data.get("packing", {})
             fewer = {"packing": {**packed, "count": min(100, packed.get("count", 100))}} if packed else {}
             check(particle_scene_from({**data, **fewer}, tmp_path))

@@ -18,6 +18,7 @@ import softdyn
 from softdyn.derive import own_flow
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.fluid import Bed, Boundary, MeshSection
+from softdyn.particles.files import read_particle_scene
 from softdyn.results.rerun import differences
 from softdyn.scene.stock_scenes import suspension_scenes
 from softdyn.suspension import SuspensionResult, SuspensionScene, simulate
@@ -165,6 +166,11 @@ def test_no_grain_is_a_fluid_by_itself() -> None:
 def test_bad_input_is_refused_by_name(change: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         simulate(few(2, 6, **change))
+
+
+def test_what_is_for_particles_alone_refuses_a_suspension() -> None:
+    with pytest.raises(SceneError, match=r"settling\.toml: it is a scene of grains in a fluid.*softdyn run takes"):
+        read_particle_scene(suspension_scenes()["settling"])
 
 
 def test_what_cannot_go_on_names_the_grain() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from softdyn.errors import SceneError
 from softdyn.particles.particle_keys import ParticleScene
-from softdyn.scene.reading import fields_from, is_particle_scene, read_toml
+from softdyn.scene.reading import fields_from, is_particle_scene, is_suspension_scene, read_toml
 
 
 def read_particle_scene(path: str | Path) -> ParticleScene:
@@ -37,6 +37,11 @@ def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:
     """
     if "pair" in data and not is_particle_scene(data):
         raise SceneError("it is a scene of two particles, with [pair]; here [particles] or [packing] is needed")
+    if is_suspension_scene(data):
+        raise SceneError(
+            "it is a scene of grains in a fluid, with [fluid], which softdyn run takes; here a scene of many "
+            "particles by themselves is needed"
+        )
     # a packing, or a result that is gone on from, has lengths of its own
     box = data.get("box")
     endless = isinstance(box, Mapping) and "lengths" not in box and set(box) != {"depth"}
