@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from sympy import lambdify
+from threadpoolctl import threadpool_limits
 
 import softdyn
 from softdyn.cli import main
@@ -399,3 +400,16 @@ def test_stock_scenes_can_be_read() -> None:
     assert set(fluid_scenes()) == {"bed", "cavity", "channel", "cylinder", "cylinder_shedding", "darcy"}
     for path in fluid_scenes().values():
         assert isinstance(softdyn.read_scene(path), FluidScene)
+
+
+@pytest.mark.slow
+def test_no_digit_depends_on_the_number_of_threads() -> None:
+    """Fronts are dense, and more threads split their sums otherwise: each run has one."""
+    scene = softdyn.read_scene(fluid_scenes()["channel"])
+    assert isinstance(scene, FluidScene)
+    results = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, "blas"):
+            results.append(simulate(scene))
+    assert results[0].stats["linear_solver"] == "fronts"
+    assert not differences(*results)

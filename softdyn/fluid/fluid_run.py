@@ -27,6 +27,7 @@ from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march, res
 from softdyn.fluid.newton import Solution
 from softdyn.fluid.steady import steady_flow
 from softdyn.fluid.time_steps import METHODS
+from softdyn.one_thread import in_one_thread
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
 from softdyn.results.origin import about, origin_now, scene_from
@@ -58,6 +59,7 @@ class Run:
     fluids: int = 0
 
 
+@in_one_thread
 def simulate_fluid(
     scene: FluidScene,
     progress: Progress | None = None,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.kernels import choose_target
 from softdyn.laws import contact_kind, law_of
+from softdyn.one_thread import in_one_thread
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.contact_kernels import get_contact_kernel
 from softdyn.particles.energy import CARRIED, ELASTIC
@@ -43,6 +44,7 @@ DOUBTFUL = "has kinks or jumps too many, or too close, to be told"
 IMBALANCE = 3.0
 
 
+@in_one_thread
 def simulate_particles(
     scene: ParticleScene,
     progress: Progress | None = None,

@@ -27,6 +27,7 @@ from softdyn.fluid.fluid_run import fingerprint, output_times, solver_arrays, so
 from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
 from softdyn.fluid.mesh import place
 from softdyn.fluid.newton import NewtonFailed, Solution, solve
+from softdyn.one_thread import in_one_thread
 from softdyn.particles.packing import BALL
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
@@ -182,6 +183,7 @@ def _times(scene: SuspensionScene) -> Array:
     return np.concatenate(parts)
 
 
+@in_one_thread
 def simulate_suspension(
     scene: SuspensionScene,
     progress: Progress | None = None,
