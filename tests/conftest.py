@@ -15,6 +15,9 @@ from softdyn.targets import c, lammps
 settings.register_profile("untraced", phases=set(Phase) - {Phase.explain})
 settings.load_profile("untraced")
 
+#: What users compile with.
+FLAGS = {target: target.FLAGS for target in (c, lammps)}
+
 
 @pytest.fixture(autouse=True, scope="session")
 def session_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
@@ -36,10 +39,17 @@ def quick_compiler(request: pytest.FixtureRequest) -> Iterator[None]:
     """Compile kernels of the default run with -O1, in a quarter of the time: most run for less than they compile.
 
     IEEE arithmetic, without contraction, rounds alike at any level. Slow tests, and what is run as a process of its
-    own, compile as users do.
+    own, compile as users do; so do tests that go on from what such a process did, by ``users_compiler``.
     """
     with pytest.MonkeyPatch.context() as patch:
         if request.config.getoption("markexpr") == "not slow":
-            for target in (c, lammps):
-                patch.setattr(target, "FLAGS", tuple("-O1" if flag == "-O3" else flag for flag in target.FLAGS))
+            for target, flags in FLAGS.items():
+                patch.setattr(target, "FLAGS", tuple("-O1" if flag == "-O3" else flag for flag in flags))
         yield
+
+
+@pytest.fixture
+def users_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile as users do: a checkpoint belongs to the kernel that it was made with."""
+    for target, flags in FLAGS.items():
+        monkeypatch.setattr(target, "FLAGS", flags)

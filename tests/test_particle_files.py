@@ -262,6 +262,7 @@ def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(
 @pytest.mark.parametrize(("sent", "status", "word"), [
     (signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted"),
 ])  # fmt: skip
+@pytest.mark.usefixtures("users_compiler")
 def test_a_signal_keeps_the_state_says_so_and_the_run_goes_on(
     sent: signal.Signals, status: int, word: str, tmp_path: Path
 ) -> None:
@@ -310,6 +311,7 @@ def test_a_result_that_cannot_be_saved_leaves_its_checkpoint(
     assert not checkpoint.exists()
 
 
+@pytest.mark.usefixtures("users_compiler")
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
     """SIGKILL in the middle; the last checkpoint is whole."""
     path = written(tmp_path, EMULSION.replace("strain = 0.1", "strain = 1.0"))
