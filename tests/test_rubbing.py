@@ -237,6 +237,17 @@ def test_what_is_not_known_is_refused_by_name(changes: dict[str, Any], error: ty
         prepare(scene)
 
 
+@pytest.mark.slow
+def test_surfaces_that_just_touch_rub_against_nothing() -> None:
+    """Their load is that of a gap below the roughness by its rounding."""
+    scene = ParticleScene(
+        rough_spheres, {"E": 1e4, "eta": 1.0, "nu": 0.5, "P0": 1e3, "h_r": 0.01}, positions=[[0, 0, 0], [2.01, 0, 0]],
+        radii=1.0, range=0.5, drag=1.0, friction=Friction(0.3), until_t=0.1, times=2,
+    )  # fmt: skip
+    result = simulate_particles(scene)
+    np.testing.assert_allclose(result.x[-1], result.x[0], rtol=0, atol=1e-12)
+
+
 def test_a_load_is_a_force() -> None:
     with pytest.raises(LawError, match="rubbing load"):
         replace(equal_spheres, name="wrong", rubbing=Rubbing(load=h, k_t=1))

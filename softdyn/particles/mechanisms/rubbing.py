@@ -129,10 +129,10 @@ class Springs(Mechanism):
         """Of T, relative to the largest force; where surfaces slide, what the return map lets through of it."""
         found: Found = at.notes["friction"]
         active = np.flatnonzero(at.values["load"] > 0)
-        if not len(active):
+        allowed = system.rtol * max(largest(found.slid.force), largest(at.F))
+        if not len(active) or not allowed:  # without any force nothing rubs
             return []
         wrong = np.linalg.norm(errors["rubbed"][active], axis=1) * found.bound["keep"][active]
-        allowed = system.rtol * max(largest(found.slid.force), largest(at.F))
         relative = wrong / allowed
         return [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
 
