@@ -89,7 +89,8 @@ def lattice_mobility(length: float, side: float) -> float:
 def test_the_drag_is_that_at_the_velocity_without_the_grain(side: float, cells: int, width: float) -> None:
     """A sphere of diameter 1 held in a periodic box through which a force drives Stokes flow: Hasimoto's array.
 
-    Elements of 10, 1 and 0.3 diameters. The mean flux is F/(6 pi eta a) and what the images of the sphere do.
+    Elements of 10, 1 and 0.3 diameters. The mean flux is F/(6 pi eta a) and what the images of the sphere do,
+    with forces as wide as the filter.
     """
     pairs = (["left", "right"], ["bottom", "top"], ["front", "back"])
     scene = SuspensionScene(
@@ -110,7 +111,7 @@ def test_the_drag_is_that_at_the_velocity_without_the_grain(side: float, cells: 
 
 @pytest.mark.slow
 def test_a_sphere_settles_at_the_speed_of_its_closure() -> None:
-    """The stock scene: within 3 %, which the walls of its box make, in a run that balances."""
+    """The stock scene: within 3 %, of which the walls of its box have a part, in a run that balances."""
     scene = softdyn.read_scene(suspension_scenes()["settling"])
     assert isinstance(scene, SuspensionScene)
     result = simulate(scene)
