@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import mpmath
@@ -516,9 +516,17 @@ def _certify_on_paths(
         if len(off) < len(known):
             continue
         converges = off[-1] < TOLERABLE or off[-1] < LITTLE * off[0]
-        fails = ratio != 1 and (deviation(sample.points[-1], name, claimed) or 0) > FAR
+        last = sample.points[-1]
+        fails = ratio != 1 and ((deviation(last, name, claimed) or 0) > FAR or _tells_apart(off, last.of(ratio)))
         return [], converges, told(limit, sample, name, claimed) if fails else None
     return [], True, None
+
+
+def _tells_apart(off: Sequence[mpmath.mpf], ratio: mpmath.mpf | None) -> bool:
+    """Whether deviations from a ratio show that it is this that is approached, and not 1, however near that is."""
+    if ratio is None:
+        return False
+    return bool(off[-1] < abs(1 - 1 / ratio) / 2) or all(late < LITTLE * early for early, late in pairwise(off))
 
 
 #: What may be left of a deviation at the end of a path of logarithms: in itself, or of what it was.

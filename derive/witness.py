@@ -58,6 +58,8 @@ POWERS = tuple(Fraction(w) for w in ("1/4", "1/3", "2/3", "1"))
 SLOWLY = tuple(Fraction(w) for w in ("1/5", "1/3", "1/2", "1", "2"))
 #: Deviation from 1 that is not called small, and how little it may fall from level to level to count as lasting.
 FAR, LASTING = 0.05, 0.999
+#: Smaller ones, down to the first of these, must stay what they are, to within the second.
+LEAST, NEARLY_STEADY = 1e-6, 0.01
 #: Functions that fall, or grow, faster than any power.
 EXPONENTIAL = (exp, sinh, cosh, tanh, coth, erf, erfc)
 
@@ -140,7 +142,7 @@ def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name
             continue
         further = _further(law, limit, sample.path)
         off += [deviation(point, name, claim) for point in further]
-        if _lasts(off[1:]) and (further or _is_steady(off)):
+        if _lasts(off[1:]) and ((further and (off[-1] or 0) > FAR) or _is_steady(off)):
             return told(limit, sample, name, claim)
     return None
 
@@ -182,7 +184,11 @@ def deviation(point: Point, name: str, claim: Expr) -> mpmath.mpf | None:
 def _lasts(off: Sequence[mpmath.mpf | None]) -> bool:
     """Whether deviations stay away from 0, as far as they are known."""
     known = [x for x in off if x is not None]
-    return len(known) == len(off) > 1 and known[-1] > FAR and known[-1] >= LASTING * known[-2]
+    if len(known) < len(off) or len(known) < 2 or known[-1] < LEAST:
+        return False
+    if known[-1] <= FAR:
+        return bool(abs(known[-1] - known[-2]) <= NEARLY_STEADY * known[-1])
+    return bool(known[-1] >= LASTING * known[-2])
 
 
 def told(limit: Limit, sample: Sample, name: str, claim: Expr) -> Witness:
@@ -196,10 +202,17 @@ def told(limit: Limit, sample: Sample, name: str, claim: Expr) -> Witness:
     return Witness(tuple(points))
 
 
+def _digits_of_one(value: mpmath.mpf) -> int:
+    """Digits that a number shares with 1, of these at most 9: what it differs by is to be seen."""
+    if not 0.99 < value < 1.01 or value == 1:
+        return 0
+    return min(9, int(-mpmath.log10(abs(value - 1))) - 1)
+
+
 def _text(value: mpmath.mpf | None) -> str:
     """A number to three digits, however small."""
     if value is None or value == 0 or 1e-4 < abs(value) < 1e4:
-        return "nothing" if value is None else mpmath.nstr(value, 4)
+        return "nothing" if value is None else mpmath.nstr(value, 4 + _digits_of_one(value))
     decades = mpmath.floor(mpmath.log10(abs(value)))
     if abs(decades) > 1e12:
         return f"{'-' if value < 0 else ''}10^({mpmath.nstr(decades, 3)})"
