@@ -500,7 +500,7 @@ def _drag(drag: Closure, parts: _Parts) -> tuple[Expr, Any, dict[Symbol, Expr]]:
     made: dict[Symbol, Expr] = {share: sqrt(phi**2 + LEAST_PHI**2)}
     made |= dict(zip(slip, parts.u.value / c - parts.us.value / share, strict=True))
     made[size] = sqrt(dot(slip, slip) + LEAST_SQUARE)
-    made[number] = sqrt((2 * r * rho / eta) ** 2 * dot(slip, slip) + LEAST_RE**2)
+    made[number] = sqrt(arguments.REYNOLDS.subs(arguments.slip, 1) ** 2 * dot(slip, slip) + LEAST_RE**2)
     # powers of phi are finite where there are no grains
     made[friction] = _at(drag, {arguments.c: c, arguments.phi: share, arguments.Re: number, arguments.slip: size})
     return phi * friction / (volume * c), phi * friction / volume * slip, made

@@ -52,6 +52,11 @@ slip = Symbol("slip", positive=True)
 r = Symbol("r", positive=True)
 rho = Symbol("rho", positive=True)
 
+#: What Re stands for: the diameter of a grain, and its slip.
+REYNOLDS = 2 * r * rho * slip / eta
+#: The slip at a given Re.
+SLIP = slip * Re / REYNOLDS
+
 #: What a closure may use without declaring it, with its dimension.
 ARGUMENTS: dict[Symbol, Dimension] = {
     Re: DIMENSIONLESS,
@@ -161,7 +166,7 @@ def claimed_of(closure: Closure, quantity: str | Expr) -> Expr | None:
 def in_fractions(closure: Closure, expr: Expr, varying: Symbol = c) -> Expr:
     """An expression in Re and one of the two volume fractions, c or phi, without the slip."""
     other = phi if varying == c else c
-    return expr.subs({slip: Re * eta / (2 * r * rho), other: 1 - varying}, simultaneous=True)
+    return expr.subs({slip: SLIP, other: 1 - varying}, simultaneous=True)
 
 
 def densest(closure: Closure) -> Expr:

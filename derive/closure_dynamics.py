@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from sympy import Expr, Rational, diff, pi
 
-from softdyn.derive.closure import DRAG_COEFFICIENT, Closure, Re, c, drag, eta, in_fractions, phi, r, rho, slip
+from softdyn.derive.closure import DRAG_COEFFICIENT, SLIP, Closure, Re, c, drag, eta, in_fractions, phi, r, slip
 from softdyn.derive.closure_regimes import ClosureDiagram, discover_closure, in_words
 
 #: Volume of a grain.
@@ -49,7 +49,7 @@ def _derived(closure: Closure, diagram: ClosureDiagram | None) -> Iterator[Deriv
         yield Derived("in_plane", r"\mathrm{drag}_2", says, closure.in_plane)
     if closure.gives == "drag":
         yield Derived("F", "F", "force on a grain", expr * slip)
-        by_slip = expr.subs(slip, Re * eta / (2 * r * rho))
+        by_slip = expr.subs(slip, SLIP)
         slope = by_slip + Re * diff(by_slip, Re)  # Re is a multiple of the slip
         yield Derived("dF_dslip", r"\partial F/\partial\,\mathrm{slip}", "its derivative by the slip", slope)
         yield Derived("C_d", "C_d", "drag coefficient, F over pi r^2 rho slip^2/2", DRAG_COEFFICIENT.subs(drag, expr))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from softdyn.targets import c, lammps
 # an example that fails is told without being run a few hundred times more, traced: slow ones would take hours
 settings.register_profile("untraced", phases=set(Phase) - {Phase.explain})
 settings.load_profile("untraced")
+
+# a shell that starts the tests in the background has them ignore interrupts, and so all that they start
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 #: What users compile with.
 FLAGS = {target: target.FLAGS for target in (c, lammps)}

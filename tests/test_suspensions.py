@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
-from sympy import integrate, lambdify, oo, pi
+from sympy import Piecewise, Rational, integrate, lambdify, oo, pi
 
 import softdyn
 from softdyn.derive import own_flow
@@ -23,6 +23,7 @@ from softdyn.results.rerun import differences
 from softdyn.scene.stock_scenes import suspension_scenes
 from softdyn.suspension import SuspensionResult, SuspensionScene, simulate
 from softdyn.suspension.suspension_run import made_ready, simulate_suspension
+from softdyn.suspension.undisturbed import drag_law, frictions
 
 #: What balances close to.
 CLOSED = 1e-12
@@ -181,6 +182,20 @@ def test_what_cannot_go_on_names_the_grain() -> None:
     scene = few(2, 1, radii=3.0, drag="stokes", held=True)
     with pytest.raises(IntegrationError, match=r"too narrow|leave the fluid"):
         simulate(replace(scene, width=1.5))
+
+
+def test_a_drag_that_does_not_settle_is_told() -> None:
+    """A drag that falls tenfold at an Re: there is none that fits itself, and repetitions go to and fro."""
+    from softdyn.derive.closure import Closure, Re, eta, r
+
+    falling = Closure(
+        "falling", gives="drag", expression=Piecewise((eta * r, Re < Rational(11, 10)), (eta * r / 10, True))
+    )
+    law = drag_law(falling, {"rho": 0.5, "eta": 1.0}, 3, 1.0, 100.0)
+    near = replace(law, own=np.full_like(law.own, 0.2))  # the slip is 1.25 at the higher drag, and 1.02 at the lower
+    one = np.ones(1)
+    with pytest.raises(IntegrationError, match=r"drag on grain 0, of radius 1, does not settle: .* give a wider"):
+        frictions(near, one, 0 * one, 4 / 3 * np.pi * one, one)
 
 
 def test_the_own_flow_is_that_of_a_sphere_of_the_filters_size() -> None:

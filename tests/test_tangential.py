@@ -36,6 +36,7 @@ from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.particles.particle_run import prepare, simulate_particles
 from softdyn.particles.results import ParticleResult, load_particles
+from softdyn.particles.rubbing_suspension import known_laws
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import System, image_velocities
@@ -834,19 +835,13 @@ def test_a_checkpoint_belongs_to_its_torques() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("phi", [0.3, 0.4])
 def test_the_viscosity_of_a_dense_suspension_lies_within_the_envelope_of_known_laws(phi: float) -> None:
-    """Of Boyer, Guazzelli & Pouliquen 2011 (phi_c = 0.585, mu_1 = 0.32), Zarraga et al. 2000, and Maron-Pierce.
-
-    Films and Stokes' drag make all of it but for what each sphere does by itself, Einstein's 5/2 phi.
-    """
+    """Films and Stokes' drag make all of it but for what each sphere does by itself, Einstein's 5/2 phi."""
     text = particle_scenes()["spheres"].read_text().replace("fraction = 0.4", f"fraction = {phi}")
     result = simulate_particles(particle_scene_from(tomllib.loads(text), Path()))
     steady = result.t >= 0.75  # the first transient is over
     found = float(relative_viscosity(result)[steady].mean()) + 2.5 * phi
-    phi_c = 0.585
-    boyer = 1 + 2.5 * phi / (1 - phi / phi_c) + 0.32 * (phi / (phi_c - phi)) ** 2
-    zarraga = math.exp(-2.34 * phi) / (1 - phi / 0.62) ** 3
-    maron_pierce = (1 - phi / phi_c) ** -2
-    assert min(boyer, zarraga, maron_pierce) < found < max(boyer, zarraga, maron_pierce)
+    known = known_laws(phi).values()
+    assert min(known) < found < max(known)
     assert np.all(result.contact_h > 0)
     # nearly rigid: no surface gives in by a thousandth of the radius
     assert float(result.contacts(-1)["delta"].max()) < 1e-3

@@ -31,7 +31,7 @@ from softdyn.one_thread import in_one_thread
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
 from softdyn.results.origin import about, origin_now, scene_from
-from softdyn.results.state_file import frames_beside, plain, read_state, remove, write_state
+from softdyn.results.state_file import frames_beside, plain, read_state, reading_checkpoint, remove, write_state
 
 if TYPE_CHECKING:
     from softdyn.fluid.watched import Watch
@@ -372,7 +372,7 @@ def _load(run: Run, path: Path, key: str) -> None:
     SceneError
         If the file is none, or belongs to another scene.
     """
-    try:
+    with reading_checkpoint(path):
         told, arrays = read_state(path, key)
         state = FlowState(
             t=float(told["t"]),
@@ -391,10 +391,6 @@ def _load(run: Run, path: Path, key: str) -> None:
         run.fluids = int(told["fluids"])
         run.state = state
         run.frames = go_on(frames_beside(path), FlowFrame, key, int(told["frames"]))
-    except OSError as error:
-        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
 
 
 def load_flow_frames(path: Path) -> FluidResult:

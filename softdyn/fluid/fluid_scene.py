@@ -23,7 +23,7 @@ from softdyn.scene.kinds import (
     count_or_list,
     shown,
 )
-from softdyn.scene.reading import fields_from, read_toml
+from softdyn.scene.reading import fields_from, scene_of_file
 from softdyn.targets import CHOICES
 from softdyn.words import listed
 
@@ -206,12 +206,7 @@ def read_fluid_scene(path: str | Path) -> FluidScene:
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
-    path = Path(path)
-    data = read_toml(path)
-    try:
-        return fluid_scene_from(data, path.parent)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    return scene_of_file(path, fluid_scene_from)
 
 
 def fluid_scene_from(data: Mapping[str, Any], folder: Path) -> FluidScene:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
-from softdyn.errors import SceneError
 from softdyn.particles.force_balance import Newton, pattern_of, solver_of
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.linear import direct
@@ -23,7 +22,7 @@ from softdyn.particles.results import HISTORY, Frame
 from softdyn.particles.state import State
 from softdyn.particles.system import System
 from softdyn.results.frame_file import go_on
-from softdyn.results.state_file import frames_beside, plain, read_state, write_state
+from softdyn.results.state_file import frames_beside, plain, read_state, reading_checkpoint, write_state
 
 #: Arrays of a state, by the names they have there.
 STATE = ("x", "v", "y_rate")
@@ -161,7 +160,7 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
     SceneError
         If the file is none, or belongs to another scene.
     """
-    try:
+    with reading_checkpoint(path):
         about, arrays = read_state(path, key)
         stretch = arrays["box_stretch"]
         rate, tilt, since = map(float, about["box"])
@@ -208,7 +207,3 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
         for name, values in state.marks.items():
             values[:] = arrays[f"mark_{name}"]
         return state, newton
-    except OSError as error:
-        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None

@@ -8,7 +8,7 @@ from typing import Any
 
 from softdyn.errors import SceneError
 from softdyn.particles.particle_keys import ParticleScene
-from softdyn.scene.reading import fields_from, is_particle_scene, is_suspension_scene, read_toml
+from softdyn.scene.reading import fields_from, is_particle_scene, is_suspension_scene, scene_of_file
 
 
 def read_particle_scene(path: str | Path) -> ParticleScene:
@@ -19,12 +19,7 @@ def read_particle_scene(path: str | Path) -> ParticleScene:
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
-    path = Path(path)
-    data = read_toml(path)
-    try:
-        return particle_scene_from(data, path.parent)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    return scene_of_file(path, particle_scene_from)
 
 
 def particle_scene_from(data: Mapping[str, Any], folder: Path) -> ParticleScene:

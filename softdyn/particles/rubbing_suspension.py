@@ -10,7 +10,6 @@ The runs are short and of few spheres: the scatter of each within its steady par
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.particles.mechanisms.coulomb import Friction
@@ -26,8 +24,8 @@ from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.packing import Packing
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.results.whole_files import require_folder, written_whole
-from softdyn.terminal import as_it_is
+from softdyn.particles.reproduced import told, write_found
+from softdyn.results.whole_files import require_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,10 +96,10 @@ def measure(
 ) -> Viscosities:
     """Shear suspensions of all fractions with all coefficients of friction."""
     mean, scatter = np.empty((2, len(coefficients), len(fractions)))
-    bar = tqdm(
+    bar = told(
         [(m, f) for f in range(len(fractions)) for m in range(len(coefficients))],
-        desc="runs", unit="run", leave=False, file=as_it_is(sys.stderr), disable=None if progress else True,
-    )  # fmt: skip
+        progress,
+    )
     for m, f in bar:
         result = simulate_particles(scene_of(fractions[f], coefficients[m], count, strain))
         late = relative_viscosity(result)[result.t >= STEADY * strain / STRAIN]
@@ -123,18 +121,10 @@ def reproduce_rubbing(folder: Path) -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    from softdyn.study import figures
-
     require_folder(folder)
     found = measure(progress=True)
     print("\n".join(summary(found)))
-    with written_whole(folder / "rubbing.csv") as temporary:
-        temporary.write_text("\n".join(_table(found)) + "\n", encoding="utf-8")
-    with figures.paper_style():
-        figure = draw(found)
-        for name in FILES[:2]:
-            figures.save(figure, folder / name)
-    print(f"\nwritten to {folder}: {', '.join(FILES)}")
+    write_found(folder, FILES, found, _table, draw)
     return 0
 
 

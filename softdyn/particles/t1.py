@@ -12,7 +12,6 @@ the start: for small gaps and forces.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from softdyn.api import simulate
 from softdyn.colours import BLUE, GREEN, ORANGE
@@ -28,8 +26,8 @@ from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
 from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.results.whole_files import require_folder, written_whole
-from softdyn.terminal import as_it_is
+from softdyn.particles.reproduced import told, write_found
+from softdyn.results.whole_files import require_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,14 +119,7 @@ def measure(
     """Run all T1 processes."""
     shape = (len(forces), len(gaps))
     duration, pair, steps = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
-    bar = tqdm(
-        list(np.ndindex(shape)),
-        desc="swaps",
-        unit="run",
-        leave=False,
-        file=as_it_is(sys.stderr),
-        disable=None if progress else True,
-    )
+    bar = told(list(np.ndindex(shape)), progress)
     for at in bar:
         force, gap = float(forces[at[0]]), float(gaps[at[1]])
         duration[at], result = swap(force, gap, target)
@@ -151,18 +142,10 @@ def reproduce_t1(folder: Path, target: str = "auto") -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    from softdyn.study import figures
-
     require_folder(folder)
     swaps = measure(target=target, progress=True)
     print("\n".join(summary(swaps)))
-    with written_whole(folder / "t1.csv") as temporary:
-        temporary.write_text("\n".join(_table(swaps)) + "\n", encoding="utf-8")
-    with figures.paper_style():
-        figure = draw(swaps)
-        for name in FILES[:2]:
-            figures.save(figure, folder / name)
-    print(f"\nwritten to {folder}: {', '.join(FILES)}")
+    write_found(folder, FILES, swaps, _table, draw)
     return 0
 
 

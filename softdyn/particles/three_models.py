@@ -13,7 +13,6 @@ what the friction of grains adds. What they do not is all that resists a rate: c
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from softdyn.colours import BLUE, GREEN, ORANGE
 from softdyn.particles.mechanisms.coulomb import Friction
@@ -29,9 +27,9 @@ from softdyn.particles.mechanisms.inertia import Inertia
 from softdyn.particles.packing import Packing
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
+from softdyn.particles.reproduced import told, write_found
 from softdyn.particles.results import ParticleResult
-from softdyn.results.whole_files import require_folder, written_whole
-from softdyn.terminal import as_it_is
+from softdyn.results.whole_files import require_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,10 +93,10 @@ def measure(
     """Shear the packing by all models at all rates."""
     stress, pressure = np.empty((2, len(MODELS), len(rates)))
     shown = {}
-    bar = tqdm(
+    bar = told(
         [(m, r) for m in range(len(MODELS)) for r in range(len(rates))],
-        desc="runs", unit="run", leave=False, file=as_it_is(sys.stderr), disable=None if progress else True,
-    )  # fmt: skip
+        progress,
+    )
     for m, r in bar:
         name = tuple(MODELS)[m]
         result = simulate_particles(scene_of(name, rates[r], count, strain))
@@ -124,18 +122,10 @@ def reproduce_models(folder: Path) -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    from softdyn.study import figures
-
     require_folder(folder)
     sheared = measure(progress=True)
     print("\n".join(summary(sheared)))
-    with written_whole(folder / "models.csv") as temporary:
-        temporary.write_text("\n".join(_table(sheared)) + "\n", encoding="utf-8")
-    with figures.paper_style():
-        figure = draw(sheared)
-        for name in FILES[:2]:
-            figures.save(figure, folder / name)
-    print(f"\nwritten to {folder}: {', '.join(FILES)}")
+    write_found(folder, FILES, sheared, _table, draw)
     return 0
 
 

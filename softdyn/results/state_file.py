@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -105,6 +106,22 @@ def read_state(path: Path, key: str) -> tuple[dict[str, Any], dict[str, NDArray[
     if digest != _digest(arrays):
         raise ValueError("it is damaged: its content is not what was written")
     return about, arrays
+
+
+@contextmanager
+def reading_checkpoint(path: Path) -> Iterator[None]:
+    """What goes wrong while a checkpoint is read, told as a fault of the file.
+
+    Raises
+    ------
+    SceneError
+    """
+    try:
+        yield
+    except OSError as error:
+        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
 
 
 def save_result(result: Result, path: Path, checkpoint: Path | None) -> None:

@@ -33,7 +33,7 @@ from softdyn.scene.numbers import (
 )
 from softdyn.scene.pair_drive import DRIVES
 from softdyn.scene.pair_quantities import QUANTITIES
-from softdyn.scene.reading import fields_from, is_fluid_scene, is_particle_scene, read_toml
+from softdyn.scene.reading import fields_from, is_fluid_scene, is_particle_scene, scene_of_file
 from softdyn.scene.time_tables import OverTime
 from softdyn.targets import CHOICES
 from softdyn.words import listed, suggestion
@@ -200,12 +200,7 @@ def read_scene(path: str | Path) -> Scene:
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
-    path = Path(path)
-    data = read_toml(path)
-    try:
-        return scene_from(data, path.parent)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    return scene_of_file(path, scene_from)
 
 
 def scene_from(data: Mapping[str, Any], folder: Path) -> Scene:

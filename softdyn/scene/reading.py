@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from softdyn.errors import SceneError
 from softdyn.scene.keys import Key, Row, Section, rows, unknown, value_faults
 from softdyn.words import listed
+
+S = TypeVar("S")
 
 _RESULT = 'a result: softdyn plot and convert read it, and a scene may go on from it, [particles] file = "..."'
 _TABLE = "a table: a scene names it, as [particles] file, or as what drives a pair"
@@ -28,6 +30,28 @@ NO_SCENES = {
     ".pvd": "what other programs show",
     ".py": 'a law: a scene names it, law = "FILE.py"',
 }
+
+
+def scene_of_file(path: str | Path, scene_from: Callable[[Mapping[str, Any], Path], S]) -> S:
+    """Scene of a file.
+
+    Parameters
+    ----------
+    path : str or Path
+    scene_from : callable
+        Gives the scene from the content of a file and the folder that paths in it are relative to.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is not TOML (with the line), or holds what ``scene_from`` refuses.
+    """
+    path = Path(path)
+    data = read_toml(path)
+    try:
+        return scene_from(data, path.parent)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:

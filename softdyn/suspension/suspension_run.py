@@ -32,7 +32,7 @@ from softdyn.particles.packing import BALL
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
 from softdyn.results.origin import about, origin_now, scene_from
-from softdyn.results.state_file import frames_beside, read_state, remove, write_state
+from softdyn.results.state_file import frames_beside, read_state, reading_checkpoint, remove, write_state
 from softdyn.suspension.exchange import (
     Cloud,
     Exchange,
@@ -441,7 +441,7 @@ def _load(run: Run, path: Path, key: str) -> None:
     SceneError
         If the file is none, or belongs to another scene.
     """
-    try:
+    with reading_checkpoint(path):
         told, arrays = read_state(path, key)
         given = {name: arrays[name] for name in ("flow", "x", "v", "share", "drag")}
         run.state = State(
@@ -456,10 +456,6 @@ def _load(run: Run, path: Path, key: str) -> None:
         run.system.fluid.warnings.update({str(words): float(t) for words, t in told["warnings"].items()})
         run.history = [list(row) for row in arrays["history"].tolist()]
         run.frames = go_on(frames_beside(path), SuspensionFrame, key, int(told["frames"]))
-    except OSError as error:
-        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
 
 
 def load_suspension_frames(path: Path) -> SuspensionResult:

@@ -14,7 +14,7 @@ from softdyn.fluid.fluid_scene import FluidScene, check_fluid, fluid_fields_from
 from softdyn.particles.particle_keys import POSITIONS, RADII
 from softdyn.scene.keys import Key, with_keys
 from softdyn.scene.kinds import FLAG, POSITIVE, between, choice
-from softdyn.scene.reading import read_toml
+from softdyn.scene.reading import scene_of_file
 from softdyn.words import listed
 
 #: Width of the filter over the largest radius, where a scene does not say.
@@ -194,12 +194,7 @@ def read_suspension_scene(path: str | Path) -> SuspensionScene:
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
     """
-    path = Path(path)
-    data = read_toml(path)
-    try:
-        return suspension_scene_from(data, path.parent)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    return scene_of_file(path, suspension_scene_from)
 
 
 def suspension_scene_from(data: Mapping[str, Any], folder: Path) -> SuspensionScene:

@@ -37,6 +37,8 @@ class DragLaw:
     dimension : 2 or 3
     closure : function
         Of c, phi, Re, slip and r: force over slip, of a sphere.
+    reynolds : function
+        Re of slip and r.
     rho, eta, length : float
         Of the fluid; of the filter.
     own : array
@@ -49,6 +51,7 @@ class DragLaw:
 
     dimension: int
     closure: Callable[..., Array]
+    reynolds: Callable[..., Array]
     rho: float
     eta: float
     length: float
@@ -80,7 +83,8 @@ def drag_law(closure: Closure, numbers: Mapping[str, float], dimension: int, len
     own = _own_flow(dimension, 0.0 if dimension == 3 else own_flow.LEAST_WAVE_NUMBER * length / extent)
     share = float(own_flow.own_share(dimension)) / length**dimension
     structure = lambdify(arguments.phi, own_flow.structure_factor(dimension), "numpy")
-    return DragLaw(dimension, function, numbers["rho"], numbers["eta"], length, own, share, structure)
+    reynolds = lambdify([arguments.slip, arguments.r], arguments.REYNOLDS.subs(values), "numpy")
+    return DragLaw(dimension, function, reynolds, numbers["rho"], numbers["eta"], length, own, share, structure)
 
 
 @cache
@@ -124,17 +128,18 @@ def frictions(law: DragLaw, relative: Array, share: Array, volume: Array, radii:
     Raises
     ------
     IntegrationError
-        If a grain's own flow is nearly all of what the filter tells: the filter is too narrow for it.
+        If a grain's own flow is nearly all of what the filter tells: the filter is too narrow for it; or if the drag
+        does not settle.
     """
     own_share = law.own_share * volume
     others = np.clip(share - own_share, 0.0, None)
     part = law.structure(np.minimum(others, 0.99))
     phi = np.maximum(others + (1 - part) * np.minimum(own_share, share), LEAST_PHI)
     layer = volume / (4 / 3 * np.pi * radii**3)  # 1 of spheres
-    slip, friction = relative, np.zeros_like(relative)
+    slip, friction, before = relative, np.zeros_like(relative), np.zeros_like(relative)
     for _ in range(MOST):
-        number = 2 * radii * law.rho * slip / law.eta
-        alone = layer * law.closure(1 - phi, phi, np.maximum(number, 1e-20), slip, radii)
+        number = np.maximum(law.reynolds(slip, radii), 1e-20)
+        alone = layer * law.closure(1 - phi, phi, number, slip, radii)
         r = np.clip(law.rho * slip * law.length / law.eta, TABLE[0], TABLE[-1])
         own = part * np.interp(np.log(r), np.log(TABLE), law.own) / (law.eta * law.length ** (law.dimension - 2))
         if (own * alone > OWN).any():
@@ -146,5 +151,10 @@ def frictions(law: DragLaw, relative: Array, share: Array, volume: Array, radii:
         before, friction = friction, alone / (1 - own * alone)
         slip = relative / (1 - own * alone)
         if (np.abs(friction - before) <= GOOD * friction).all():
-            break
-    return friction, slip
+            return friction, slip
+    k = int(np.argmax(np.abs(friction - before) - GOOD * friction))
+    raise IntegrationError(
+        f"the drag on grain {k}, of radius {radii[k]:.3g}, does not settle: after {MOST} repetitions it changes from "
+        f"{before[k]:.6g} to {friction[k]:.6g}, at the slip {slip[k]:.3g}; give a wider "
+        "[coupling] width, or another drag"
+    )

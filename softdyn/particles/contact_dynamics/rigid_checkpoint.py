@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from softdyn.errors import SceneError
 from softdyn.particles.checkpoint import LEFT_OUT
 from softdyn.particles.contact_dynamics.impulses import Effort
 from softdyn.particles.contact_dynamics.rigid_system import RigidState, RigidSystem
@@ -18,7 +17,7 @@ from softdyn.particles.geometry import bare_contacts
 from softdyn.particles.neighbours import Listed
 from softdyn.particles.results import HISTORY, Frame
 from softdyn.results.frame_file import go_on
-from softdyn.results.state_file import frames_beside, plain, read_state, write_state
+from softdyn.results.state_file import frames_beside, plain, read_state, reading_checkpoint, write_state
 
 #: Arrays and numbers of a state, by the names they have there.
 STATE = ("x", "v", "impulses", "normals", "distances")
@@ -73,7 +72,7 @@ def load(path: Path, key: str, system: RigidSystem) -> RigidState:
     SceneError
         If the file is none, or belongs to another scene.
     """
-    try:
+    with reading_checkpoint(path):
         about, arrays = read_state(path, key)
         rate, tilt, since = map(float, about["box"])
         walls = [replace(wall, point=point) for wall, point in zip(system.walls, arrays["wall_point"], strict=True)]
@@ -94,7 +93,3 @@ def load(path: Path, key: str, system: RigidSystem) -> RigidState:
             history=[(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]],
             frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
         )
-    except OSError as error:
-        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from softdyn.errors import SceneError
 from softdyn.particles.checkpoint import LEFT_OUT
 from softdyn.particles.explicit.grains import Grains, GrainSystem
 from softdyn.particles.results import HISTORY, Frame
 from softdyn.results.frame_file import go_on
-from softdyn.results.state_file import frames_beside, plain, read_state, write_state
+from softdyn.results.state_file import frames_beside, plain, read_state, reading_checkpoint, write_state
 
 #: Numbers of a state, and its arrays, by their names.
 NUMBERS = ("t", "listed_tilt", "turns", "stiffest", "fastest", "moved", "kinetic0", "stored0")
@@ -56,7 +55,7 @@ def load(path: Path, key: str) -> Grains:
     SceneError
         If the file is none, or belongs to another scene.
     """
-    try:
+    with reading_checkpoint(path):
         about, arrays = read_state(path, key)
         numbers = {name: float(about[name]) for name in NUMBERS if name != "turns"}
         return Grains(
@@ -67,7 +66,3 @@ def load(path: Path, key: str) -> Grains:
             history_rows=[(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["steps"]],
             frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
         )
-    except OSError as error:
-        raise SceneError(f"cannot read the checkpoint {path}: {error.strerror or error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        raise SceneError(f"{path} is no checkpoint of softdyn: {error}") from None
