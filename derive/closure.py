@@ -44,6 +44,7 @@ from softdyn.derive.dimensions import (
 from softdyn.derive.law import Limit
 from softdyn.derive.symbols import eta as eta  # one of the arguments that closures are written in
 from softdyn.errors import LawError
+from softdyn.verdicts import found_of
 
 Re = Symbol("Re", positive=True)
 c = Symbol("c", positive=True)
@@ -133,7 +134,7 @@ class Closure:
             value = getattr(self, name)
             object.__setattr__(self, name, in_plain_functions(value) if isinstance(value, Expr) else value)
         object.__setattr__(self, "limits", tuple(self.limits))
-        faults = faults_of(self)
+        faults, _ = found_of(self, faults_of, lambda closure: [])
         if faults:
             raise LawError(str(self.name), tuple(faults), "closure")
 

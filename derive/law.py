@@ -27,6 +27,7 @@ from softdyn.derive.dimensions import DIMENSIONLESS, Dimension
 from softdyn.derive.sphere import drag_of_sphere, torque_of_sphere
 from softdyn.derive.symbols import COMMON_PARAMETERS, DERIVED, DIMENSIONS, Parameter, R, delta, size_ratio
 from softdyn.errors import LawError
+from softdyn.verdicts import found_of
 
 
 def _exact(value: Any) -> Any:
@@ -261,10 +262,10 @@ class ContactLaw:
         }
         for item in fields(self) if apart else ():
             object.__setattr__(self, item.name, _renamed(getattr(self, item.name), apart))
-        faults = faults_of(self)
+        faults, undecided = found_of(self, faults_of, undecided_signs)
         if faults:
             raise LawError(str(self.name), tuple(faults))
-        for words in undecided_signs(self):
+        for words in undecided:
             warnings.warn(f"law {self.name!r}: {words}", stacklevel=3)
 
     def _repr_latex_(self) -> str:

@@ -355,14 +355,6 @@ def law_of(law: ContactLaw | str | Path) -> ContactLaw:
     return load(find(law))[0]
 
 
-def contact_kind(law: ContactLaw | str | Path) -> str:
-    """What the contacts of a law are: "film", "dry" (zeta = 0), or "rigid" (F_ela = oo)."""
-    from softdyn.derive.law import is_dry, is_rigid
-
-    found = law_of(law)
-    return "rigid" if is_rigid(found) else "dry" if is_dry(found) else "film"
-
-
 def digest(path: Path | str) -> str:
     """SHA-256 of a file; empty if it cannot be read."""
     try:

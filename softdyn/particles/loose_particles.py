@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import lambdify
 
-from softdyn.derive.contact_kernel import OUTPUTS
-from softdyn.derive.sphere import drag_of_sphere
-from softdyn.derive.symbols import R, eta
 from softdyn.particles.contact_kernels import ContactKernel
 
 if TYPE_CHECKING:
@@ -33,11 +29,17 @@ def is_loose(scene: ParticleScene) -> bool:
 
 @cache
 def _drag() -> Any:
+    from sympy import lambdify
+
+    from softdyn.derive.sphere import drag_of_sphere
+    from softdyn.derive.symbols import R, eta
+
     return lambdify([eta, R], drag_of_sphere(R))
 
 
 def no_contact_kernel(target: str, drag: bool) -> ContactKernel:
     """What the engine asks of a kernel of contacts, of contacts that do nothing."""
+    from softdyn.derive.contact_kernel import OUTPUTS
 
     def nothing(*given: Any) -> Any:
         given[-1][:] = 0.0

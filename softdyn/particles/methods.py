@@ -12,11 +12,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from softdyn.errors import SceneError
-from softdyn.laws import law_of
 from softdyn.particles.loose_particles import is_loose
 from softdyn.particles.mechanisms import rooms_of
 from softdyn.particles.method_names import MODULES
 from softdyn.particles.names import is_number
+from softdyn.traits import traits_of
 from softdyn.words import listed
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def _unknown_to_explicit(facts: ValidatedScene) -> list[str]:
     found = [f"[{name}]" if name != "drag" else "[flow] drag" for name in _strangers(facts)]
     found += ["[contacts] gap"] if scene.gap is not None else []
     found += ["[contacts] tangential"] if scene.tangential else []
-    found += ["the remote force F_adh of the law"] if _is_dry(scene.law) and law_of(scene.law).F_adh != 0 else []
+    found += ["the remote force F_adh of the law"] if _is_dry(scene.law) and traits_of(scene.law).remote else []
     return [f"{what} is not known to the explicit method: leave it out, or take another" for what in found]
 
 
@@ -120,6 +120,4 @@ def _strangers(facts: ValidatedScene) -> list[str]:
 
 
 def _is_dry(law: Any) -> bool:
-    from softdyn.derive.law import is_dry
-
-    return law is not None and is_dry(law_of(law))
+    return law is not None and traits_of(law).kind == "dry"

@@ -12,16 +12,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import lambdify
 
-from softdyn.derive.law import is_anchored, parameters_of
-from softdyn.derive.special import IN_NUMPY
-from softdyn.derive.symbols import R, a, delta, h
 from softdyn.errors import SceneError
 from softdyn.laws import law_of
 from softdyn.particles.geometry import Integers
 from softdyn.particles.names import is_number, listed
 from softdyn.scene.numbers import Range, range_fault
+from softdyn.traits import traits_of
 from softdyn.words import suggestion
 
 if TYPE_CHECKING:
@@ -190,9 +187,17 @@ def require_rest(facts: ValidatedScene) -> None:
     SceneError
         If the law has such a force, and it has not fallen to :data:`LEFT_AT_REST` of its largest at half of the range.
     """
-    scene, law = facts.scene, law_of(facts.scene.law)
-    if math.isinf(facts.reach) or is_anchored(law):
+    scene = facts.scene
+    if math.isinf(facts.reach) or traits_of(scene.law).anchored:
         return
+
+    from sympy import lambdify
+
+    from softdyn.derive.law import parameters_of
+    from softdyn.derive.special import IN_NUMPY
+    from softdyn.derive.symbols import R, a, delta, h
+
+    law = law_of(scene.law)
     force = law.F_ela.subs(a, law.a).subs(delta, 0)
     own = [symbol for symbol in parameters_of(law) if symbol != R]
     function = lambdify([R, h, *own], force, [IN_NUMPY, "numpy"])

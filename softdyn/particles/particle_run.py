@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.kernels import choose_target
-from softdyn.laws import contact_kind, law_of
 from softdyn.one_thread import in_one_thread
 from softdyn.particles import checkpoint as checkpoints
 from softdyn.particles.contact_kernels import get_contact_kernel
@@ -34,6 +33,7 @@ from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
+from softdyn.traits import traits_of
 from softdyn.words import listed
 
 Array = NDArray[np.float64]
@@ -127,7 +127,8 @@ def kernel_needs(facts: ValidatedScene) -> dict[str, Any]:
 
 def _fades(facts: ValidatedScene) -> bool:
     """Whether contacts fade before they end: those of dry particles end where surfaces part."""
-    return contact_kind(facts.scene.law) != "dry" or law_of(facts.scene.law).F_adh != 0
+    traits = traits_of(facts.scene.law)
+    return traits.kind != "dry" or traits.remote
 
 
 def prepare(scene: ParticleScene) -> System:

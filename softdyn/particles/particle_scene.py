@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.laws import contact_kind, law_of
 from softdyn.particles.driven import require_used
 from softdyn.particles.earlier_films import film_faults
 from softdyn.particles.geometry import Box, Wall, bare_contacts, directions, find_pairs, lattice
@@ -23,6 +22,7 @@ from softdyn.particles.system import ValidatedScene
 from softdyn.particles.time_functions import is_driven
 from softdyn.particles.until import run_end
 from softdyn.scene.keys import key_faults
+from softdyn.traits import traits_of
 
 Array = NDArray[np.float64]
 
@@ -143,7 +143,8 @@ def range_faults(scene: ParticleScene, radii: Array) -> list[str]:
 
 def _reach(scene: ParticleScene, radii: Array) -> tuple[float, bool]:
     """Range of the contacts, and whether they end there of themselves: dry ones, where surfaces part."""
-    if scene.law is not None and contact_kind(scene.law) == "dry" and law_of(scene.law).F_adh == 0:
+    traits = None if scene.law is None else traits_of(scene.law)
+    if traits is not None and traits.kind == "dry" and not traits.remote:
         return TOUCH * float(radii.min()), True
     if scene.range is not None:
         return float(scene.range), False

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.laws import contact_kind
+from softdyn.traits import traits_of
 
 if TYPE_CHECKING:
     from softdyn.particles.contact_kernels import ContactKernel
@@ -347,7 +347,7 @@ def _kind(scene: ParticleScene) -> str:
     """What the contacts of a scene are; of rigid grains, without a law, nothing."""
     from softdyn.particles.loose_particles import is_loose
 
-    return "none" if is_loose(scene) else "" if scene.law is None else contact_kind(scene.law)
+    return "none" if is_loose(scene) else "" if scene.law is None else traits_of(scene.law).kind
 
 
 def _asks(value: Any) -> bool:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.laws import law_of
 from softdyn.particles.contact_kernels import energies
 from softdyn.particles.energy import ELASTIC
 from softdyn.particles.force_balance import Balance, pair_named
@@ -21,6 +20,7 @@ from softdyn.particles.gapless import solve_gapless
 from softdyn.particles.geometry import Contacts
 from softdyn.particles.mechanisms import Mechanism
 from softdyn.particles.system import System, contact_state
+from softdyn.traits import traits_of
 
 if TYPE_CHECKING:
     from softdyn.particles.contact_kernels import ContactKernel
@@ -51,8 +51,7 @@ class DryContacts(Mechanism):
 
     def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> DryContacts:
         """Refuse a dashpot, whose force is no function of the positions, where nothing says how these move."""
-        law = law_of(facts.scene.law)
-        if law.dashpot != 0 and not moves(facts):
+        if traits_of(facts.scene.law).dashpot and not moves(facts):
             raise SceneError(
                 "the dashpots of the contacts alone do not say how particles without a contact move: give them a drag "
                 "([flow] drag = 1), or leave the dashpot out: then they are in elastic equilibrium"
