@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from hypothesis import Phase, settings
@@ -23,19 +24,20 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 FLAGS = {target: target.FLAGS for target in (c, lammps)}
 
 
-@pytest.fixture(autouse=True, scope="session")
-def session_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep the user's kernel cache out of the tests; subprocesses inherit the variable.
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep the user's kernel cache out of the tests, from their collection on; subprocesses inherit the variable.
 
-    CI's default and slow tests share one, in $SOFTDYN_TESTS_CACHE.
+    One for all processes that share the tests, lest each builds the same kernels. CI's default and slow tests share
+    one, in $SOFTDYN_TESTS_CACHE.
     """
-    base = tmp_path_factory.getbasetemp()
-    # one for all processes that share the tests, lest each builds the same kernels
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "softdyn-cache"
-    folder = Path(os.environ.get("SOFTDYN_TESTS_CACHE", folder))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SOFTDYN_CACHE_DIR", str(folder))
-        yield folder
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return
+    folder = os.environ.get("SOFTDYN_TESTS_CACHE")
+    if folder is None:
+        folder = tempfile.mkdtemp(prefix="softdyn-tests-")
+        # libraries that are loaded stay on Windows
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    os.environ["SOFTDYN_CACHE_DIR"] = folder
 
 
 @pytest.fixture(autouse=True, scope="session")
