@@ -26,11 +26,17 @@ class SuspensionFrame(FlowFrame):
     ----------
     x, v, drag : arrays, shape (grains, d)
         Of the grains: places, velocities, and the drag on them in the step that ended.
+    contact_stress : array, shape (d, d)
+        Of the contacts, over the volume of the mesh, > 0 in tension.
+    walls : array, shape (walls, d)
+        Forces of the grains on the walls.
     """
 
     x: Array
     v: Array
     drag: Array
+    contact_stress: Array
+    walls: Array
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,13 +48,16 @@ class SuspensionResult(FluidResult):
     arrays : mapping from str to array
         Those of :class:`softdyn.fluid.fluid_result.FluidResult`, with the porosity ``c`` and the flux of the grains
         ``us``. Of the grains ``x``, ``v``, ``drag`` (frames, grains, d): places, which periods do not wrap, velocities,
-        and the drag of the fluid; ``radii`` (grains,).
+        and the drag of the fluid; ``radii`` (grains,). Of their contacts ``contact_stress`` (frames, d, d), over the
+        volume of the mesh, and ``contact_force_NAME`` (frames, d), what a wall of that name feels.
 
         For each step: ``grain_drag``, ``grain_pressure``, ``grain_weight``, ``grain_momentum`` (steps, d), summed over
-        the grains: drag, -V grad p, weight, and momentum at its end; ``grain_volume``, the integral of their share;
-        ``coupling_repeats``, how often the step was solved until the drag fits, and ``coupling_change``, what it still
-        changed; ``volume_imbalance``, ``exchange_imbalance``: of the volume of the grains, and of the forces that
-        grains and fluid have of each other. ``mass_imbalance`` is that of both phases, in a step.
+        the grains: drag, -V grad p, weight, and momentum at its end; ``grain_contact``, the force of the walls on them;
+        ``contacts``, how many there are, and ``substeps``, into how many steps these divide it; ``grain_volume``, the
+        integral of the share of the grains; ``coupling_repeats``, how often the step was solved until the drag fits,
+        and ``coupling_change``, what it still changed; ``volume_imbalance``, ``exchange_imbalance``: of the volume of
+        the grains, and of the forces that grains and fluid have of each other. ``mass_imbalance`` is that of
+        both phases, in a step.
     """
 
     kind: ClassVar[str] = "suspension"
@@ -67,6 +76,7 @@ def gather_suspension(
     frames: Iterable[SuspensionFrame],
     history: Sequence[Sequence[float]],
     stats: Mapping[str, Any],
+    walls: Sequence[str] = (),
 ) -> SuspensionResult:
     """Put a result together from its frames and steps."""
     frames, d, count = list(frames), system.dimension, len(radii)
@@ -78,6 +88,9 @@ def gather_suspension(
     for name in ("x", "v", "drag"):
         arrays[name] = np.array([getattr(frame, name) for frame in frames]).reshape(len(frames), count, d)
     arrays["radii"] = radii
+    arrays["contact_stress"] = np.array([frame.contact_stress for frame in frames]).reshape(-1, d, d)
+    for number, name in enumerate(walls):
+        arrays[f"contact_force_{name}"] = np.array([frame.walls[number] for frame in frames]).reshape(-1, d)
     return _with(plain, arrays)
 
 

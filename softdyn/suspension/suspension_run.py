@@ -2,6 +2,10 @@
 
 A step: the share of the grains and its change since the last one; the flow at the end of the step with the drag on the
 grains implicit, repeated until the drag is that at the speeds that come out; the grains on by what they then feel.
+
+Where grains touch, each repetition carries them on through their contacts first, at the velocity of the fluid that the
+one before has found. A grain's drag then changes with that velocity by K, where contacts hold it, and by K/(1 + dt K/m)
+where it is free. What the drag of the fluid still exceeds that of the grains by, they get as an impulse at the end.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.fluid.balances import Measures, measured, measures_of
@@ -28,6 +33,8 @@ from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
 from softdyn.fluid.mesh import place
 from softdyn.fluid.newton import NewtonFailed, Solution, solve
 from softdyn.one_thread import in_one_thread
+from softdyn.particles.explicit import grain_checkpoint
+from softdyn.particles.explicit.grains import Grains, GrainSystem
 from softdyn.particles.packing import BALL
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
@@ -46,6 +53,16 @@ from softdyn.suspension.exchange import (
     shares_at,
 )
 from softdyn.suspension.filter import Filter, filter_of, require_inside, spread, weights_at
+from softdyn.suspension.grain_contacts import (
+    Passage,
+    grain_system,
+    grains_at_start,
+    moved_on,
+    parameters_of_law,
+    passed,
+    told_of_contacts,
+)
+from softdyn.suspension.mixed import Mixing
 from softdyn.suspension.suspension_result import SuspensionFrame, SuspensionResult, gather_suspension
 from softdyn.suspension.suspension_scene import WIDTH, SuspensionScene, check_suspension, grains_of
 from softdyn.suspension.undisturbed import DragLaw, drag_law
@@ -53,15 +70,21 @@ from softdyn.suspension.undisturbed import DragLaw, drag_law
 Array = NDArray[np.float64]
 Progress = Callable[[float, int, int, float], None]
 
-#: Repetitions of a step until the drag fits.
-MOST = 50
+#: Repetitions of a step until the drag fits; with contacts, whose collisions come sooner or later as the drag changes,
+#: so many are enough, and the result tells what is left.
+MOST, ENOUGH = 50, 12
+#: What may be left then, over the largest drag, without a warning.
+LEFT = 0.05
 #: Speeds over those at which a factor was made, up and down, from which sizes are told anew.
 OTHER = 2.0
 #: Imbalance from which a result warns.
 IMBALANCE = 1e-9
 #: What is told of a step behind what is told of the flow: by axes, and numbers.
-SUMS = ("grain_drag", "grain_pressure", "grain_weight", "grain_momentum")
-NUMBERS = ("grain_volume", "volume_imbalance", "exchange_imbalance", "coupling_repeats", "coupling_change")
+SUMS = ("grain_drag", "grain_pressure", "grain_weight", "grain_momentum", "grain_contact")
+NUMBERS = (
+    "grain_volume", "volume_imbalance", "exchange_imbalance", "contacts", "substeps", "coupling_repeats",
+    "coupling_change",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -81,6 +104,10 @@ class Suspension:
         Places and velocities.
     times : array
         Ends of all steps.
+    contacts : GrainSystem, optional
+        Of grains that touch.
+    grains : Grains, optional
+        Their state at the start.
     """
 
     fluid: FluidSystem
@@ -93,6 +120,8 @@ class Suspension:
     acceleration: Array
     start: tuple[Array, Array]
     times: Array
+    contacts: GrainSystem | None = None
+    grains: Grains | None = None
 
 
 @dataclass
@@ -105,6 +134,7 @@ class State:
     v: Array
     share: Array
     drag: Array
+    grains: Grains | None = None
     scales: Array | None = None
     rate: float = 0.0
     size: float = 0.0
@@ -155,16 +185,27 @@ def made_ready(scene: SuspensionScene) -> Suspension:
     volume = BALL[d] * grains.radii**d
     mass = np.full(len(volume), math.inf) if scene.held else float(scene.grain_density or 0.0) * volume
     acceleration = np.zeros(d) if scene.gravity is None else np.array(scene.gravity, dtype=float)
-    start = (grains.x, grains.v)
+    contacts = grain_system(scene, fluid.mesh, grains, mass)
     return Suspension(
-        fluid, one, projections(fluid), law, grains.radii, volume, mass, acceleration, start, _times(scene)
+        fluid,
+        one,
+        projections(fluid),
+        law,
+        grains.radii,
+        volume,
+        mass,
+        acceleration,
+        (grains.x, grains.v),
+        _times(scene),
+        contacts,
+        None if contacts is None else grains_at_start(contacts, grains),
     )
 
 
 def _of_fluid(scene: SuspensionScene) -> dict[str, Any]:
-    """Parameters of a scene but for those of the drag alone."""
+    """Parameters of a scene but for those of the drag and of the contacts alone."""
     drag = closure_of(scene.drag, "[closures] drag", "drag")
-    own = {symbol.name for symbol in drag.parameters}
+    own = {symbol.name for symbol in drag.parameters} | parameters_of_law(scene)
     if scene.mixture is not None:
         own -= {symbol.name for symbol in closure_of(scene.mixture, "[fluid] mixture", "viscosity").parameters}
     return {name: value for name, value in scene.parameters.items() if name not in own}
@@ -258,7 +299,7 @@ def _begin(system: Suspension) -> State:
         fields = fields_of(scene.start, fluid.dimension, scene.constants, "[start] velocity")
         flow[: fluid.velocities] = (c[:, None] * vectors_at(fields, fluid.velocity.at, 0.0)).T.reshape(-1)
     flow = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(0.0))
-    return State(0, flow, x.copy(), v.copy(), share, np.zeros_like(x))
+    return State(0, flow, x.copy(), v.copy(), share, np.zeros_like(x), system.grains)
 
 
 def _step(run: Run) -> Solution:
@@ -275,23 +316,25 @@ def _step(run: Run) -> Solution:
     weights, lost = weights_at(one, state.x)
     if len(lost):
         raise IntegrationError(
-            f"grain {lost[0]} has left the mesh, at {place(state.x[lost[0]])}, t={before:.6g}: nothing keeps grains "
-            "off walls yet; end the run earlier, or make the mesh larger"
+            f"grain {lost[0]} has left the mesh, at {place(state.x[lost[0]])}, t={before:.6g}: give a contact law and "
+            "[contacts] walls that keep grains in, end the run earlier, or make the mesh larger"
         )
     share = spread(one, weights, system.volume)
     porosity(one, share, before)
-    held = np.isinf(system.mass)
-    ease = np.where(held, 0.0, dt / system.mass)
-    aim = state.v + np.where(held[:, None], 0.0, dt * system.acceleration)
-    cloud = Cloud(state.x, state.v, aim, ease, system.volume, system.radii, weights, share)
+    cloud = _cloud(run, weights, share, dt)
     growth = (state.share - share) / dt
     shares = shares_at(one, cloud)
-    fluid_v, _ = seen(one, maps, cloud, *_fields(fluid, state.flow))
+    fluid_v, slope = seen(one, maps, cloud, *_fields(fluid, state.flow))
     whole, friction = drags(system.law, cloud, fluid_v, state.v, shares)
+    push, passage = -cloud.volume[:, None] * slope, None
     rate = 1 / dt
     past, flow, change, repeats = -rate * state.flow, state.flow, 0.0, 0
     scales = state.scales if state.rate and abs(rate / state.rate - 1) < 1e-9 else None
+    mixing, usual = Mixing(), whole[:, None]
     while True:
+        if state.grains is not None:
+            passage = _passage(run, t, whole, fluid_v, push)
+            cloud, friction = _met(cloud, passage, system.mass, dt, whole, fluid_v, push)
         fluid.moving = known_of(one, maps, cloud, friction, growth)
         equations = fluid.equations(t, rate, past)
         guess = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(t))
@@ -312,28 +355,95 @@ def _step(run: Run) -> Solution:
         state.counts["iterations"] += solution.iterations
         repeats += 1
         forces = exchanged(one, maps, cloud, friction, *_fields(fluid, flow))
-        new, other = drags(system.law, cloud, forces.fluid_v, forces.v, shares)
-        speeds = np.sqrt(np.sum((forces.fluid_v - forces.v) ** 2, axis=1))
-        change = float(np.max(np.abs(new - whole) * speeds, initial=0.0))
+        v, off = forces.v, 0.0
+        if passage is not None:
+            off = float(np.sqrt(np.sum((forces.drag - passage.drag) ** 2, axis=1)).max(initial=0.0))
+            v = fluid_v - passage.drag / whole[:, None]
+        new, other = drags(system.law, cloud, forces.fluid_v, v, shares)
+        speeds = np.sqrt(np.sum((forces.fluid_v - v) ** 2, axis=1))
+        change = max(off, float(np.max(np.abs(new - whole) * speeds, initial=0.0)))
         largest = float(np.max(new * speeds, initial=0.0))
         change = change / largest if largest else 0.0
-        if change <= fluid.scene.rtol:
+        if change <= fluid.scene.rtol or (passage is not None and repeats == ENOUGH):
             break
         if repeats == MOST:
             raise IntegrationError(
                 f"the drag on the grains does not settle at t={t:.6g}: after {MOST} repetitions of the step it changes "
                 f"by {change:.1e}, and rtol={fluid.scene.rtol:g} is asked for; give a shorter [steps] dt"
             )
-        whole, friction = new, other
-    v = forces.v
-    told = _told(run, equations, solution, cloud, forces, growth)
+        if passage is None:
+            whole, friction = new, other
+            continue
+        fluid_v, push = _tried_next(mixing, usual, (fluid_v, push), (forces.fluid_v, forces.pressure))
+        whole = new
+    forces = forces if passage is None else _given_the_rest(system, passage, forces, push, dt)
+    walls = np.zeros(fluid.dimension) if passage is None else passage.walls
+    told = _told(run, equations, solution, cloud, forces, growth, walls)
+    told += _told_of_contacts(run, passage)
     run.history.append([t, dt, float(solution.iterations), solution.measure, math.nan, *told, float(repeats), change])
     state.scales = scales if size < OTHER * state.size and size * OTHER > state.size else None
-    state.flow, state.x, state.v, state.share, state.drag = flow, state.x + dt * v, v, share, forces.drag
+    x = state.x + dt * forces.v if passage is None else passage.x
+    state.flow, state.x, state.v, state.share, state.drag = flow, x, forces.v, share, forces.drag
+    state.grains = None if passage is None else passage.grains
     state.step += 1
     state.counts["steps"] += 1
     state.counts["repeats"] += repeats
     return solution
+
+
+def _cloud(run: Run, weights: csr_matrix, share: Array, dt: float) -> Cloud:
+    """Grains at the start of a step, as if they touched nothing."""
+    system, state = run.system, run.state
+    held = np.isinf(system.mass)
+    ease = np.where(held, 0.0, dt / system.mass)
+    aim = state.v + np.where(held[:, None], 0.0, dt * system.acceleration)
+    return Cloud(state.x, state.v, aim, ease, system.volume, system.radii, weights, share)
+
+
+def _passage(run: Run, t: float, whole: Array, fluid_v: Array, push: Array) -> Passage:
+    """Carry the grains on through their contacts."""
+    system, grains = run.system, run.state.grains
+    assert system.contacts is not None
+    assert grains is not None
+    return passed(system.contacts, grains, t, whole, fluid_v, push + system.mass[:, None] * system.acceleration)
+
+
+def _met(
+    cloud: Cloud, passage: Passage, mass: Array, dt: float, whole: Array, fluid_v: Array, push: Array
+) -> tuple[Cloud, Array]:
+    """Grains whose drag is that of their passage, and changes from there with the velocity of the fluid."""
+    ease = np.where(passage.touch, 0.0, dt / mass)
+    friction = whole / (1 + ease * whole)
+    aim = fluid_v - passage.drag / friction[:, None] - ease[:, None] * push
+    return replace(cloud, ease=ease, aim=aim), friction
+
+
+def _tried_next(
+    mixing: Mixing, friction: Array, tried: tuple[Array, Array], found: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Velocity of the fluid and pressure to try next, of which the first is weighed by a friction, as forces are."""
+    (v, push), (found_v, found_push) = tried, found
+    z = mixing.next(np.stack([friction * v, push]).reshape(-1), np.stack([friction * found_v, found_push]).reshape(-1))
+    force, pushed = z.reshape(2, *v.shape)
+    return force / friction, pushed
+
+
+def _given_the_rest(system: Suspension, passage: Passage, forces: Exchange, push: Array, dt: float) -> Exchange:
+    """Give the grains what the fluid has lost beyond what they have had in their passage."""
+    rest = forces.drag - passage.drag + forces.pressure - push
+    v = passage.v + dt / system.mass[:, None] * rest
+    moved_on(passage.grains, v)
+    return replace(forces, v=v)
+
+
+def _told_of_contacts(run: Run, passage: Passage | None) -> list[float]:
+    """Contacts at the end of a step, and the steps into which they have divided it."""
+    before = run.state.grains
+    if passage is None or before is None:
+        return [0.0, 0.0]
+    after = passage.grains
+    touching = int(after.touch.sum() + after.wall_touch.sum())
+    return [float(touching), float(after.counts["steps"] - before.counts["steps"])]
 
 
 def _fields(fluid: FluidSystem, x: Array) -> tuple[Array, Array]:
@@ -342,7 +452,7 @@ def _fields(fluid: FluidSystem, x: Array) -> tuple[Array, Array]:
 
 
 def _told(
-    run: Run, equations: FlowEquations, solution: Solution, cloud: Cloud, forces: Exchange, growth: Array
+    run: Run, equations: FlowEquations, solution: Solution, cloud: Cloud, forces: Exchange, growth: Array, walls: Array
 ) -> list[float]:
     """What is told of a step: of the flow, then of the grains and of what the two exchange."""
     system, measures = run.system, run.measures
@@ -363,7 +473,7 @@ def _told(
     sizes = float(np.abs(forces.drag).sum() + np.abs(bed).sum()) + pushed
     off = float(np.abs(bed + steep - forces.drag.sum(axis=0)).max())
     free = np.where(np.isinf(system.mass), 0.0, system.mass)[:, None]
-    by_axes = [forces.drag, forces.pressure, free * system.acceleration, free * forces.v]
+    by_axes = [forces.drag, forces.pressure, free * system.acceleration, free * forces.v, walls[None]]
     volume, whole = float(mass @ cloud.share), float(system.volume.sum())
     numbers = [volume, abs(volume - whole) / whole if whole else 0.0, off / sizes if whole and sizes else 0.0]
     return [*told.tolist(), *np.concatenate([one.sum(axis=0) for one in by_axes]).tolist(), *numbers]
@@ -377,8 +487,12 @@ def _columns(run: Run) -> Measures:
 
 
 def _frame(run: Run) -> SuspensionFrame:
-    state, flow = run.state, frame_of(run.system.fluid, run.t, run.state.flow)
-    return SuspensionFrame(flow.t, flow.u, flow.p, flow.c, flow.us, state.x.copy(), state.v.copy(), state.drag.copy())
+    system, state, flow = run.system, run.state, frame_of(run.system.fluid, run.t, run.state.flow)
+    of_contacts = told_of_contacts(
+        system.contacts, state.grains, float(system.filter.mass.sum()), system.fluid.dimension
+    )
+    of_grains = (state.x.copy(), state.v.copy(), state.drag.copy())
+    return SuspensionFrame(flow.t, flow.u, flow.p, flow.c, flow.us, *of_grains, *of_contacts)
 
 
 def _result(run: Run, scene: SuspensionScene, began: float) -> SuspensionResult:
@@ -411,7 +525,16 @@ def _result(run: Run, scene: SuspensionScene, began: float) -> SuspensionResult:
         for what in kinds
         if worst[f"{what}_imbalance"] > IMBALANCE
     ]
-    plain = gather_suspension(system, measures, run.system.radii, run.frames, run.history, stats)
+    left = float(rows[:, columns.index("coupling_change")].max(initial=0.0))
+    if run.system.contacts is not None:
+        stats["substeps"] = int(rows[:, columns.index("substeps")].sum())
+        stats["coupling_change"] = left
+    if left > max(LEFT, scene.rtol):
+        stats["warnings"].append(
+            f"the drag on the grains and that of the fluid differed by {left:.1e} after {ENOUGH} repetitions of a "
+            "step: give a shorter [steps] dt"
+        )
+    plain = gather_suspension(system, measures, run.system.radii, run.frames, run.history, stats, scene.walls)
     return replace(plain, origin=origin_now(scene, system.kernel.key))
 
 
@@ -430,6 +553,10 @@ def _save(run: Run, path: Path, key: str) -> None:
     arrays["history"] = np.array(run.history, dtype=float).reshape(-1, len(HISTORY) + len(_columns(run).columns))
     if state.scales is not None:
         arrays["scales"] = state.scales
+    if state.grains is not None:
+        about, own = grain_checkpoint.told(state.grains)
+        told["grains"] = about
+        arrays |= {f"grains_{name}": array for name, array in own.items()}
     write_state(path, key, {**told, **kept}, {**arrays, **beside})
 
 
@@ -447,6 +574,7 @@ def _load(run: Run, path: Path, key: str) -> None:
         run.state = State(
             step=int(told["step"]),
             **given,
+            grains=None if run.state.grains is None else grain_checkpoint.told_again(told["grains"], arrays, "grains_"),
             scales=arrays["scales"] if told["scaled"] else None,
             rate=float(told["rate"]),
             size=float(told["size"]),
@@ -471,4 +599,5 @@ def load_suspension_frames(path: Path) -> SuspensionResult:
         path, SuspensionFrame, lambda origin: made_ready(scene_from(origin, SuspensionScene))
     )
     stats = {"elements": system.fluid.scene.elements, "warnings": [words]}
-    return gather_suspension(system.fluid, measures_of(system.fluid), system.radii, frames, [], stats)
+    walls = tuple(scene.walls) if isinstance(scene := system.fluid.scene, SuspensionScene) else ()
+    return gather_suspension(system.fluid, measures_of(system.fluid), system.radii, frames, [], stats, walls)

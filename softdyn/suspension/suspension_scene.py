@@ -1,9 +1,9 @@
 """Scenes of grains in a fluid: their keys, what must hold of these together, and scene files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,13 @@ from softdyn.errors import SceneError
 from softdyn.fluid.bed import CLOSURE
 from softdyn.fluid.fluid_scene import FluidScene, check_fluid, fluid_fields_from
 from softdyn.particles.particle_keys import POSITIONS, RADII
-from softdyn.scene.keys import Key, with_keys
-from softdyn.scene.kinds import FLAG, POSITIVE, between, choice
+from softdyn.scene.keys import Key, Section, with_keys
+from softdyn.scene.kinds import FLAG, LAW, NAMES, POSITIVE, between, choice
 from softdyn.scene.reading import scene_of_file
 from softdyn.words import listed
+
+if TYPE_CHECKING:
+    from softdyn.particles.mechanisms.coulomb import Friction
 
 #: Width of the filter over the largest radius, where a scene does not say.
 WIDTH = 3.0
@@ -93,6 +96,26 @@ class SuspensionScene(FluidScene):
         Key("[particles] held", FLAG, "Whether the grains keep the velocities that they start with, at rest without."),
     ] = False
     drag: Annotated[Any, Key("[closures] drag", CLOSURE, "The drag on a grain, a closure that gives it.")] = None
+    law: Annotated[
+        Any,
+        Key("law", LAW, "The contact law of grains that touch, a dry one; its parameters stand in [parameters], too."),
+    ] = None
+    friction: Annotated[
+        "Friction | None",
+        Section(
+            "[friction]",
+            "softdyn.particles.mechanisms.coulomb:Friction",
+            "Coulomb friction of surfaces that touch, and what resists rolling and twisting.",
+        ),
+    ] = None
+    walls: Annotated[
+        Sequence[str],
+        Key(
+            "[contacts] walls",
+            NAMES,
+            "Flat parts of the mesh's boundary that grains touch, and which keep them in, by their names.",
+        ),
+    ] = ()
     width: Annotated[
         float | None,
         Key(
@@ -140,6 +163,11 @@ def check_suspension(scene: SuspensionScene) -> None:
         faults.append("[particles] radii is missing")
     if scene.grain_density is None and not scene.held:
         faults.append("[particles] density is missing: grains have inertia, unless they are held")
+    contacts = {"[friction]": scene.friction is not None, "[contacts] walls": bool(len(scene.walls))}
+    if scene.law is None:
+        faults += [f'{name} needs a contact law, as law = "hertz"' for name in contacts if contacts[name]]
+    elif scene.held:
+        faults.append("law is of no use to grains that are held: leave it out")
     if faults:
         raise SceneError(listed(faults))
     check_fluid(scene)

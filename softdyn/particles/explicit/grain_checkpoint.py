@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softdyn.particles.checkpoint import LEFT_OUT
 from softdyn.particles.explicit.grains import Grains, GrainSystem
@@ -33,6 +36,29 @@ def fingerprint(system: GrainSystem) -> str:
     return total.hexdigest()
 
 
+def told(state: Grains) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Numbers and arrays of a state: all that the steps to come depend on."""
+    about = {name: getattr(state, name) for name in NUMBERS} | {"counts": state.counts}
+    return about, {name: getattr(state, name) for name in ARRAYS}
+
+
+def told_again(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], before: str = "") -> Grains:
+    """State of numbers and arrays as :func:`told` gives them, the names of the arrays with something before them.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If there is one missing, or of another kind.
+    """
+    numbers = {name: float(about[name]) for name in NUMBERS if name != "turns"}
+    return Grains(
+        **{name: arrays[before + name] for name in ARRAYS},  # type: ignore[arg-type]
+        **numbers,  # type: ignore[arg-type]
+        turns=int(about["turns"]),
+        counts={name: int(value) for name, value in about["counts"].items()},
+    )
+
+
 def save(path: Path, state: Grains, key: str) -> None:
     """Write a checkpoint.
 
@@ -41,8 +67,8 @@ def save(path: Path, state: Grains, key: str) -> None:
     SceneError
         If it cannot be written; then the one before it is still there.
     """
-    about = {name: getattr(state, name) for name in NUMBERS} | {"counts": state.counts, "frames": len(state.frames)}
-    arrays = {name: getattr(state, name) for name in ARRAYS}
+    about, arrays = told(state)
+    about["frames"] = len(state.frames)
     arrays["steps"] = np.array(state.history_rows, dtype=float).reshape(-1, len(HISTORY))
     write_state(path, key, about, arrays)
 
@@ -57,12 +83,6 @@ def load(path: Path, key: str) -> Grains:
     """
     with reading_checkpoint(path):
         about, arrays = read_state(path, key)
-        numbers = {name: float(about[name]) for name in NUMBERS if name != "turns"}
-        return Grains(
-            **{name: arrays[name] for name in ARRAYS},  # type: ignore[arg-type]
-            **numbers,  # type: ignore[arg-type]
-            turns=int(about["turns"]),
-            counts={name: int(value) for name, value in about["counts"].items()},
-            history_rows=[(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["steps"]],
-            frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
-        )
+        rows = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["steps"]]
+        frames = go_on(frames_beside(path), Frame, key, int(about["frames"]))
+        return replace(told_again(about, arrays), history_rows=rows, frames=frames)

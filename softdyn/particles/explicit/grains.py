@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,7 +137,7 @@ class Grains:
     frames: list[Frame] | FrameFile[Frame] = field(default_factory=list)
 
 
-def by_number(state: Grains, values: Array) -> Array:
+def by_number(state: Grains, values: NDArray[Any]) -> NDArray[Any]:
     """Rows in the order of the particles' numbers, from those in the order of their cells."""
     sorted_back = np.empty_like(values)
     sorted_back[state.order] = values

@@ -103,6 +103,18 @@ def integrate(
                 after_stretch()
 
 
+def carry_to(system: GrainSystem, state: Grains, goal: float, pool: ThreadPoolExecutor) -> None:
+    """Carry a state on to a time, in place, without anything told: for who has the grains in something else.
+
+    Raises
+    ------
+    IntegrationError
+        The state is then the last good one.
+    """
+    while state.t < goal:
+        _stretch(system, state, goal, pool)
+
+
 def frame_now(system: GrainSystem, state: Grains) -> Frame:
     """Frame of the present state."""
     walls, speeds = walls_at(system, state.t)
