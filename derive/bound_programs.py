@@ -74,7 +74,12 @@ class BoundProgram:
     steps: tuple[Step, ...]
     parts: int
 
-    def on(self, ends: Sequence[Span], frame: Frame, kept: int = 1) -> tuple[Box, Value]:
+    @property
+    def has_logarithms(self) -> bool:
+        """Whether a logarithm is among the steps."""
+        return any(name in ("log", "log1p") for name, _, _ in self.steps)
+
+    def on(self, ends: Sequence[Span], frame: Frame, kept: int = 1, kind: type[Box] = Box) -> tuple[Box, Value]:
         """Value on a box.
 
         Parameters
@@ -85,13 +90,14 @@ class BoundProgram:
             Logarithms of the variables by coordinates.
         kept : int
             Terms kept of each sum.
+        kind : type of Box
 
         Raises
         ------
         OutOfReachError
             If nothing is known of it.
         """
-        box = Box(ends, frame, self.parts, kept)
+        box = kind(ends, frame, self.parts, kept)
         found: list[Any] = []
         for name, what, places in self.steps:
             try:
@@ -332,7 +338,7 @@ def _on_known(operation: Callable[[Box, Any, list[Any]], Any]) -> Callable[[Box,
 
 
 _STEPS: dict[str, Callable[[Box, Any, list[Any]], Any]] = {
-    "variable": lambda box, powers, _: Value(((powers, Fraction(1)),), 1),
+    "variable": lambda box, powers, _: box.variable(powers),
     "number": lambda box, number, _: box.constant(number),
     "truth": lambda box, truth, _: truth,
     "+": _on_known(lambda box, _, values: box.total(values)),

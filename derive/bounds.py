@@ -186,6 +186,10 @@ class Box:
 
     # ---------------------------------------------------------------------------------------------- terms
 
+    def variable(self, powers: Powers) -> Value:
+        """A variable by itself."""
+        return Value(((powers, Fraction(1)),), 1)
+
     def exponents(self, powers: Powers) -> Span:
         """Bounds of the logarithm of a monomial."""
         low = high = size = 0.0

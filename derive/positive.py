@@ -59,6 +59,7 @@ from softdyn.derive.bounds import (
     unit_frame,
     up,
 )
+from softdyn.derive.logarithm_bounds import LogarithmBox
 from softdyn.derive.patience import nodes, spend
 from softdyn.derive.soundness import rewritable, tidy
 from softdyn.derive.symbols import h
@@ -364,13 +365,14 @@ class _Search:
 
     def positive(self, part: Part) -> bool:
         """Whether the expression is certainly positive on a box."""
-        for kept in (1, KEPT):
-            for program in self.programs:
-                try:
-                    if program.on(*part, kept)[1].sign > 0:
-                        return True
-                except OutOfReachError:
-                    continue
+        tried = [(program, kept, Box) for kept in (1, KEPT) for program in self.programs]
+        tried += [(program, KEPT, LogarithmBox) for program in self.programs if program.has_logarithms]
+        for program, kept, kind in tried:
+            try:
+                if program.on(*part, kept, kind)[1].sign > 0:
+                    return True
+            except OutOfReachError:
+                continue
         return False
 
     def halves(self, part: Part) -> tuple[Part, Part] | None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import pytest
-from sympy import Abs, Rational, pi, sqrt
+from sympy import Abs, Expr, Rational, Symbol, log, pi, sqrt
 
-from softdyn.derive import ContactLaw, E, F, Limit, R, a, delta, eta, h
+from softdyn.derive import LENGTH, ContactLaw, E, F, Limit, R, a, delta, eta, h
 from softdyn.derive.error_bounds import check_errors
 from softdyn.errors import LawError
 
@@ -44,6 +45,41 @@ def test_a_smaller_one_is_refuted_by_numbers_in_the_box() -> None:
 def test_a_form_that_is_off_by_a_factor_is_refuted() -> None:
     findings = check_errors(claiming({"zeta": 0.5, "dh_dt": 0.05}, small, dh_dt=-Rational(11, 10) * F / near))
     assert [finding.verdict for finding in findings] == ["proved", "disproved"]
+
+
+b = Symbol("b", positive=True)
+#: Friction of surfaces with slip over that without it (Vinogradova 1995), and what is left of it at h << b.
+slip = h / (3 * b) * ((1 + h / (6 * b)) * log(1 + 6 * b / h) - 1)
+
+
+def slipping(form: Expr, error: float, where: dict[Any, Any]) -> ContactLaw:
+    limit = Limit("slip", order=(delta, h, b, R), claims={"zeta": near * h / (3 * b) * form}, within={"zeta": error})
+    common = claiming({}, {})
+    limits = (replace(limit, where=where),)
+    return replace(common, zeta=near * slip, parameters={b: LENGTH}, typical={b: R / 100}, limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("form", "error", "verdict"),
+    [
+        (log(6 * b / h) - 1, 0.001, "proved"),
+        (log(6 * b / h) - 1, 1e-4, "disproved"),
+        (log(6 * b / h), 0.15, "proved"),
+        (log(6 * b / h), 0.1, "disproved"),
+    ],
+    ids=str,
+)
+def test_a_logarithm_without_end_is_bounded(form: Expr, error: float, verdict: str) -> None:
+    """With x = h/b < 1e-3: found/claimed - 1 is x (L + 1)/6/(L - 1) < 2.2e-4, L = log(6/x), and 1/L < 0.115."""
+    (finding,) = check_errors(slipping(form, error, {h / b: 1e-3}))
+    assert finding.verdict == verdict
+
+
+def test_the_box_of_an_error_with_a_logarithm_is_found() -> None:
+    """What is left out is x (L + 1)/6/(L - 1): 0.05 at x = 0.167."""
+    (finding,) = check_errors(slipping(log(6 * b / h) - 1, 0.05, {}))
+    assert finding.verdict == "proved"
+    assert 0.09 < float(finding.where[h / b]) < 0.167
 
 
 @pytest.mark.slow

@@ -12,14 +12,32 @@ import pytest
 import sympy
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from sympy import Abs, Expr, Interval, Piecewise, Rational, Symbol, cosh, exp, log, pi, sign, sin, sqrt, tanh
+from sympy import (
+    Abs,
+    Add,
+    Expr,
+    Integer,
+    Interval,
+    Piecewise,
+    Rational,
+    Symbol,
+    cosh,
+    exp,
+    log,
+    pi,
+    sign,
+    sin,
+    sqrt,
+    tanh,
+)
 
 import softdyn
 from softdyn import particles
 from softdyn.derive import DIMENSIONLESS, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.bound_programs import bound_program
-from softdyn.derive.bounds import OutOfReachError, unit_frame
+from softdyn.derive.bounds import Box, OutOfReachError, unit_frame
 from softdyn.derive.checks import pressed_only, signs_of
+from softdyn.derive.logarithm_bounds import LogarithmBox
 from softdyn.derive.positive import Positivity, positivity, ranges_between, ranges_of_positive
 from softdyn.errors import IntegrationError, LawError, SceneError
 from softdyn.laws import law_of, stock_laws
@@ -123,10 +141,18 @@ def random_expression(draw: random.Random, depth: int) -> Expr:
     )()
 
 
-def bounds_hold(seed: int) -> bool | None:
+def random_logarithms(draw: random.Random) -> Expr:
+    """A sum of logarithms of what may be as small or large as one likes, with factors."""
+    arguments = [h, b, h / b, 6 * b / h, h + b, 1 + h / b, 1 + b / h, h + sqrt(h * b), sqrt(h) / b]
+    powers = [Integer(1), h / b, sqrt(b / h), 1 / log(2 + h / b), b]
+    terms = (draw.randint(-5, 5) * draw.choice(powers) * log(draw.choice(arguments)) for _ in range(3))
+    return Add(*terms) + draw.randint(-3, 3)
+
+
+def bounds_hold(seed: int, kind: type[Box] = Box) -> bool | None:
     """Whether bounds on a random box hold the values, to 50 digits, at random points; None if there are no bounds."""
     draw = random.Random(seed)
-    expr = random_expression(draw, 3)
+    expr = random_logarithms(draw) if kind is LogarithmBox else random_expression(draw, 3)
     if expr.has(sympy.zoo, sympy.nan):
         return None
     # an exponential of another has more digits than can be had
@@ -138,10 +164,11 @@ def bounds_hold(seed: int) -> bool | None:
         high = low + draw.choice([0.0, 1e-3, 1.0, 30.0])
         ends.append(draw.choice([(low, high), (low, high), (-math.inf, high), (low, math.inf)]))
     function = sympy.lambdify([h, b], expr, modules="mpmath", dummify=True)
+    frame = unit_frame(2) if kind is Box or seed % 3 else ((1, 0), (1, 1))
     looked = None
     for kept in (1, 4):
         try:
-            box, value = bound_program(expr, [h, b], {}).on(ends, unit_frame(2), kept)
+            box, value = bound_program(expr, [h, b], {}).on(ends, frame, kept, kind)
         except OutOfReachError:
             continue
         low, high = box.bounds(value)
@@ -149,7 +176,8 @@ def bounds_hold(seed: int) -> bool | None:
             at = [draw.uniform(max(lo, hi - 60), hi) if hi < math.inf else draw.uniform(lo, lo + 60) for lo, hi in ends]
             with mpmath.workdps(400):
                 try:
-                    exact = function(*(mpmath.exp(mpmath.mpf(u)) for u in at))
+                    scales = (sum(k * mpmath.mpf(u) for k, u in zip(row, at, strict=True)) for row in frame)
+                    exact = function(*map(mpmath.exp, scales))
                 except (ZeroDivisionError, OverflowError):
                     continue
                 if mpmath.im(exact) != 0:
@@ -167,6 +195,13 @@ def test_bounds_hold_every_value() -> None:
     verdicts = [bounds_hold(seed) for seed in range(150)]
     assert False not in verdicts
     assert verdicts.count(True) > 75
+
+
+@pytest.mark.slow
+def test_bounds_hold_every_value_where_logarithms_are_terms() -> None:
+    verdicts = [bounds_hold(seed, LogarithmBox) for seed in range(600)]
+    assert False not in verdicts
+    assert verdicts.count(True) > 500
 
 
 @pytest.mark.slow
