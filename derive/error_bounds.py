@@ -14,13 +14,13 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import mpmath
-from sympy import Dummy, Expr, Integer, Matrix, Mul, Pow, Rational, Symbol, lambdify, log, powsimp
+from sympy import Dummy, Expr, Integer, Matrix, Mul, Pow, Rational, Symbol, powsimp
 
 from softdyn.derive.bounds import INF
 from softdyn.derive.checks import chains
 from softdyn.derive.dominant_balance import definitions
 from softdyn.derive.law import ranges_of
-from softdyn.derive.positive import CERTAIN, Domain, Positivity, Range, logarithm_of, positivity, ranges_between, ranges_of_positive
+from softdyn.derive.positive import Positivity, Range, logarithm_of, positivity, ranges_between, ranges_of_positive
 from softdyn.derive.soundness import tidy
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, delta, h
 

@@ -104,7 +104,7 @@ def _extent(ends: Sequence[Span], row: Sequence[int]) -> Span:
 
 
 def _exponent(p: float, q: float, y: float) -> float:
-    """p y + q log(abs(y)), or its limit at an end."""
+    """Return p y + q log(abs(y)), or its limit at an end."""
     if abs(y) == INF:
         return p * y if p else math.copysign(INF, q)
     if y == 0:
@@ -113,5 +113,6 @@ def _exponent(p: float, q: float, y: float) -> float:
 
 
 def _slack(p: float, q: float, ends: Span) -> float:
-    finite = [abs(p * y) + abs(q) * (1 + abs(math.log(abs(y)))) for y in (*ends, -q / p if p else 0.0) if 0 < abs(y) < INF]
+    points = [y for y in (*ends, -q / p if p else 0.0) if 0 < abs(y) < INF]
+    finite = [abs(p * y) + abs(q) * (1 + abs(math.log(abs(y)))) for y in points]
     return max(finite, default=0.0) * SLACK
