@@ -70,7 +70,7 @@ from softdyn.derive.law import (
 from softdyn.derive.patience import within
 from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, eta, h
-from softdyn.derive.witness import inequalities, side_of
+from softdyn.derive.witness import EXPONENTIAL, inequalities, side_of
 from softdyn.words import in_columns
 
 if TYPE_CHECKING:
@@ -354,7 +354,7 @@ def _directions(law: ContactLaw) -> tuple[dict[Symbol, Normal], dict[Symbol, int
         else:
             alike.append([symbol])
     scales: dict[Symbol, int] = {}
-    for group in alike:
+    for group in _tied(law, alike):
         mean = sum(decades[symbol] for symbol in group) / len(group)
         scales |= dict.fromkeys(group, round(2 * mean) or (1 if mean > 0 else -1))
     whole = primitive(list(scales.values()))
@@ -366,6 +366,34 @@ def directions_of(diagram: Diagram) -> dict[Symbol, Normal]:
     """Exponents of h, delta and the parameters as linear forms of the axes of a diagram's cones."""
     scales = {symbol: (0, 0, power) for symbol, power in diagram.scales.items()}
     return {h: (1, 0, 0), size: (0, 1, 0), **scales} if scales else {h: (1, 0), size: (0, 1)}
+
+
+#: Where a ratio of parameters is at least so large, exp(-ratio) counts as smaller than all powers.
+VANISHES = 10
+
+
+def _tied(law: ContactLaw, groups: Sequence[Sequence[Symbol]]) -> list[list[Symbol]]:
+    """Join groups of parameters where an exponential holds a ratio of them by itself, as exp((s0 - h)/ell) does.
+
+    Were s0 not of one order with ell, exp(s0/ell) would be infinite: it is a number, however large.
+    """
+    values = sample_values(law)
+    place = {symbol: i for i, group in enumerate(groups) for symbol in group}
+    for expr in (law.a, law.F_ela, law.zeta, law.F_adh):
+        for function in sorted(expr.atoms(*EXPONENTIAL), key=str):
+            for term in Add.make_args(function.args[0].expand()):
+                powers = term.as_powers_dict()
+                pair = [symbol for symbol in powers if symbol.is_Symbol]
+                if not set(pair) <= place.keys() or len(pair) != 2 or powers[pair[0]] != -powers[pair[1]]:
+                    continue
+                one, other = sorted(place[symbol] for symbol in pair)
+                value = term.subs(values)
+                if one != other and abs(value) > 1 and (value > 0 or -value < VANISHES):
+                    place = {symbol: one if i == other else i for symbol, i in place.items()}
+    found: dict[int, list[Symbol]] = {}
+    for symbol, i in place.items():
+        found.setdefault(i, []).append(symbol)
+    return list(found.values())
 
 
 #: Powers of ten that eps has gone through where a sign is taken: it must be the same at all of them.

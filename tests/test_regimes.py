@@ -33,7 +33,7 @@ from sympy import (
     sqrt,
 )
 
-from softdyn.derive import DIMENSIONLESS, LENGTH, ContactLaw, E, R, a, delta, eta, h
+from softdyn.derive import DIMENSIONLESS, FORCE, LENGTH, ContactLaw, E, R, a, delta, eta, h
 from softdyn.derive.cones import dot, hull_normals
 from softdyn.derive.films import find_films
 from softdyn.derive.laws.rognon_gay import law as rognon_gay
@@ -398,6 +398,29 @@ def test_a_law_that_takes_too_long_is_given_up() -> None:
 strength = st.integers(1, 9).map(Integer)
 powers = st.sampled_from([Integer(0), S.Half, Integer(1), Rational(3, 2), Integer(2)])
 span = Symbol("span", positive=True)
+
+
+A, ell, s0 = (Symbol(name, positive=True) for name in ("A", "ell", "s0"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [4, 20])
+def test_a_ratio_of_parameters_within_an_exponential_is_a_number(ratio: int) -> None:
+    """exp((s0 - h)/ell) at s0 = 4 ell and 20 ell: exp(s0/ell) is not infinite, and stands in the forms as it is."""
+    hydrated = ContactLaw(
+        name="hydrated",
+        a=sqrt(2 * R * (hbar + Abs(delta))),
+        F_ela=Rational(4, 9) * E * a * delta,
+        zeta=3 * pi * eta * a**4 / (2 * hbar**3),
+        F_adh=-A * exp((s0 - h) / ell),
+        parameters={A: FORCE, ell: LENGTH, s0: LENGTH},
+        typical={A: E * R**2 / 1000, ell: R / 1000, s0: ratio * R / 1000},
+    )
+    diagram = discover(hydrated)
+    assert diagram.scales[ell] == diagram.scales[s0]
+    assert not any(regime.undecided for regime in diagram.regimes)
+    forms = {regime.forms["F_adh"].leading for regime in diagram.regimes if "F_adh" in regime.forms}
+    assert forms == {-A * exp(s0 / ell)}
 
 
 @st.composite
