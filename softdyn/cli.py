@@ -878,19 +878,22 @@ def _keys(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from softdyn.scene.reading import is_particle_scene, read_toml
+    from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 
     file = found_scene(options.scene)
-    if is_particle_scene(read_toml(file)):
-        from softdyn.rheology.sweep_command import sweep_particles
+    content = read_toml(file)
+    if is_particle_scene(content) or is_fluid_scene(content):
+        from softdyn.rheology.sweep_command import sweep_scenes
 
-        return sweep_particles(options, file)
+        return sweep_scenes(options, file)
     from softdyn.pair.sweep import in_words, sweep
     from softdyn.scene.pair_scene import read_scene
     from softdyn.varied import read_varied
 
     if options.array or options.gather or options.task is not None:
-        raise SceneError("--array, --task and --gather are for scenes of many particles, whose runs are long")
+        raise SceneError(
+            "--array, --task and --gather are for scenes of many particles or of a fluid, whose runs are long"
+        )
     if options.output.suffix not in (".npz", ".csv"):
         raise SceneError(f"cannot save to {options.output}: the ending must be .npz or .csv")
     vary = read_varied(options.vary)

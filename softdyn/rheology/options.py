@@ -15,10 +15,12 @@ SWEPT = """
 A scene of two particles: a parameter of the law, a constant of the drive, h, delta, force, velocity or kappa is varied,
 and the table has the outputs of all runs.
 
-A scene of many particles: any number of the scene, by its key, as packing.fraction, until.strain or shear_rate (softdyn
-keys lists them). The result of each run is a file in FILE.runs/ (without FILE's ending); the table has a row for each
-run: whether it was steady, and since when, means with errors, and last values. A run that fails is named, and the
-others go on. Killed, the same command goes on from there.
+A scene of many particles, of a fluid, or of grains in one: any number of the scene, by its key, as packing.fraction,
+until.strain, shear_rate or fluid.viscosity (softdyn keys lists them). The result of each run is a file in FILE.runs/
+(without FILE's ending); the table has a row for each run. Of particles: whether it was steady, and since when, means
+with errors, and last values. Of a fluid: forces, fluxes, powers and imbalances; of flows that are not steady the means
+over the second half of the time, the least and largest values of that half, and the last ones. A run that fails is
+named, and the others go on. Killed, the same command goes on from there.
 
 examples:
   softdyn sweep scene.toml --vary 'kappa=logspace(-6,-0.5,100)' -o table.csv
@@ -36,12 +38,12 @@ def runs_folder(output: Path) -> Path:
 
 def add_sweep_options(parser: argparse.ArgumentParser, *, required: bool) -> None:
     """Options of commands that make many runs."""
-    many = "many particles: " if required else ""
+    many = "not of two particles: " if required else ""
     parser.add_argument(
         "scene",
         metavar="SCENE",
         type=Path,
-        help="a .toml file, or a scene of many particles that comes with softdyn, by name",
+        help="a .toml file, or a scene that comes with softdyn, by name",
     )
     parser.add_argument(
         "--vary",
@@ -54,7 +56,7 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, required: bool) -> Non
     )
     parser.add_argument(
         "-o", dest="output", metavar="FILE", type=Path, required=True,
-        help=f"one table: .csv, .npz, or{', of many particles,' if required else ''} .nc (netCDF)",
+        help=f"one table: .csv, .npz, or{', but of two particles,' if required else ''} .nc (netCDF)",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.results.whole_files import written_whole
+from softdyn.rheology.kinds import Measured, kind_of
 from softdyn.rheology.runs import Run
 
 if TYPE_CHECKING:
     from xarray import Dataset
-
-    from softdyn.particles.results import ParticleResult
 
 Array = NDArray[np.float64]
 
@@ -103,9 +102,10 @@ class RunTable:
             raise SceneError("this needs xarray: pip install 'softdyn[data]'") from None
         names = {name: name.replace(".", "_") for name in self.axes}
         shape = tuple(len(values) for values in self.axes.values())
+        besides = {name.replace(".", "_"): values for name, values in self.varied.items() if name not in names}
         data: dict[str, Any] = {
             name: (tuple(names.values()), values.reshape(shape))
-            for name, values in self.columns.items()
+            for name, values in {**besides, **self.columns}.items()
             if name not in names.values()
         }
         return Made(data, coords={names[name]: values for name, values in self.axes.items()})
@@ -114,7 +114,7 @@ class RunTable:
 def gathered(
     runs: Sequence[Run],
     axes: Mapping[str, Array],
-    measured: Any,
+    measured: Callable[[Any, Run], Measured],
 ) -> RunTable:
     """Gather the results of runs into one table.
 
@@ -122,60 +122,28 @@ def gathered(
     ----------
     runs : sequence of Run
         All combinations of ``axes``.
-    axes : mapping from str to array
-    measured : function of a ParticleResult and a Run
+    axes : mapping from str to array, shape (values,)
+    measured : function of a result and a Run
         Gives a mapping from names to numbers, and a note or "".
     """
-    from softdyn.particles.results import load_particles
+    from softdyn.results.registry import load_result
     from softdyn.rheology.runs import states
 
     done, failed, missing = states(runs)
     rows: dict[int, Mapping[str, float]] = {}
     notes: dict[int, str] = {}
     for run in done:
-        rows[run.number], note = measured(load_particles(run.result), run)
+        rows[run.number], note = measured(load_result(run.result), run)
         if note:
             notes[run.number] = note
     names = list(dict.fromkeys(name for row in rows.values() for name in row))
     columns = {
         name: np.array([rows.get(run.number, {}).get(name, math.nan) for run in runs]) for name in names or ["t_end"]
     }
-    varied = {name: np.array([run.values[name] for run in runs]) for name in axes}
+    varied = {name: np.array([run.values[name] for run in runs]) for name in runs[0].values}
     return RunTable(varied, columns, failed, tuple(missing), notes, dict(axes))
 
 
-def measured_run(result: ParticleResult, run: Run) -> tuple[dict[str, float], str]:
-    """What is known of a run: its end, whether it was steady, means with errors, and last values.
-
-    Returns
-    -------
-    dict from str to float
-        ``steady`` is 1 or 0; of what is not, means are those of the last half, and ``NAME_error`` is nan, for there is
-        no error of a mean that does not exist.
-    str
-        Why it is not steady, or "".
-    """
-    from softdyn.rheology.measures import JUDGED, even_part, ratio, series, sheared_by
-    from softdyn.rheology.steady_state import steady_state
-
-    found = series(result)
-    row = {"t_end": float(result.t[-1]), "strain_end": float(sheared_by(result)[-1])}
-    even = even_part(result.t)
-    note = "" if even else "output times are not evenly spaced: no steady state can be told"
-    if even:
-        judged = tuple(name for name in JUDGED if name in found)
-        state = steady_state({name: values[:even] for name, values in found.items()}, judged)
-        row |= {
-            "steady": float(state.steady),
-            "steady_from": float(result.t[state.start]) if state.steady else math.nan,
-        }
-        note = state.why
-        for name, mean in state.means.items():
-            row |= {name: mean.value, f"{name}_error": mean.error if state.steady else math.nan}
-        if row.get("shear_rate"):
-            value, error = ratio(
-                row["shear_stress"], row["shear_stress_error"], row["shear_rate"], row["shear_rate_error"]
-            )
-            row |= {"viscosity": value, "viscosity_error": error}
-    row |= {f"{name}_end": float(values[-1]) for name, values in found.items() if len(values)}
-    return row, note
+def measured_run(result: Any, run: Run) -> Measured:
+    """What is told of a run by itself; see :mod:`softdyn.rheology.measured_runs`."""
+    return kind_of(run.content).measured(result)

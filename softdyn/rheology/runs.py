@@ -1,4 +1,4 @@
-"""Many runs of scenes of many particles, each a task of its own whose result is a file.
+"""Many runs of scenes, each a task of its own whose result is a file.
 
 A folder holds, for each run, by its number: ``NNNN.npz``, its result; or ``NNNN.failed.txt``, why there is none; while
 it goes on, a checkpoint and frames. Whatever ends the work, carried out again it goes on: a result that is there is
@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError, SoftdynError
-from softdyn.particles.files import particle_scene_from
-from softdyn.particles.particle_keys import ParticleScene
 from softdyn.results.state_file import remove
 from softdyn.results.whole_files import written_whole
+from softdyn.rheology.kinds import kind_of
 from softdyn.scene.varied_content import with_values
 from softdyn.sent_sources import laws_in
 from softdyn.tasks import carried_out, is_begun
@@ -116,12 +115,18 @@ def planned(
     count = math.prod(len(values) for values in vary.values())
     if not 1 <= count <= MOST_RUNS:
         raise SceneError(f"{count} runs: 1 to {MOST_RUNS} are made, each with a file of its own; vary fewer values")
-    made = build or (lambda given, values: with_values(ParticleScene, given, values))
+    made = build or putting(content)
     runs = []
     for number, values in enumerate(product(*vary.values())):
         named = {name: float(value) for name, value in zip(vary, values, strict=True)}
         runs.append(Run(number, named, made(dict(content), named), home, folder, protocol or {}))
     return runs
+
+
+def putting(content: Mapping[str, Any]) -> Callable[[Content, Mapping[str, float]], Content]:
+    """What puts numbers into their places in the content of a scene of this kind."""
+    scene = kind_of(content).scene
+    return lambda given, values: with_values(scene, given, values)
 
 
 def begin(runs: Sequence[Run]) -> None:
@@ -132,7 +137,9 @@ def begin(runs: Sequence[Run]) -> None:
     SceneError
         Also if the first scene cannot be used.
     """
-    is_begun(runs[0].folder, _identity(runs))
+    first = runs[0]
+    kind_of(first.content).read(first.content, first.home)
+    is_begun(first.folder, _identity(runs))
 
 
 def _identity(runs: Sequence[Run]) -> str:
@@ -141,21 +148,25 @@ def _identity(runs: Sequence[Run]) -> str:
     from softdyn.kernels import tool_digest
     from softdyn.laws import law_of
 
-    law = runs[0].content.get("law")
-    if not isinstance(law, str):
-        raise SceneError('law is missing: law = "NAME"')
-    files = {name: _digest(runs[0].home / name) for name in sorted(set(_named(runs[0].content)))}
-    found = law_hash(law_of(str(runs[0].home / law) if ".py" in law else law))
+    content, home = runs[0].content, runs[0].home
+    law = content.get("law")
+    # flows have none
+    found = law_hash(law_of(str(home / law) if ".py" in law else law)) if isinstance(law, str) else "none"
+    files = {name: _digest(home / name) for name in sorted(set(_named(content)))}
     given = [found, tool_digest(), files, [[dict(run.values), run.content, dict(run.protocol)] for run in runs]]
     return sha256(json.dumps(given, default=str, sort_keys=True).encode()).hexdigest()
 
 
 def _named(content: Any) -> list[str]:
-    """All files that a scene names."""
+    """All files that a scene names: data, and those that declare something."""
     if isinstance(content, Mapping):
         own = [value for name, value in content.items() if name == "file" and isinstance(value, str)]
         return own + [name for value in content.values() for name in _named(value)]
-    return [name for value in content for name in _named(value)] if isinstance(content, list) else []
+    if isinstance(content, list):
+        return [name for value in content for name in _named(value)]
+    if isinstance(content, str) and ".py" in content:
+        return [content.rpartition(":")[0] if ".py:" in content else content]
+    return []
 
 
 def _digest(path: Path) -> str:
@@ -217,11 +228,10 @@ def carry_out(
 
 def _prepared(runs: Sequence[Run]) -> None:
     """Derive and compile once, before all workers want to."""
-    from softdyn.particles.particle_run import prepare_any
-
     for run in runs:
         try:
-            prepare_any(particle_scene_from(run.content, run.home))
+            kind = kind_of(run.content)
+            kind.ready(kind.read(run.content, run.home))
             return
         except SoftdynError:
             continue  # it says so itself, by name
@@ -232,11 +242,9 @@ def make(run: Run) -> str:
 
     Only what concerns this run is caught: an interrupt, or a lack of memory, ends all of them.
     """
-    from softdyn.particles.particle_run import simulate_particles
-
     try:
-        scene = particle_scene_from(run.content, run.home)
-        result = simulate_particles(scene, None, run.checkpoint, True, True)
+        kind = kind_of(run.content)
+        result = kind.simulate(kind.read(run.content, run.home), None, run.checkpoint, True, True)
         result.save(run.result)
     except SoftdynError as error:
         words = str(error)

@@ -1,4 +1,4 @@
-"""``softdyn sweep`` of a scene of many particles, and what all commands share that make many runs."""
+"""``softdyn sweep`` of a scene whose runs are long, and what all commands share that make many runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from softdyn.rheology.curves import Curves
 from softdyn.rheology.options import runs_folder
 from softdyn.rheology.run_table import ENDINGS, RunTable, gathered, measured_run
 from softdyn.rheology.runs import Content, Run, array_script, carry_out, planned
-from softdyn.scene.reading import is_particle_scene, read_toml
+from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 from softdyn.varied import read_varied
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -31,8 +31,8 @@ def require_table(output: Path) -> None:
         raise SceneError(f"cannot save to {output}: the ending must be one of {', '.join(ENDINGS)}")
 
 
-def sweep_particles(options: argparse.Namespace, file: Path) -> int:
-    """Sweep a scene of many particles, and write one table.
+def sweep_scenes(options: argparse.Namespace, file: Path) -> int:
+    """Sweep a scene of many particles, of a fluid, or of both, and write one table.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def sweep_particles(options: argparse.Namespace, file: Path) -> int:
     def finish() -> int:
         table = gathered(runs, vary, measured_run)
         table.save(options.output)
-        tell_steadiness(runs, table)
+        tell_steadiness(runs, table) if "steady" in table.columns else tell_notes(runs, table)
         print(f"wrote {options.output}; the results are in {runs_folder(options.output)}")
         return status_of(table)
 
@@ -59,9 +59,11 @@ def particle_content(file: Path) -> tuple[Content, Path]:
     Raises
     ------
     SceneError
-        Also if it is a scene of two.
+        Also if it is one of two, or of a fluid.
     """
     content = read_toml(file)
+    if is_fluid_scene(content):
+        raise SceneError(f"{file} is a scene of a fluid: here one of particles by themselves is needed")
     if not is_particle_scene(content):
         raise SceneError(f"{file} is a scene of two particles: here many are needed, with [particles] or [packing]")
     return content, file.parent
@@ -124,6 +126,15 @@ def tell_failures(runs: Sequence[Run], table: RunTable | Curves) -> None:
         print(f"softdyn: {runs[number].words} failed: {text}", file=sys.stderr)
     missing = f", {len(table.missing)} not made yet" if table.missing else ""
     print(f"{len(runs)} runs, {len(table.failed)} failed{missing}")
+
+
+def tell_notes(runs: Sequence[Run], table: RunTable) -> None:
+    """Tell how many runs there are, and what some warn of."""
+    for number, text in [*table.notes.items()][:TOLD]:
+        print(f"softdyn: warning: {runs[number].words}: {text}", file=sys.stderr)
+    if len(table.notes) > TOLD:
+        print(f"softdyn: and {len(table.notes) - TOLD} more, see the column note", file=sys.stderr)
+    tell_failures(runs, table)
 
 
 def tell_steadiness(runs: Sequence[Run], table: RunTable) -> None:

@@ -1,4 +1,4 @@
-"""The content of a scene file of many particles with some of its numbers replaced, by their names in the table of keys.
+"""The content of a scene file with some of its numbers replaced, by their names in the table of keys.
 
 A name is "section.key" as in the file, or the key alone where one section has it: "packing.fraction", "shear_rate".
 Parameters of the law and constants are "parameters.E" and "constants.w", or "E" and "w".
