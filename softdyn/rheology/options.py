@@ -37,14 +37,8 @@ def runs_folder(output: Path) -> Path:
 
 
 def add_sweep_options(parser: argparse.ArgumentParser, *, required: bool) -> None:
-    """Options of commands that make many runs."""
-    many = "not of two particles: " if required else ""
-    parser.add_argument(
-        "scene",
-        metavar="SCENE",
-        type=Path,
-        help="a .toml file, or a scene that comes with softdyn, by name",
-    )
+    """Options of commands that make many runs: a scene, what is varied, and how they are made."""
+    _add_scene(parser)
     parser.add_argument(
         "--vary",
         metavar="NAME=VALUES",
@@ -54,17 +48,30 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, required: bool) -> Non
         help="logspace(a,b,n), linspace(a,b,n), first..last (whole numbers) or x,y,...; repeatable, for every "
         "combination",
     )
+    if required:
+        _add_making(parser, "not of two particles: ", "but of two particles, .nc (netCDF)")
+    else:
+        _add_making(parser, "", ".nc (netCDF)")
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "-o", dest="output", metavar="FILE", type=Path, required=True,
-        help=f"one table: .csv, .npz, or{', but of two particles,' if required else ''} .nc (netCDF)",
-    )  # fmt: skip
+        "scene", metavar="SCENE", type=Path, help="a .toml file, or a scene that comes with softdyn, by name"
+    )
+
+
+def _add_making(parser: argparse.ArgumentParser, whose: str, last: str) -> None:
+    """Where the table goes, and who makes the runs; ``whose`` runs may be an array job, ``last``: a format."""
+    parser.add_argument(
+        "-o", dest="output", metavar="FILE", type=Path, required=True, help=f"one table: .csv, .npz, or {last}"
+    )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster (default: this machine's own processors)"
     )
     array = parser.add_mutually_exclusive_group()
-    array.add_argument("--array", action="store_true", help=f"{many}run nothing, print a script for SLURM")
-    array.add_argument("--task", metavar="N", type=int, help=f"{many}make run N alone, from 0 on")
-    array.add_argument("--gather", action="store_true", help=f"{many}make nothing, gather what is there")
+    array.add_argument("--array", action="store_true", help=f"{whose}run nothing, print a script for SLURM")
+    array.add_argument("--task", metavar="N", type=int, help=f"{whose}make run N alone, from 0 on")
+    array.add_argument("--gather", action="store_true", help=f"{whose}make nothing, gather what is there")
 
 
 def carried_out_by(name: str) -> Callable[[Any], int]:
@@ -139,6 +146,46 @@ examples:
 """
 
 
+UNCERTAINTY = """
+
+Parameters that are known as distributions only: the scene is run at N quasi-random samples (scrambled points of Sobol's
+sequence), and of each number that a run measures FILE.quantiles.csv tells mean, deviation and quantiles. Parameters are
+independent. With --sobol N (parameters + 2) runs are made, and FILE.sobol.csv tells by which parameter each number
+varies: first-order and total indices of Sobol, with intervals of 95 %. Scenes of two particles, of many, of a fluid and
+of grains in one; results, failures and resuming as of softdyn sweep.
+
+DISTRIBUTION is one of
+  normal(mean, standard deviation)      lognormal(median, factor), 68 % within median/factor and median*factor
+  uniform(least, largest)               loguniform(least, largest)
+  triangular(least, likeliest, largest) integers(least, largest), as of packing.seed
+
+examples:
+  softdyn uncertainty emulsion --given 'sigma=lognormal(1,1.1)' --given 'packing.seed=integers(1,1000)' --samples 32 \\
+                               -o emulsion.csv
+  softdyn uncertainty darcy --given 'bed.radius=normal(2e-4,1e-5)' --given 'fluid.viscosity=uniform(8e-4,1.2e-3)' \\
+                            --samples 64 --sobol --observe flux_right -o darcy.csv
+"""
+
+
+def _add_uncertainty(add: Add) -> None:
+    parser = add(
+        "uncertainty",
+        carried_out_by("uncertainty:uncertainty"),
+        "what a scene gives if parameters are known as distributions only",
+        UNCERTAINTY,
+    )
+    _add_scene(parser)
+    parser.add_argument(
+        "--given", metavar="NAME=DISTRIBUTION", action="append", required=True, help="repeatable, see above"
+    )
+    parser.add_argument("--samples", metavar="N", type=int, default=64, help="a power of two; default: %(default)s")
+    parser.add_argument("--sobol", action="store_true", help="find indices of Sobol, too, by more runs")
+    parser.add_argument("--seed", metavar="N", type=int, default=1, help="of the samples; default: %(default)s")
+    parser.add_argument("--observe", metavar="NAMES", help="columns to print and draw; default: the first that vary")
+    _add_making(parser, "", ".nc (netCDF)")
+    _add_plot(parser)
+
+
 def _add_compress(add: Add) -> None:
     parser = add(
         "compress", carried_out_by("compress:compress"), "quasi-static compression and shear: jamming", COMPRESSION
@@ -197,4 +244,4 @@ def _add_plot(parser: argparse.ArgumentParser) -> None:
 
 
 #: Each adds a command.
-VERBS: tuple[Callable[[Add], None], ...] = (_add_flow_curve, _add_oscillate, _add_step, _add_compress)
+VERBS: tuple[Callable[[Add], None], ...] = (_add_flow_curve, _add_oscillate, _add_step, _add_compress, _add_uncertainty)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from softdyn.rheology.curves import Curves
     from softdyn.rheology.flow_curve import FlowCurve
     from softdyn.rheology.run_table import RunTable
+    from softdyn.rheology.uncertainty import Indices
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,57 @@ def panels(count: int) -> tuple[Figure, Sequence[Axes]]:
     with style.context(["default", STYLE]):
         figure = Figure(figsize=(WIDE * count, HIGH), layout="constrained")
         return figure, [figure.add_subplot(1, count, k + 1) for k in range(count)]
+
+
+def draw_uncertainty(table: RunTable, drawn: int, names: Sequence[str], indices: Mapping[str, Indices]) -> Figure:
+    """How observables are distributed, and, below, by which parameter they vary.
+
+    Parameters
+    ----------
+    table : RunTable
+    drawn : int
+        How many of the runs, from the first on, are samples of the distributions.
+    names : sequence of str
+        Of the observables.
+    indices : mapping from str to Indices
+        Of those that have some.
+    """
+    rows = 2 if indices else 1
+    with style.context(["default", STYLE]):
+        figure = Figure(figsize=(WIDE * max(1, len(names)) * 0.75, HIGH * rows * 0.8), layout="constrained")
+        for k, name in enumerate(names):
+            values = table.columns[name][:drawn]
+            values = values[np.isfinite(values)]
+            ax = figure.add_subplot(rows, len(names), k + 1)
+            ax.hist(values, bins="auto" if np.ptp(values) > 0 else 1, color=SKY)
+            for q, dash in zip(np.quantile(values, (0.05, 0.5, 0.95)), (":", "-", ":"), strict=True):
+                ax.axvline(q, color="0.2", linewidth=0.9, linestyle=dash)
+            ax.set_title(name)
+            ax.xaxis.set_major_locator(MaxNLocator(4))
+            if not k:
+                ax.set_ylabel("runs")
+            if name in indices:
+                _draw_indices(figure.add_subplot(rows, len(names), len(names) + k + 1), indices[name], not k)
+        return figure
+
+
+def _draw_indices(ax: Axes, indices: Indices, named: bool) -> None:
+    """First-order and total indices of each parameter, with their intervals."""
+    for kind, of, colour, shift in (
+        ("first order", indices.first, BLUE, -0.18),
+        ("total", indices.total, ORANGE, 0.18),
+    ):
+        at, low, high = np.array(list(of.values())).T
+        y = np.arange(len(at)) + shift
+        ax.barh(y, at, 0.34, color=colour, label=kind)
+        ax.errorbar(
+            at, y, xerr=[np.maximum(at - low, 0), np.maximum(high - at, 0)], fmt="none", ecolor="0.2", elinewidth=0.8
+        )
+    ax.set_yticks(range(len(indices.first)), list(indices.first))
+    ax.invert_yaxis()
+    ax.set_xlabel("part of the variance")
+    if named:
+        ax.legend()
 
 
 def draw_flow_curves(table: RunTable, curves: Sequence[FlowCurve]) -> Figure:

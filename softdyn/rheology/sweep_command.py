@@ -16,6 +16,8 @@ from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 from softdyn.varied import read_varied
 
 PICTURES = (".png", ".svg", ".pdf")
+#: Of so many runs each that ends is told.
+EACH = 50
 #: Runs that fail, or are not steady, that are told one by one.
 TOLD = 10
 
@@ -115,7 +117,9 @@ def many_runs(
 
 
 def _tell(runs: Sequence[Run], number: int, done: int, count: int, failure: str) -> None:
-    """Tell on stderr that a run has ended."""
+    """Tell on stderr that a run has ended; of many, those that failed, and one in so many."""
+    if not failure and done % -(-count // EACH):
+        return
     words = f"failed: {failure}" if failure else "done"
     print(f"softdyn: {done} of {count}: {runs[number].words} {words}", file=sys.stderr)
 
