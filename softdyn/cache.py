@@ -266,6 +266,19 @@ def publish(
 
     Where another process was faster, its entry is kept, unless ``replace`` says that what is there is out of date.
 
+    Parameters
+    ----------
+    kind : str
+        Folder that the entry is in.
+    key : str
+        Its name there.
+    files : mapping from str to bytes
+        What it holds, by names of files.
+    note : mapping, optional
+        Plain data to note of it in ``entry.json``.
+    replace : bool
+        Whether an entry of this name that is there is out of date.
+
     Raises
     ------
     SceneError

@@ -105,7 +105,15 @@ class Assembly:
 
 
 def element_manifest(form: WeakForm, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
-    """Derive an element kernel."""
+    """Derive an element kernel.
+
+    Parameters
+    ----------
+    form : WeakForm
+    target : str
+    needs : mapping
+        Fields of :class:`softdyn.derive.element_equations.ElementNeeds`.
+    """
     from softdyn.derive.element_equations import ElementNeeds
     from softdyn.derive.element_kernel import element_ir, left_fields
     from softdyn.derive.emit import write
@@ -403,7 +411,18 @@ def assembled(kernel: ElementKernel, a: Assembly, x: Array, q: Array, p: Array) 
 
 
 def residual_of(kernel: ElementKernel, a: Assembly, x: Array, q: Array, p: Array) -> Array:
-    """Residual alone: see :func:`assembled`."""
+    """Residual alone: see :func:`assembled`.
+
+    Parameters
+    ----------
+    kernel : ElementKernel
+    a : Assembly
+    x : array, shape (unknowns,)
+    q : array
+        Values of what varies in space, as :func:`assembled` takes them.
+    p : array, shape (numbers,)
+        Values of what does not.
+    """
     residual = np.zeros(a.size)
     kernel.residuals(*_arguments(kernel, a, x, q, p), residual)
     return residual

@@ -530,7 +530,15 @@ class _Search:
 
 
 def kinks(expression: Expression | tuple[Shape, Any], start: float, end: float) -> tuple[Array, bool]:
-    """Times between two at which an expression has a kink or a jump, to the last digit; and whether all are certain."""
+    """Times between two at which an expression has a kink or a jump, to the last digit; and whether all are certain.
+
+    Parameters
+    ----------
+    expression : Expression, or (shape, constants)
+        Of time.
+    start, end : float
+        Times.
+    """
     shape, constants, *_ = _of_shape(expression, start, end)
     found = list(intervals(pieces(shape), constants, start, end))
     return np.array([one.end for one in found if one.kink]), not any(one.doubtful for one in found)

@@ -203,7 +203,19 @@ def values(
     constants: Sequence[float] | NDArray[np.float64],
     places: Sequence[NDArray[np.float64]] = (),
 ) -> NDArray[np.float64]:
-    """Values of an expression at many times, or places, an array for each axis; nan where it has none."""
+    """Values of an expression at many times, or places, an array for each axis; nan where it has none.
+
+    Parameters
+    ----------
+    shape : Shape
+        Operations of the expression.
+    t : array of float
+        Times, of any shape, which that of the values is.
+    constants : sequence of float
+        What the shape names by number.
+    places : sequence of arrays
+        Coordinates along each axis, of the same shape.
+    """
     found: list[Any] = []
     with np.errstate(all="ignore"):
         for kind, *parts in shape:
@@ -282,7 +294,13 @@ class Builder:
         return x if n == 1 else self.add("power", x, n)
 
     def select(self, s: int, x: int, y: int) -> int:
-        """Return x where s < 0, else y."""
+        """Return x where s < 0, else y.
+
+        Parameters
+        ----------
+        s, x, y : int
+            Numbers of operations.
+        """
         return x if x == y else self.add("select", s, x, y)
 
     def shape_of(self, x: int) -> Shape:
@@ -342,7 +360,17 @@ def derivative(shape: Shape, by: Collection[Operation] = BY_TIME) -> Shape:
 
 
 def places_of(name: str, text: str, constants: Mapping[str, float]) -> tuple[Operation, ...]:
-    """Operations of a parsed expression that are a named constant: each place where it stands has an entry."""
+    """Operations of a parsed expression that are a named constant: each place where it stands has an entry.
+
+    Parameters
+    ----------
+    name : str
+        Of the constant.
+    text : str
+        The expression.
+    constants : mapping from str to float
+        All that the text may name.
+    """
     marked = parse(text, {**dict.fromkeys(constants, 0.0), name: math.nan})
     return tuple(("constant", i) for i, value in enumerate(marked.constants) if math.isnan(value))
 

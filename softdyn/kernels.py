@@ -271,7 +271,20 @@ def tool_digest() -> str:
 def manifest_of(
     reference: LawReference, target: str, needs: dict[str, Any], kind: str, make: Callable[..., dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return the source of a kernel of a kind, and what must be known to call it: from the cache, or from ``make``."""
+    """Return the source of a kernel of a kind, and what must be known to call it: from the cache, or from ``make``.
+
+    Parameters
+    ----------
+    reference : LawReference
+        The law.
+    target : str
+    needs : dict
+        What a scene needs of the kernel, plain data.
+    kind : str
+        Of kernel.
+    make : function of reference, target and needs
+        Derives the manifest.
+    """
     if reference.law is not None:
         from softdyn.derive.law import law_hash, particles_hash
 
@@ -286,7 +299,20 @@ def manifest_of(
 def kept_manifest(
     kind: str, identity: Any, target: str, needs: Mapping[str, Any], make: Callable[[], dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return the manifest of what is told by ``identity``: from the cache, while what it depends on stands, or made."""
+    """Return the manifest of what is told by ``identity``: from the cache, while what it depends on stands, or made.
+
+    Parameters
+    ----------
+    kind : str
+        Of kernel.
+    identity : plain data
+        Tells what the kernel is derived from.
+    target : str
+    needs : mapping
+        What a scene needs of the kernel, plain data.
+    make : function
+        Derives the manifest, a mapping of plain data; ``depends`` are the files that it depends on, with their digests.
+    """
     key = cache.key_of(kind, identity, target, needs, tool_digest())
     entry = cache.read("manifests", key)
     if entry is not None:
@@ -313,7 +339,16 @@ def _manifest_in(entry: Path) -> dict[str, Any]:
 
 
 def make_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
-    """Derive a kernel, which takes the derivation stage, and so sympy."""
+    """Derive a kernel, which takes the derivation stage, and so sympy.
+
+    Parameters
+    ----------
+    reference : LawReference
+        The law.
+    target : str
+    needs : mapping
+        Fields of :class:`softdyn.derive.pair_equations.Needs`.
+    """
     from softdyn.derive.branches import has_kinks
     from softdyn.derive.checks import pressed_only
     from softdyn.derive.emit import write

@@ -21,7 +21,13 @@ Array = NDArray[np.float64]
 
 
 def powers(mass: int, length: int, time: int) -> Powers:
-    """Powers of mass, length and time."""
+    """Powers of mass, length and time.
+
+    Parameters
+    ----------
+    mass, length, time : int
+        Exponents of a unit.
+    """
     return Fraction(mass), Fraction(length), Fraction(time)
 
 

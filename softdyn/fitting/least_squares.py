@@ -431,7 +431,18 @@ class Profile:
 
 
 def profile(model: Model, solution: Solution, measured: Array, number: int) -> Profile:
-    """Profile of a parameter, at the errors of the data that were found."""
+    """Profile of a parameter, at the errors of the data that were found.
+
+    Parameters
+    ----------
+    model : Model
+    solution : Solution
+        The best fit, from which the profile goes to both sides.
+    measured : array, shape (points,)
+        What was measured, in the model's units.
+    number : int
+        Which of the fitted parameters.
+    """
     one = solution.parameters[number]
     spread = math.sqrt(float(solution.covariance[number, number]))
     limit = solution.quantile**2

@@ -118,7 +118,18 @@ def simulated(
     kernel_of: Callable[..., Kernel] = get_kernel,
     most: float = MOST_STEPS,
 ) -> tuple[PairResult, Trajectory]:
-    """Return the result of :func:`simulate_pair`, and the steps that it comes from, ``most`` of them at most."""
+    """Return the result of :func:`simulate_pair`, and the steps that it comes from, ``most`` of them at most.
+
+    Parameters
+    ----------
+    scene : Scene
+    progress : function of (t, h), optional
+        Called now and then.
+    kernel_of : function
+        Gives the kernel, as :func:`softdyn.kernels.get_kernel` does.
+    most : float
+        Steps that are made at most.
+    """
     check_scene(scene)
     drive = drive_of(scene)
     kernel = kernel_of(scene.law, scene.target, **kernel_needs(scene, drive))
@@ -208,7 +219,15 @@ def require_few_rows(scene: Scene, drive: Drive) -> None:
 
 
 def kernel_parameters(scene: Scene, kernel: Kernel, drive: Drive) -> Array:
-    """What a kernel takes for p: the law's parameters, and of a spring its compliance."""
+    """What a kernel takes for p: the law's parameters, and of a spring its compliance.
+
+    Parameters
+    ----------
+    scene : Scene
+    kernel : Kernel
+    drive : Drive
+        Which says whether a spring drives the pair.
+    """
     if drive.control != "spring":
         return parameter_values(scene, kernel.parameters, kernel.positive, kernel.ranges)
     *names, _ = kernel.parameters
@@ -407,6 +426,25 @@ def integrate_steps(
 ) -> tuple[Array, Array]:
     """Integrate from h and delta to a time or to a value of ln h (nan: none).
 
+    Parameters
+    ----------
+    kernel : Kernel
+    drive : Drive
+    p : array, shape (parameters,)
+        What the kernel takes: the law's parameters, and of a spring its compliance.
+    start : (float, float)
+        Gap and deflection at the start, lengths.
+    ends : (float, float)
+        The time, and the value of ln h, at which it ends; nan where there is none.
+    rtol : float
+        Relative error allowed in h at each step.
+    method : str
+        Name of the integrator.
+    progress : function of (t, h), optional
+        Called now and then.
+    most : float
+        Steps that are made at most.
+
     Returns
     -------
     steps : array, shape (steps, numbers of a step)
@@ -553,7 +591,16 @@ def _has_panels(kernel: Kernel) -> bool:
 
 
 def states_at(kernel: Kernel, steps: Array, t: Array) -> Array:
-    """State at each of increasing times, from the polynomials of the steps: shape (components, times)."""
+    """State at each of increasing times, from the polynomials of the steps: shape (components, times).
+
+    Parameters
+    ----------
+    kernel : Kernel
+    steps : array, shape (steps, numbers of a step)
+        As :func:`integrate_steps` returns them.
+    t : array, shape (times,)
+        Increasing times, within these steps.
+    """
     out = np.empty(len(t) * kernel.components)
     kernel.functions.sample(len(t), t, len(steps), steps.ravel(), out)
     return out.reshape(-1, len(t))
@@ -686,7 +733,18 @@ def _unresolved(drive: Drive, stats: dict[str, Any]) -> tuple[str, ...]:
 
 
 def model_warnings(kernel: Kernel, p: Array, largest: float, t: Array, delta: Array) -> tuple[str, ...]:
-    """What is outside the model in a run with this largest force and these deflections at some times."""
+    """What is outside the model in a run with this largest force and these deflections at some times.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    p : array, shape (parameters,)
+    largest : float
+        Largest size of the force.
+    t : array, shape (times,)
+    delta : array, shape (times,)
+        Deflections at these times, lengths.
+    """
     R = float(p[kernel.parameters.index("R")])
     found = []
     if "E" in kernel.parameters:

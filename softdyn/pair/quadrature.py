@@ -101,7 +101,16 @@ def _panels(kernel: Kernel, p: Array, F: float, start: float, end: float, panels
 def integrate_constant_force(
     scene: Scene, kernel: Kernel, p: Array, F: float
 ) -> tuple[Array, Array, str, dict[str, Any]]:
-    """Times and gaps of the asked outputs of a scene with constant force, by quadrature."""
+    """Times and gaps of the asked outputs of a scene with constant force, by quadrature.
+
+    Parameters
+    ----------
+    scene : Scene
+    kernel : Kernel
+    p : array, shape (parameters,)
+    F : float
+        The force, > 0 in compression.
+    """
     if scene.until_h is None or scene.times is not None:
         raise SceneError(
             "[accuracy] method = 'quadrature' gives times at gaps: it needs [until] h, and [output] gaps (not times)"

@@ -18,21 +18,50 @@ EPS = float(np.finfo(float).eps)
 
 
 def drive_at(kernel: Kernel, drive: Drive, t: Array) -> tuple[Array, Array]:
-    """What the drive gives, and its rate of change, at the times t."""
+    """What the drive gives, and its rate of change, at the times t.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    drive : Drive
+    t : array, shape (times,)
+    """
     value, rate = np.empty(len(t)), np.empty(len(t))
     kernel.functions.drive(len(t), t, *drive.arguments, value, rate)
     return value, rate
 
 
 def deflection(kernel: Kernel, h: Array, F: Array, p: Array) -> Array:
-    """Deflection at each gap under each force (eq. 1); nan where there is none."""
+    """Deflection at each gap under each force (eq. 1); nan where there is none.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    h : array, shape (n,)
+        Gaps, lengths.
+    F : array, shape (n,)
+        Forces.
+    p : array, shape (parameters,)
+    """
     delta = np.full(len(h), math.nan)
     kernel.functions.solve_delta(len(h), h, F, p, delta)
     return delta
 
 
 def evaluate(kernel: Kernel, h: Array, delta: Array, inputs: Mapping[str, Array], p: Array) -> dict[str, Array]:
-    """Return the kernel's outputs at each state; ``inputs`` are F and dF_dt, or the given velocity, dX_dt."""
+    """Return the kernel's outputs at each state; ``inputs`` are F and dF_dt, or the given velocity, dX_dt.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    h : array, shape (n,)
+        Gaps, lengths.
+    delta : array, shape (n,)
+        Deflections, lengths.
+    inputs : mapping from str to array, shape (n,)
+        What the kernel takes besides.
+    p : array, shape (parameters,)
+    """
     out = np.empty(len(kernel.outputs) * len(h))
     kernel.functions.evaluate(len(h), h, delta, *(inputs[name] for name in kernel.inputs), p, out)
     return dict(zip(kernel.outputs, out.reshape(len(kernel.outputs), len(h)), strict=True))
@@ -40,6 +69,15 @@ def evaluate(kernel: Kernel, h: Array, delta: Array, inputs: Mapping[str, Array]
 
 def initial_deflection(scene: Scene, kernel: Kernel, drive: Drive, p: Array, R: float) -> float:
     """Deflection at the start: of the force given, else of what fixes it (X, delta, the position, the spring).
+
+    Parameters
+    ----------
+    scene : Scene
+    kernel : Kernel
+    drive : Drive
+    p : array, shape (parameters,)
+    R : float
+        Radius of the particles, a length.
 
     Raises
     ------

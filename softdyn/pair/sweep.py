@@ -119,6 +119,14 @@ def in_words(scene: Scene, values: Mapping[str, Sequence[float] | Array]) -> str
 def require_room(scene: Scene, values: Mapping[str, Sequence[float] | Array], folder: Path | None) -> None:
     """Refuse a sweep that is too large for this machine, before its first run.
 
+    Parameters
+    ----------
+    scene : Scene
+    values : mapping from str to sequence of float
+        The numbers that each key takes.
+    folder : Path, optional
+        Where results are written.
+
     Raises
     ------
     SceneError

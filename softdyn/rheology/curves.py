@@ -95,7 +95,16 @@ class Curves:
 def gathered_curves(
     runs: Sequence[Run], axes: Mapping[str, Array], measured: Callable[[ParticleResult, Run], Mapping[str, Array]]
 ) -> Curves:
-    """Gather the curves of runs that are done."""
+    """Gather the curves of runs that are done.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    axes : mapping from str to array
+        What is varied, and its values.
+    measured : function of a result and its run
+        Columns of the curve of a run, shape (points,) each.
+    """
     from softdyn.particles.results import load_particles
 
     done, failed, missing = states(runs)

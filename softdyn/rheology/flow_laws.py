@@ -80,7 +80,17 @@ def _functions(law: str) -> tuple[Callable[..., Array], Callable[..., list[Array
 
 
 def stress_and_slopes(law: str, rates: Array, values: Array) -> tuple[Array, Array]:
-    """Stress of a law at some rates, and its derivatives by the parameters, shape (rates, parameters)."""
+    """Stress of a law at some rates, and its derivatives by the parameters, shape (rates, parameters).
+
+    Parameters
+    ----------
+    law : str
+        Name of a flow law.
+    rates : array, shape (rates,)
+        Shear rates, 1/time.
+    values : array, shape (parameters,)
+        Of its parameters.
+    """
     function, derivatives = _functions(law)
     return function(rates, *values), _columns(derivatives(rates, *values), len(rates))
 

@@ -104,7 +104,15 @@ def sheared_by(result: ParticleResult) -> Array:
 
 
 def ratio(value: float, error: float, over: float, over_error: float) -> tuple[float, float]:
-    """A ratio of two means and its error, as if these were independent; nan where it is none."""
+    """A ratio of two means and its error, as if these were independent; nan where it is none.
+
+    Parameters
+    ----------
+    value, error : float
+        Upper mean, and its error.
+    over, over_error : float
+        Lower mean, and its error.
+    """
     if not over:
         return math.nan, math.nan
     return value / over, math.hypot(error / over, value * over_error / over**2)

@@ -52,6 +52,14 @@ STEADY = 0.02
 def oscillating_scene(content: Content, values: Mapping[str, float], cycles: int) -> Content:
     """Scene of one run: a strain A sin(w t), for so many cycles.
 
+    Parameters
+    ----------
+    content : mapping
+        The scene as read from TOML.
+    values : mapping from str to float
+        Frequency, in radians/time, amplitude of the strain, and what else is varied.
+    cycles : int
+
     Raises
     ------
     SceneError

@@ -91,7 +91,16 @@ def protocol_of(run: Run) -> Protocol:
 
 
 def state_file(run: Run, state: int, part: str = "") -> Path:
-    """The file of a state of a run."""
+    """The file of a state of a run.
+
+    Parameters
+    ----------
+    run : Run
+    state : int
+        Its number.
+    part : str
+        Appended to the name.
+    """
     return run.folder / f"{run.number:04d}" / f"{state:04d}{part}.npz"
 
 

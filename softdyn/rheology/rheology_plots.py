@@ -242,7 +242,16 @@ def _draw_loops(
 
 
 def draw_steps(curves: Curves, creeps: bool, time: float) -> Figure:
-    """Relaxation modulus and stress after a step of strain, or compliance and strain under a step of stress."""
+    """Relaxation modulus and stress after a step of strain, or compliance and strain under a step of stress.
+
+    Parameters
+    ----------
+    curves : Curves
+    creeps : bool
+        Whether these are of a step of stress.
+    time : float
+        How long the stress is on.
+    """
     with style.context(["default", STYLE]):
         figure, (left, right) = panels(2)
         for k, (number, curve) in enumerate(curves.curves.items()):

@@ -38,13 +38,36 @@ OUTPUTS, SHORTEST = 61, 1e-4
 
 
 def spread(start: float, time: float, shortest: float) -> list[float]:
-    """Times after a start, evenly spaced in their logarithm."""
+    """Times after a start, evenly spaced in their logarithm.
+
+    Parameters
+    ----------
+    start : float
+        A time.
+    time : float
+        From there to the last.
+    shortest : float
+        From there to the first.
+    """
     times: list[float] = (start + np.geomspace(shortest, time, OUTPUTS)).tolist()
     return times
 
 
 def relaxation_scene(content: Content, values: Mapping[str, float], time: float, rest: float, ramp: float) -> Content:
     """Scene of a step of strain: at rest, a ramp at a constant rate, and at rest again.
+
+    Parameters
+    ----------
+    content : mapping
+        The scene as read from TOML.
+    values : mapping from str to float
+        The strain of the step, and what else is varied.
+    time : float
+        After the ramp.
+    rest : float
+        Time before it.
+    ramp : float
+        Time that it takes.
 
     Raises
     ------
@@ -66,7 +89,21 @@ def relaxation_scene(content: Content, values: Mapping[str, float], time: float,
 
 
 def creep_scene(content: Content, values: Mapping[str, float], time: float, rest: float, recovery: float) -> Content:
-    """Scene of a step of shear stress, which is taken off again where there is a time of recovery."""
+    """Scene of a step of shear stress, which is taken off again where there is a time of recovery.
+
+    Parameters
+    ----------
+    content : mapping
+        The scene as read from TOML.
+    values : mapping from str to float
+        The shear stress, and what else is varied.
+    time : float
+        For which it is on.
+    rest : float
+        Time before it.
+    recovery : float
+        Time after it; 0 if there is none.
+    """
     made = _bare(content, {name: value for name, value in values.items() if name != STRESS})
     made.get("flow", {}).pop("shear_rate", None)
     constants = {SIZE: values[STRESS]} | ({START: rest} if rest else {}) | ({SPAN: rest + time} if recovery else {})
@@ -96,6 +133,15 @@ def relaxation_of(result: ParticleResult, run: Run, rest: float, ramp: float) ->
 
     G is the shear stress of the contacts, less that before the step, over the strain of the step: after the ramp
     nothing shears, and the fluid bears none.
+
+    Parameters
+    ----------
+    result : ParticleResult
+    run : Run
+    rest : float
+        Time before the ramp.
+    ramp : float
+        Time that it takes.
     """
     found = _stress(result)
     begin = int(np.searchsorted(result.t, rest * (1 - 1e-12)))
@@ -111,7 +157,15 @@ def relaxation_of(result: ParticleResult, run: Run, rest: float, ramp: float) ->
 
 
 def creep_of(result: ParticleResult, run: Run, rest: float) -> dict[str, Array]:
-    """Time since the step, strain, shear rate, and the compliance: strain over stress."""
+    """Time since the step, strain, shear rate, and the compliance: strain over stress.
+
+    Parameters
+    ----------
+    result : ParticleResult
+    run : Run
+    rest : float
+        Time before the step.
+    """
     begin = int(np.searchsorted(result.t, rest * (1 - 1e-12)))
     after = slice(begin, None)
     strain = sheared_by(result)[after] - sheared_by(result)[begin]

@@ -96,6 +96,18 @@ def many_runs(
 ) -> int:
     """Print a script for SLURM, make one run, or make all and gather them, as the options say.
 
+    Parameters
+    ----------
+    options : namespace
+        Of the command line.
+    runs : sequence of Run
+    command : sequence of str
+        Arguments that make one run, for the script.
+    finish : function
+        Gathers runs that are done; returns the status of the process.
+    work : function of a run, optional
+        Makes one, and returns why it failed, or "".
+
     Raises
     ------
     SceneError

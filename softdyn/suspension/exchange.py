@@ -153,6 +153,14 @@ class Exchange:
 def porosity(one: Filter, share: Array, t: float) -> Array:
     """Porosity at the nodes of the filter.
 
+    Parameters
+    ----------
+    one : Filter
+    share : array, shape (nodes,)
+        Volume fraction of the grains at the nodes of the filter.
+    t : float
+        The time, for messages.
+
     Raises
     ------
     IntegrationError
@@ -187,7 +195,18 @@ def shares_at(one: Filter, cloud: Cloud) -> Array:
 
 
 def drags(law: DragLaw, cloud: Cloud, fluid_v: Array, v: Array, shares: Array) -> tuple[Array, Array]:
-    """Friction K of each grain at velocities of both, and its share K' where the step slows the grain down."""
+    """Friction K of each grain at velocities of both, and its share K' where the step slows the grain down.
+
+    Parameters
+    ----------
+    law : DragLaw
+    cloud : Cloud
+        The grains.
+    fluid_v, v : array, shape (grains, d)
+        Velocities of the fluid at the grains, and of these.
+    shares : array, shape (grains,)
+        Share of the grains in the volume at each, as the filter tells it.
+    """
     relative = np.sqrt(np.sum((fluid_v - v) ** 2, axis=1))
     whole, _ = frictions(law, relative, shares, cloud.volume, cloud.radii)
     return whole, whole / (1 + cloud.ease * whole)
@@ -216,7 +235,22 @@ def known_of(one: Filter, maps: Projections, cloud: Cloud, friction: Array, grow
 
 
 def exchanged(one: Filter, maps: Projections, cloud: Cloud, friction: Array, flux: Array, p: Array) -> Exchange:
-    """Forces on the grains of a flow that was solved with what :func:`known_of` makes of the friction."""
+    """Forces on the grains of a flow that was solved with what :func:`known_of` makes of the friction.
+
+    Parameters
+    ----------
+    one : Filter
+    maps : Projections
+        From the fluid's unknowns to the nodes of the filter.
+    cloud : Cloud
+        The grains.
+    friction : array, shape (grains,)
+        Of each grain, force over velocity.
+    flux : array, shape (nodes of the velocity, d)
+        Velocity of the fluid times the porosity.
+    p : array, shape (nodes of the filter,)
+        Its pressure.
+    """
     fluid_v, slope = seen(one, maps, cloud, flux, p)
     pressure = -cloud.volume[:, None] * slope
     drag = friction[:, None] * (fluid_v - cloud.aim) - (cloud.ease * friction)[:, None] * pressure

@@ -199,6 +199,14 @@ def gathered(one: Filter, weights: csr_matrix, loads: Array) -> Array:
 
     The sum over grains of amounts times these is the integral of the field times what :func:`spread` makes of the
     amounts.
+
+    Parameters
+    ----------
+    one : Filter
+    weights : sparse matrix, shape (grains, nodes)
+        Of the nodes at each grain.
+    loads : array, shape (nodes, ...)
+        Integrals of the field times the shape function of each node.
     """
     found = smoothed(one, loads)
     there = np.asarray(weights @ found.reshape(len(found), -1))

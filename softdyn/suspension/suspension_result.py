@@ -78,7 +78,20 @@ def gather_suspension(
     stats: Mapping[str, Any],
     walls: Sequence[str] = (),
 ) -> SuspensionResult:
-    """Put a result together from its frames and steps."""
+    """Put a result together from its frames and steps.
+
+    Parameters
+    ----------
+    system : FluidSystem
+    measures : Measures
+        What is measured of the flow.
+    radii : array, shape (grains,)
+    frames : iterable of SuspensionFrame
+    history : sequence of rows of float
+        What is noted of each step.
+    stats : mapping
+        What is told of the run.
+    """
     frames, d, count = list(frames), system.dimension, len(radii)
     plain = gather_flow(system, measures, frames, history, stats)
     nodes = system.velocity.count

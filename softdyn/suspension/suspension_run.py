@@ -234,6 +234,18 @@ def simulate_suspension(
 ) -> SuspensionResult:
     """Run a scene of grains in a fluid; see :func:`softdyn.fluid.fluid_run.simulate_fluid`.
 
+    Parameters
+    ----------
+    scene : SuspensionScene
+    progress : function of (t, steps, Newton iterations, residual), optional
+        Called after every step.
+    checkpoint : str or Path, optional
+        File to which the state is written now and then; it is removed at the end.
+    resume : bool
+        Whether to go on from that file, if it is there.
+    keep : bool
+        Whether to leave it at the end.
+
     Raises
     ------
     SceneError, LawError, CompileError
