@@ -75,7 +75,17 @@ def placed_chains(chains: Chains) -> tuple[Array, NDArray[np.int64]]:
 
 
 def chain_pairs(count: int, beads: int, ring: bool) -> NDArray[np.int64]:
-    """Numbers of neighbours in chains that stand one after the other, shape (bonds, 2)."""
+    """Numbers of neighbours in chains that stand one after the other, shape (bonds, 2).
+
+    Parameters
+    ----------
+    count : int
+        Chains.
+    beads : int
+        Of each.
+    ring : bool
+        Whether the ends of a chain of three or more are neighbours, too.
+    """
     first = np.arange(beads - 1)
     ends = np.column_stack([first, first + 1])
     if ring and beads > 2:

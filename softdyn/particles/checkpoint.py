@@ -52,6 +52,15 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
 
     Only where a step was broken off, what Newton's iteration leaves for the next is left out: that starts anew.
 
+    Parameters
+    ----------
+    path : Path
+    state : State
+    newton : Newton
+        What its iteration leaves for the next step.
+    key : str
+        Of the scene, which the file belongs to.
+
     Raises
     ------
     SceneError
@@ -154,6 +163,13 @@ def _matrix(name: str, arrays: Mapping[str, NDArray[Any]], count: int, width: in
 
 def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
     """Read a checkpoint.
+
+    Parameters
+    ----------
+    path : Path
+    key : str
+        Of the scene, which the file must belong to.
+    system : System
 
     Raises
     ------

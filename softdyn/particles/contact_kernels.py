@@ -83,7 +83,15 @@ class ContactKernel:
 
 
 def contact_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
-    """Derive a contact kernel; imports the derivation stage."""
+    """Derive a contact kernel; imports the derivation stage.
+
+    Parameters
+    ----------
+    reference : LawReference
+    target : str
+    needs : mapping
+        Fields of :class:`softdyn.derive.contact_equations.ContactNeeds`.
+    """
     from softdyn.derive.checks import pressed_only
     from softdyn.derive.contact_equations import ContactNeeds
     from softdyn.derive.contact_kernel import contact_ir
@@ -192,7 +200,21 @@ def _fractions() -> tuple[Array, Array]:
 
 
 def energies(kernel: ContactKernel, reach: float, overlap: Array, h: Array, p: Array, q: Array) -> tuple[Array, Array]:
-    """Energy that each contact stores, and its slope in h at fixed delta."""
+    """Energy that each contact stores, and its slope in h at fixed delta.
+
+    Parameters
+    ----------
+    kernel : ContactKernel
+    reach : float
+        Range of the contacts, a length.
+    overlap : array, shape (n,)
+        Sum of the radii less the distance of the centres.
+    h : array, shape (n,)
+        Gaps, lengths.
+    p : array, shape (uniform parameters,)
+    q : array
+        Varying parameters, one contact after the other for each.
+    """
     n = len(h)
     nodes, weights = _fractions()
     if kernel.contact != "film":

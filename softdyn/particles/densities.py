@@ -37,7 +37,18 @@ def volumes(facts: ValidatedScene) -> Array:
 
 
 def densities(facts: ValidatedScene, given: Any, name: str, faults: list[str]) -> Array:
-    """Density of each particle, shape (N,): one for all, or one for each species; ``name`` is that of the key."""
+    """Density of each particle, shape (N,): one for all, or one for each species; ``name`` is that of the key.
+
+    Parameters
+    ----------
+    facts : ValidatedScene
+    given : number, or mapping from species to number
+        Mass over volume.
+    name : str
+        Of the key, for faults.
+    faults : list of str
+        To which is added what is wrong.
+    """
     values = given if isinstance(given, Mapping) else dict.fromkeys(facts.names, given)
     unknown = [name for name in values if name not in facts.names]
     missing = [name for name in facts.names if name not in values]

@@ -99,7 +99,18 @@ def constant(values: Array) -> Driven:
 
 
 def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> NDArray[np.int64]:
-    """Numbers of the particles that are named: by their numbers, their species, or all of them."""
+    """Numbers of the particles that are named: by their numbers, their species, or all of them.
+
+    Parameters
+    ----------
+    scene : ParticleScene
+    particles : int, sequence of int, or str
+        Numbers, a species, or "all".
+    count : int
+        How many particles there are.
+    where : str
+        Place in the scene, for errors.
+    """
     if isinstance(particles, str):
         if particles == ALL:
             return np.arange(count)
@@ -124,7 +135,15 @@ def numbers_of(scene: ParticleScene, particles: Any, count: int, where: str) -> 
 
 
 def given_function(scene: ParticleScene, value: Any, where: str) -> TimeFunction:
-    """A value of a scene as a function of time; ``where`` is for errors."""
+    """A value of a scene as a function of time; ``where`` is for errors.
+
+    Parameters
+    ----------
+    scene : ParticleScene
+    value : number, str, table, or (times, values)
+    where : str
+        Place in the scene, for errors.
+    """
     assert scene.until_t is not None  # the end that is known of a scene that is being checked
     return time_function(value, where, _constants(scene), float(scene.until_t))
 
@@ -150,14 +169,40 @@ def require_used(scene: ParticleScene) -> None:
 def terms_of(
     scene: ParticleScene, those: NDArray[np.int64], columns: Iterable[int], values: Any, labels: Iterable[str]
 ) -> list[Term]:
-    """Terms of the components that are not 0; the labels are for errors."""
+    """Terms of the components that are not 0; the labels are for errors.
+
+    Parameters
+    ----------
+    scene : ParticleScene
+    those : array of int
+        Numbers of the particles.
+    columns : iterable of int
+        Coordinate of each component.
+    values : sequence
+        The components: numbers or functions of time.
+    labels : iterable of str
+        Their names, for errors.
+    """
     parts = list(zip(columns, values, labels, strict=True))
     parts = [part for part in parts if not (is_number(part[1]) and part[1] == 0)]
     return [(those, column, given_function(scene, value, label)) for column, value, label in parts]
 
 
 def turn_labels(scene: ParticleScene, name: str, values: Any, where: str, d: int) -> list[str]:
-    """Names of the components of a torque or an angular velocity, for errors; refuse what is none."""
+    """Names of the components of a torque or an angular velocity, for errors; refuse what is none.
+
+    Parameters
+    ----------
+    scene : ParticleScene
+    name : str
+        Of the key.
+    values : sequence
+        The components: one in two dimensions, three in three.
+    where : str
+        Place in the scene, for errors.
+    d : int
+        Dimensions.
+    """
     if not scene.turns:
         raise SceneError(
             f"{where}: {name} has no meaning without tangential motion, [contacts] tangential = true, or [friction]"

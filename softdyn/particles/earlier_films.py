@@ -17,7 +17,17 @@ WALLS_STAND = 1e-6
 
 
 def film_faults(films: Any, radii: Array, d: int, walls: tuple[Wall, ...]) -> list[str]:
-    """What is wrong with films that are given: the first fault, or of the walls all."""
+    """What is wrong with films that are given: the first fault, or of the walls all.
+
+    Parameters
+    ----------
+    films : mapping, optional
+        Arrays ``i``, ``j``, ``h`` of shape (contacts,), and maybe ``shift`` and ``T``, shape (contacts, d).
+    radii : array, shape (N,)
+    d : int
+        Dimensions.
+    walls : tuple of Wall
+    """
     if films is None:
         return []
     if not isinstance(films, Mapping) or not {"i", "j", "h"} <= set(films):

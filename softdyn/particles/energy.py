@@ -55,7 +55,18 @@ class Rates:
 
 
 def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Mapping[str, Array]) -> dict[str, float]:
-    """Power of each kind of ``system.works``, and of elastic energy, at one stage."""
+    """Power of each kind of ``system.works``, and of elastic energy, at one stage.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    at : Balance
+        Of the stage.
+    t : float
+    rates : mapping from str to array
+        Of positions ``x``, shape (N, w), of films ``y``, shape (contacts,), and of what mechanisms integrate.
+    """
     v = rates["x"]
     r_rate = opening_rates(system, contacts, t, v, at.n)
     if system.kernel.contact == "film":  # y = sinh(ln(h/g)): dy = cosh(ln(h/g)) dh/h
@@ -71,7 +82,16 @@ def powers(system: System, contacts: Contacts, at: Balance, t: float, rates: Map
 
 
 def power_of(system: System, load: Driven, at: Balance, rates: Rates) -> float:
-    """Power of external forces."""
+    """Power of external forces.
+
+    Parameters
+    ----------
+    system : System
+    load : Driven
+        The forces, and torques over radii, shape (N, w).
+    at : Balance
+    rates : Rates
+    """
     force = load(rates.t)
     if turns_freely(system):  # what would turn all particles together is taken away
         force = force - held_torque(at.x[:, : system.dimension], system.radii, force)
@@ -85,7 +105,16 @@ def forces_at(at: Balance, which: NDArray[np.int64]) -> Array:
 
 
 def power_of_box(system: System, contacts: Contacts, at: Balance, gradient: Array) -> float:
-    """Power of what moves the images of the particles with a velocity gradient of the box."""
+    """Power of what moves the images of the particles with a velocity gradient of the box.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    at : Balance
+    gradient : array, shape (d, d)
+        Velocity gradient, 1/time.
+    """
     across = crossing(contacts.shift)
     velocities = contacts.shift[across] @ (gradient @ system.box.cell).T
     return -float(np.sum(np.sum(forces_at(at, across) * velocities, axis=1)))

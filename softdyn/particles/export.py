@@ -226,6 +226,14 @@ def outline(placed: Boxed) -> tuple[Array, NDArray[np.int64]]:
 def lines(result: ParticleResult, placed: Boxed, contacts: dict[str, NDArray[Any]]) -> tuple[Array, NDArray[np.int64]]:
     """Contacts of a frame as lines, each from a particle within the box to the partner it is in contact with.
 
+    Parameters
+    ----------
+    result : ParticleResult
+    placed : Boxed
+        Particles of the frame, within the box.
+    contacts : mapping from str to array
+        Of the frame.
+
     Returns
     -------
     points : array, shape (N + extra, 3)

@@ -118,7 +118,16 @@ def _twisted(system: System, state: State) -> NDArray[np.int64]:
 
 
 def why(system: System, state: State, error: Exception) -> str:
-    """Words for what a step failed of."""
+    """Words for what a step failed of.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+        From which the step was to go on.
+    error : Exception
+        With which it failed.
+    """
     if system.kernel.pressed_only:
         contacts = state.contacts
         delta = contact_state(system, contacts, overlaps(system, state), contacts.h)["delta"]

@@ -170,13 +170,29 @@ def _turns(x: Array, radii: Array, width: int) -> Array:
 
 
 def held_torque(x: Array, radii: Array, force: Array) -> Array:
-    """Part of some forces that would turn all particles together."""
+    """Part of some forces that would turn all particles together.
+
+    Parameters
+    ----------
+    x : array, shape (N, d)
+    radii : array, shape (N,)
+    force : array, shape (N, w)
+        Forces, and torques over radii.
+    """
     turns = _turns(x, radii, force.shape[1])
     return np.tensordot(np.tensordot(turns, force, 2), turns, 1)
 
 
 def unturned(x: Array, radii: Array, moved: Array) -> Array:
-    """A motion of the particles less the rotation of all together that is in that of their centres."""
+    """A motion of the particles less the rotation of all together that is in that of their centres.
+
+    Parameters
+    ----------
+    x : array, shape (N, d)
+    radii : array, shape (N,)
+    moved : array, shape (N, w)
+        Displacements or velocities, and rotations times radii.
+    """
     turns = _turns(x, radii, moved.shape[1])
     of_centres = turns[:, :, : x.shape[1]].reshape(len(turns), -1)
     amount = np.linalg.lstsq(of_centres.T, moved[:, : x.shape[1]].reshape(-1), rcond=IN_LINE)[0]
@@ -212,7 +228,18 @@ def _gauge_springs(pairs: list[tuple[int, int]], x: Array) -> list[Array]:
 
 
 def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
-    """Sum of F n over the contacts of each particle: the force that it exerts through them, shape (N, d)."""
+    """Sum of F n over the contacts of each particle: the force that it exerts through them, shape (N, d).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    F : array, shape (contacts,)
+        Normal forces, > 0 apart.
+    n : array, shape (contacts, d)
+        Directions from i to j.
+    count : int
+        N, the number of particles.
+    """
     total = np.zeros((count, n.shape[1]))
     pair = contacts.j < count
     every = bool(pair.all())
@@ -361,7 +388,18 @@ def linearise(
     now: Balance,
     given: StageInput,
 ) -> None:
-    """Prepare Newton's matrix at the present positions."""
+    """Prepare Newton's matrix at the present positions.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    newton : Newton
+        Which keeps the matrix.
+    now : Balance
+        At the present positions.
+    given : StageInput
+    """
     count, width = now.x.shape
     d = system.dimension
     if newton.pattern is None:
@@ -406,7 +444,16 @@ def linearise(
 
 
 def pattern_of(contacts: Contacts, gauge_pairs: list[tuple[int, int]], count: int) -> linear.Pattern:
-    """Pattern of the matrix: of contacts, and of the pairs whose rotation is taken away."""
+    """Pattern of the matrix: of contacts, and of the pairs whose rotation is taken away.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    gauge_pairs : list of (int, int)
+        Numbers of these pairs.
+    count : int
+        Particles.
+    """
     ends = np.array(gauge_pairs, dtype=np.int64).reshape(-1, 2)
     i, j = contacts.i, contacts.j
     if len(ends):
@@ -423,7 +470,15 @@ def solver_of(system: System, recalls: bool = False) -> linear.Solver:
 
 
 def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array:
-    """Derivative of what acts on each particle by itself: shape (N, w), or (N, w, w) where coordinates are coupled."""
+    """Derivative of what acts on each particle by itself: shape (N, w), or (N, w, w) where coordinates are coupled.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    given : StageInput
+    at : Balance
+    """
     total: Array = np.zeros(at.x.shape)
     unit = np.eye(system.width)
     for mechanism in system.having["tangent"]:
@@ -437,7 +492,19 @@ def own_tangents(system: System, contacts: Contacts, given: StageInput, at: Bala
 
 
 def unresisted(system: System, contacts: Contacts, near: NDArray[np.int64], n: Array, moved: Array) -> Array | None:
-    """Part of a motion that no contact resists, as far as a mechanism tells; near are those within range."""
+    """Part of a motion that no contact resists, as far as a mechanism tells; near are those within range.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    near : array of int
+        Contacts within range.
+    n : array, shape (contacts, d)
+        Directions of the contacts from i to j.
+    moved : array, shape (N, w)
+        The motion.
+    """
     for mechanism in system.having["unresisted"]:
         part = mechanism.unresisted(system, contacts, near, n, moved)
         if part is not None:
@@ -446,7 +513,16 @@ def unresisted(system: System, contacts: Contacts, near: NDArray[np.int64], n: A
 
 
 def pair_named(contacts: Contacts, c: int, count: int) -> str:
-    """Words for one contact."""
+    """Words for one contact.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    c : int
+        Number of the contact.
+    count : int
+        Particles; what is beyond is a wall.
+    """
     i, j = int(contacts.i[c]), int(contacts.j[c])
     return f"the contact of particles {i} and {j}" if j < count else f"the contact of particle {i} and wall {j - count}"
 

@@ -174,7 +174,16 @@ ROWS = tuple(field.name for field in fields(Contacts) if field.name != "q")
 
 
 def bare_contacts(i: Integers, j: Integers, shift: Integers, radii: Array) -> Contacts:
-    """Contacts of which only the geometry is known."""
+    """Contacts of which only the geometry is known.
+
+    Parameters
+    ----------
+    i, j : array of int, shape (n,)
+        The particles; a wall w has j = N + w.
+    shift : array of int, shape (n, d)
+        Lattice vectors by which j is displaced.
+    radii : array, shape (N,)
+    """
     walls = max(0, int(j.max(initial=0)) + 1 - len(radii))
     with_walls = np.append(radii, np.zeros(walls))
     n = len(i)
@@ -247,7 +256,16 @@ def directions(contacts: Contacts, x: Array, cell: Array, walls: tuple[Wall, ...
 
 
 def curvatures(contacts: Contacts, r: Array, count: int) -> Array:
-    """By how much directions turn with a motion across them: 1/r for pairs of ``count`` particles, 0 for walls."""
+    """By how much directions turn with a motion across them: 1/r for pairs of ``count`` particles, 0 for walls.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    r : array, shape (contacts,)
+        Distances of the centres.
+    count : int
+        N.
+    """
     with np.errstate(divide="ignore"):
         return np.where(contacts.j < count, 1 / r, 0.0)
 
@@ -273,6 +291,16 @@ def find_pairs(
     x: Array, radii: Array, box: Box, t: float, walls: tuple[Wall, ...], within: float
 ) -> tuple[Integers, Integers, Integers]:
     """All pairs, and particles and walls, whose surfaces are closer than ``within``, ordered by their numbers.
+
+    Parameters
+    ----------
+    x : array, shape (N, d)
+    radii : array, shape (N,)
+    box : Box
+    t : float
+    walls : tuple of Wall
+    within : float
+        A length.
 
     Returns
     -------

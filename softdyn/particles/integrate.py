@@ -56,6 +56,15 @@ def integrate(
 
     Each of the functions is called after every step; ``on_frame`` with each frame that the step made.
 
+    Parameters
+    ----------
+    system : System
+    newton : Newton
+    state : State
+    progress : function of (t, steps, Newton iterations), optional
+    after_step : function, optional
+    on_frame : function of a Frame, optional
+
     Raises
     ------
     IntegrationError

@@ -67,7 +67,14 @@ class Pattern:
 
 
 def pattern_of(count: int, i: Integers, j: Integers) -> Pattern:
-    """Pattern of a list of contacts between ``count`` particles; partners from ``count`` on are walls."""
+    """Pattern of a list of contacts between ``count`` particles; partners from ``count`` on are walls.
+
+    Parameters
+    ----------
+    count : int
+    i, j : array of int, shape (contacts,)
+        The partners.
+    """
     pair = j < count
     a, b = i[pair].astype(np.int64), j[pair].astype(np.int64)
     own = np.arange(count)
@@ -147,7 +154,18 @@ def _finished(pattern: Pattern, data: Array, fixed: NDArray[np.bool_]) -> bsr_ar
 
 
 def assemble_quarters(pattern: Pattern, quarters: Iterable[Array], own: Array, fixed: NDArray[np.bool_]) -> bsr_array:
-    """Matrix of which the blocks of a contact are given one by one: ii, ij, ji, jj; else as :func:`assemble`."""
+    """Matrix of which the blocks of a contact are given one by one: ii, ij, ji, jj; else as :func:`assemble`.
+
+    Parameters
+    ----------
+    pattern : Pattern
+    quarters : iterable of array, shape (contacts, w, w)
+        Blocks ii, ij, ji, jj, force over length.
+    own : array, shape (N, w) or (N, w, w)
+        Of each coordinate, or of each particle, by itself.
+    fixed : array of bool, shape (N, w)
+        Coordinates that do not follow from forces.
+    """
     width = own.shape[1]
     data = np.zeros((len(pattern.indices), width, width))
     places = (pattern.diagonal[pattern.i], pattern.upper, pattern.lower, pattern.diagonal[pattern.j[pattern.pair]])
@@ -262,6 +280,13 @@ def prepare(solver: Solver, matrix: bsr_array) -> None:
 
 def solve(solver: Solver, b: Array, tolerance: float = TOLERANCE) -> Array:
     """Solution of the present system, to a residual of ``tolerance`` at most, relative to b; of the shape of b.
+
+    Parameters
+    ----------
+    solver : Solver
+    b : array
+        Right side, of as many numbers as the matrix has rows.
+    tolerance : float
 
     Raises
     ------
@@ -389,6 +414,13 @@ def _softest(matrix: bsr_array) -> Array:
 def block_diagonal(matrix: bsr_array, width: int, definite: bool = True) -> Callable[[Array], Array]:
     """Preconditioner by the inverse of each particle's own block.
 
+    Parameters
+    ----------
+    matrix : bsr_array, shape (N width, N width)
+    width : int
+        Of a block.
+    definite : bool
+
     Raises
     ------
     Indefinite
@@ -419,6 +451,20 @@ def conjugate_gradients(
 ) -> tuple[Array, int, bool]:
     """Conjugate gradients; returns x, the number of iterations, and whether the tolerance is met.
 
+    Parameters
+    ----------
+    matrix : bsr_array, shape (N width, N width)
+    precondition : function of an array
+        Multiplies by an approximate inverse.
+    b : array
+        Right side, of as many numbers as the matrix has rows.
+    width : int
+        Of a block.
+    tolerance : float
+        Norm of the residual over that of b.
+    most : int
+        Iterations.
+
     Raises
     ------
     Indefinite
@@ -446,7 +492,22 @@ def conjugate_gradients(
 def stabilised(
     matrix: bsr_array, precondition: Callable[[Array], Array], b: Array, width: int, tolerance: float, most: int
 ) -> tuple[Array, int, bool]:
-    """Van der Vorst's BiCGStab; as :func:`conjugate_gradients`."""
+    """Van der Vorst's BiCGStab; as :func:`conjugate_gradients`.
+
+    Parameters
+    ----------
+    matrix : bsr_array, shape (N width, N width)
+    precondition : function of an array
+        Multiplies by an approximate inverse.
+    b : array
+        Right side, of as many numbers as the matrix has rows.
+    width : int
+        Of a block.
+    tolerance : float
+        Norm of the residual over that of b.
+    most : int
+        Iterations.
+    """
     x, residual = np.zeros(b.size), b.reshape(-1).copy()
     shadow, direction, image = residual.copy(), np.zeros(b.size), np.zeros(b.size)
     goal = tolerance**2 * _inner(residual, residual)

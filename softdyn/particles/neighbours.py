@@ -81,6 +81,14 @@ def _moved(walls: tuple[Wall, ...], listed: Array) -> float:
 def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> tuple[Contacts, Listed, int, int]:
     """List the contacts at the given positions; those already listed keep their gaps.
 
+    Parameters
+    ----------
+    system : System
+    x : array, shape (N, d)
+    t : float
+    old : Contacts, optional
+        Those that are listed.
+
     Returns
     -------
     contacts : Contacts
@@ -112,7 +120,16 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
 
 
 def with_pairs(system: System, i: Integers, j: Integers, shift: Integers) -> tuple[Integers, Integers, Integers]:
-    """Pairs in order, with those that mechanisms always have listed."""
+    """Pairs in order, with those that mechanisms always have listed.
+
+    Parameters
+    ----------
+    system : System
+    i, j : array of int, shape (n,)
+        Pairs that are near.
+    shift : array of int, shape (n, d)
+        Lattice vectors by which j is displaced.
+    """
     more = [found for one in system.having["pairs"] if (found := one.pairs()) is not None]
     if not more:
         return i, j, shift
@@ -122,7 +139,16 @@ def with_pairs(system: System, i: Integers, j: Integers, shift: Integers) -> tup
 
 
 def taken_over(contacts: Contacts, old: Contacts, reach: float) -> tuple[Contacts, int]:
-    """Contacts with the gaps and forces of those that were there before; and how many of these are left behind."""
+    """Contacts with the gaps and forces of those that were there before; and how many of these are left behind.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        New ones, which are changed in place.
+    old : Contacts
+    reach : float
+        Range of the contacts, a length.
+    """
     mine, source = common(contacts, old)
     contacts.h[mine] = old.h[source]
     contacts.touched[mine] = old.touched[source]

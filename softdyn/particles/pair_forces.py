@@ -52,6 +52,17 @@ def pair_force(
 ) -> PairForce | None:
     """The potential that an entry of a scene names, with its parameters; ``where`` is for faults.
 
+    Parameters
+    ----------
+    facts : ValidatedScene
+    potential : str, Path or Potential
+    parameters : mapping from str to float
+        Of the potential.
+    where : str
+        Place in the scene.
+    faults : list of str
+        To which is added what is wrong.
+
     Raises
     ------
     LawError, SceneError
@@ -83,7 +94,16 @@ def pair_force(
 
 
 def require_resistance(facts: ValidatedScene, what: str, faults: list[str]) -> None:
-    """Forces along the lines of the centres move particles that something resists by itself."""
+    """Forces along the lines of the centres move particles that something resists by itself.
+
+    Parameters
+    ----------
+    facts : ValidatedScene
+    what : str
+        Such forces, in words.
+    faults : list of str
+        To which is added what is wrong.
+    """
     if not facts.scene.drag and facts.scene.inertia is None:
         faults.append(f"{what} move particles that drag resists, or inertia: give [flow] drag, 1 for Stokes' drag")
 

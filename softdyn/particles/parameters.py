@@ -153,6 +153,14 @@ def mixed_parameters(facts: ValidatedScene, kernel: TakesParameters, i: Integers
     """Varying parameters of the law for each contact, shape (parameters, n).
 
     R is 2 R1 R2/(R1 + R2) and E the harmonic mean: derived, for walls too, in :mod:`softdyn.derive.contact_equations`.
+
+    Parameters
+    ----------
+    facts : ValidatedScene
+    kernel : ContactKernel or other
+        Whose ``varying`` names the parameters.
+    i, j : array of int, shape (n,)
+        The particles; a wall w has j = N + w.
     """
     scene, count = facts.scene, len(facts.radii)
     wall = j >= count

@@ -32,6 +32,14 @@ def placed(
 ) -> dict[str, Any]:
     """Fields of a scene that follow from a file, a packing, or chains.
 
+    Parameters
+    ----------
+    scene : ParticleScene
+    file : str or Path, optional
+        A result to start from, or a file of particles.
+    packing : Packing, optional
+    chains : Chains, optional
+
     Raises
     ------
     SceneError

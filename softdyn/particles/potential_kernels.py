@@ -125,7 +125,17 @@ def energies_and_forces(kernel: PotentialKernel, p: Array, r: Array, contact: Ar
 
 
 def activities(kernel: PotentialKernel, p: Array, shear_rate: float, age: Array) -> tuple[Array, Array]:
-    """Factor of the energy of pairs of these ages, and its slope in the age; 1 and 0 without an activation."""
+    """Factor of the energy of pairs of these ages, and its slope in the age; 1 and 0 without an activation.
+
+    Parameters
+    ----------
+    kernel : PotentialKernel
+    p : array, shape (parameters,)
+    shear_rate : float
+        Of the background flow, 1/time.
+    age : array, shape (n,)
+        Times that pairs have been within the cut-off.
+    """
     if kernel.activities is None:
         return np.ones(len(age)), np.zeros(len(age))
     out = np.empty((2, len(age)))

@@ -64,7 +64,18 @@ class Pulled:
     pressures: list[tuple[float, float, float]] = field(default_factory=list)
 
     def note(self, kind: str, size: float, t: float, who: str) -> None:
-        """Keep what is the first or the worst of its kind."""
+        """Keep what is the first or the worst of its kind.
+
+        Parameters
+        ----------
+        kind : str
+            Of what is told.
+        size : float
+            Of two, the larger is worse.
+        t : float
+        who : str
+            The contact, in words.
+        """
         found = self.kinds.setdefault(kind, {"first": t, "for": who, "size": size, "t": t, "who": who})
         if size > found["size"]:
             found.update(size=size, t=t, who=who)
@@ -82,6 +93,16 @@ def look(pulled: Pulled, system: System, contacts: Contacts, t: float, dt: float
     """Look at the contacts at the end of a step of the length dt, or at an output within one, for which dt is 0.
 
     Pulled surfaces have a negative force: only these are looked at closely.
+
+    Parameters
+    ----------
+    pulled : Pulled
+        To which is added what is found.
+    system : System
+    contacts : Contacts
+    t, dt : float
+    at : At or Balance
+        Of the contacts at the time t.
     """
     drawn = (at.F < 0).nonzero()[0]
     flows = bool(system.box.periodic.all()) and bool(system.box.shear_rate or system.box.stretch is not None)

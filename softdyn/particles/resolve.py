@@ -104,7 +104,15 @@ def breaks(system: PreparedScene) -> Array:
 
 
 def missed(system: System, to: Sensitivity, t: float, dt: float) -> tuple[float, str]:
-    """Largest error, in units of what is allowed, that what a step misses may make; and of which function."""
+    """Largest error, in units of what is allowed, that what a step misses may make; and of which function.
+
+    Parameters
+    ----------
+    system : System
+    to : Sensitivity
+    t, dt : float
+        Start and length of the step.
+    """
     found = [(0.0, "")]
     for mechanism in system.having["driven"]:
         for function, factor in mechanism.driven():
@@ -114,7 +122,17 @@ def missed(system: System, to: Sensitivity, t: float, dt: float) -> tuple[float,
 
 
 def resolved(system: System, state: State, dt: float, shortest: float) -> tuple[float, str]:
-    """Length of a step, at most dt, whose stages see all that is given; and what they may miss in the shortest."""
+    """Length of a step, at most dt, whose stages see all that is given; and what they may miss in the shortest.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+    dt : float
+        A length of the step.
+    shortest : float
+        The least that it may be.
+    """
     if all(function.expression is None for function in system.functions):
         return dt, ""
     to = sensitivity(system, state)

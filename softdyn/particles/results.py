@@ -78,7 +78,18 @@ class Frame:
 
 
 def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, energy: Array) -> Frame:
-    """Frame of a state; v is as in :class:`softdyn.particles.state.State`."""
+    """Frame of a state; v is as in :class:`softdyn.particles.state.State`.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+    x : array, shape (N, d)
+    v : array, shape (N, w)
+    contacts : Contacts
+    energy : array
+        Exchanged since the start, by the kinds of ``system.works``; and what is stored elastically.
+    """
     whole = v
     v, spin = v[:, : x.shape[1]], v[:, x.shape[1] :] / system.radii[:, None]
     cell = lattice(system.box, t)
@@ -296,7 +307,19 @@ def gather(
     energy: Mapping[str, float],
     stats: Mapping[str, Any],
 ) -> ParticleResult:
-    """Put a result together from its frames."""
+    """Put a result together from its frames.
+
+    Parameters
+    ----------
+    system : PreparedScene
+    frames : list of Frame
+    history : list of rows
+        What is noted of each step.
+    energy : mapping from str to float
+        What became of it in the run, by kinds.
+    stats : mapping
+        What is told of the run.
+    """
     count, d = system.x.shape
     arrays: dict[str, NDArray[Any]] = {
         "t": np.array([frame.t for frame in frames]),

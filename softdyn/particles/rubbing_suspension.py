@@ -42,7 +42,21 @@ ROUGHNESS = 0.01
 
 
 def scene_of(fraction: float, mu: float, count: int = COUNT, strain: float = STRAIN, seed: int = 1) -> ParticleScene:
-    """A suspension of a volume fraction, whose surfaces rub with the coefficient mu."""
+    """A suspension of a volume fraction, whose surfaces rub with the coefficient mu.
+
+    Parameters
+    ----------
+    fraction : float
+        Volume fraction.
+    mu : float
+        Coefficient of friction.
+    count : int
+        Particles.
+    strain : float
+        At the end.
+    seed : int
+        Of the packing.
+    """
     from softdyn.derive.rough_spheres import law
 
     return ParticleScene(
@@ -94,7 +108,21 @@ def measure(
     strain: float = STRAIN,
     progress: bool = False,
 ) -> Viscosities:
-    """Shear suspensions of all fractions with all coefficients of friction."""
+    """Shear suspensions of all fractions with all coefficients of friction.
+
+    Parameters
+    ----------
+    fractions : sequence of float
+        Volume fractions.
+    coefficients : sequence of float
+        Of friction.
+    count : int
+        Particles.
+    strain : float
+        Of each run.
+    progress : bool
+        Whether to show how far it is.
+    """
     mean, scatter = np.empty((2, len(coefficients), len(fractions)))
     bar = told(
         [(m, f) for f in range(len(fractions)) for m in range(len(coefficients))],

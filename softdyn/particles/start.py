@@ -109,7 +109,14 @@ def _followed(
 
 
 def relaxed(system: System, newton: Newton, state: State) -> Balance:
-    """Elastic equilibrium at the gaps as they are, which nothing but films resists for an instant."""
+    """Elastic equilibrium at the gaps as they are, which nothing but films resists for an instant.
+
+    Parameters
+    ----------
+    system : System
+    newton : Newton
+    state : State
+    """
     nothing = np.zeros(len(state.contacts))
     given = StageInput(state.t, 0.0, state.x, nothing)
     return balance(system, state.contacts, newton, given, state.x.copy(), nothing.copy())
@@ -129,6 +136,13 @@ def pass_break(system: System, newton: Newton, state: State) -> None:
 
     A jump of the forces moves particles that nothing resists at once, at the gaps as they are. The work of the forces
     is that of a fast ramp.
+
+    Parameters
+    ----------
+    system : System
+    newton : Newton
+    state : State
+        At the break, which is changed in place.
 
     Raises
     ------

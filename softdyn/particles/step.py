@@ -350,6 +350,14 @@ def error_of(system: System, end: Balance, errors: Mapping[str, Array]) -> float
     The root of the mean square over contacts within their range, each as much as there is of it, and a tenth of the
     largest. Likewise over particles, where their positions are integrated; and what mechanisms say of what they
     integrate.
+
+    Parameters
+    ----------
+    system : System
+    end : Balance
+        At the end of the step.
+    errors : mapping from str to array
+        Of positions ``x``, shape (N, w), of films ``y``, shape (contacts,), and of what mechanisms integrate.
     """
     active = end.h < system.reach
     found = [0.0]

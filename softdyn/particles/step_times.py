@@ -107,6 +107,15 @@ def time_kernel(law: Any, target: str, tangential: bool, contacts: int = 200_000
     """Nanoseconds for force, implicit gap and consistent tangent of one contact of unequal spheres with a range.
 
     Gaps over two decades, pressed and pulled, moved by a few tenths of their gap in the step, with a cold guess.
+
+    Parameters
+    ----------
+    law : str, Path or ContactLaw
+    target : "c" or "numba"
+    tangential : bool
+        Whether contacts have tangential motion.
+    contacts : int
+        How many are solved at once.
     """
     varying = ("R", "size_ratio") if tangential else ("R",)
     kernel = get_contact_kernel(law, target, varying=varying, fading=True, tangential=tangential)

@@ -198,7 +198,16 @@ class System(PreparedScene):
 def prepared(
     facts: ValidatedScene, mechanisms: Sequence[Mechanism], law: str, target: str, fingerprint: str
 ) -> PreparedScene:
-    """Put together what the mechanisms give, once they are ready."""
+    """Put together what the mechanisms give, once they are ready.
+
+    Parameters
+    ----------
+    facts : ValidatedScene
+    mechanisms : sequence of Mechanism
+        Ready ones.
+    law, target, fingerprint : str
+        Name of the law, its target, and the digest of its equations.
+    """
     ready = tuple(mechanisms)
     shape, d = (len(facts.x), facts.width), facts.x.shape[1]
     held = [mechanism.held for mechanism in ready if mechanism.held is not None]
@@ -235,7 +244,15 @@ def prepared(
 
 
 def with_mechanisms(facts: ValidatedScene, kernel: ContactKernel, p: Array, mechanisms: Sequence[Mechanism]) -> System:
-    """Put a run of soft contacts together: the facts of a scene, its kernel, and what the mechanisms give together."""
+    """Put a run of soft contacts together: the facts of a scene, its kernel, and what the mechanisms give together.
+
+    Parameters
+    ----------
+    facts : ValidatedScene
+    kernel : ContactKernel
+    p : array, shape (uniform parameters,)
+    mechanisms : sequence of Mechanism
+    """
     ready = tuple(mechanism.ready(facts, kernel, p) for mechanism in mechanisms)
     shape = (len(facts.x), facts.width)
     resisting = [mechanism.resistance(shape) for mechanism in having(ready, "resistance")]
@@ -287,7 +304,14 @@ def background(system: System, x: Array) -> Array:
 
 
 def moving_images(system: System, contacts: Contacts, t: float) -> tuple[NDArray[np.int64], Array]:
-    """Contacts with an image that moves with the box, or with a moving wall; and its velocity, shape (those, d)."""
+    """Contacts with an image that moves with the box, or with a moving wall; and its velocity, shape (those, d).
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    t : float
+    """
     rows = crossing(contacts.shift)
     velocities = contacts.shift[rows] @ system.box.rate.T
     if system.wall_velocity is None:
@@ -299,7 +323,14 @@ def moving_images(system: System, contacts: Contacts, t: float) -> tuple[NDArray
 
 
 def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
-    """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d)."""
+    """Velocity of the image of particle j with the box, or of the wall, shape (contacts, d).
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    t : float
+    """
     velocities = np.zeros(contacts.shift.shape)
     rows, moving = moving_images(system, contacts, t)
     velocities[rows] = moving
@@ -307,7 +338,16 @@ def image_velocities(system: System, contacts: Contacts, t: float) -> Array:
 
 
 def relative_velocities(system: System, contacts: Contacts, t: float, v: Array) -> Array:
-    """Velocity of particle j, or of the wall, as seen from particle i, shape (contacts, d)."""
+    """Velocity of particle j, or of the wall, as seen from particle i, shape (contacts, d).
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    t : float
+    v : array, shape (N, w)
+        Velocities, of which rotations are left out.
+    """
     d = system.dimension
     ends = np.concatenate([v[:, :d], np.zeros((len(system.walls), d))])
     apart = ends.take(contacts.j, axis=0)
@@ -318,7 +358,17 @@ def relative_velocities(system: System, contacts: Contacts, t: float, v: Array) 
 
 
 def opening_rates(system: System, contacts: Contacts, t: float, v: Array, n: Array) -> Array:
-    """Rates dr/dt of the distances of the centres, with the directions n of the contacts, shape (contacts,)."""
+    """Rates dr/dt of the distances of the centres, with the directions n of the contacts, shape (contacts,).
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    t : float
+    v : array, shape (N, w)
+        Velocities.
+    n : array, shape (contacts, d)
+    """
     return np.asarray(np.einsum("ca,ca->c", relative_velocities(system, contacts, t, v), n))
 
 
@@ -328,6 +378,17 @@ def contact_state(
     """Return what the kernel says of each contact: delta, a, F, friction (w zeta), remote (w F_adh), C, ...
 
     Where gaps are no states, forces depend on the rate dr/dt of the distance, which is 0 if it is not given.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    overlap : array, shape (contacts,)
+        Sum of the radii less the distance of the centres.
+    h : array, shape (contacts,)
+        Gaps, lengths.
+    rate : array, shape (contacts,), optional
+        A velocity.
     """
     kernel = system.kernel
     out = np.empty((len(kernel.outputs), len(h)))

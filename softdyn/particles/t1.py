@@ -69,7 +69,18 @@ class Swaps:
 
 
 def rhombus(force: float, gap: float, until: float, target: str) -> ParticleScene:
-    """Scene of a T1 process: two particles in touch, and two beside them that are pushed together."""
+    """Scene of a T1 process: two particles in touch, and two beside them that are pushed together.
+
+    Parameters
+    ----------
+    force : float
+        On the two that are pushed, over E R^2.
+    gap : float
+        Over R.
+    until : float
+        End of the run, in eta/E.
+    target : str
+    """
     side = 2 + gap
     half = side * math.sqrt(3) / 2
     return ParticleScene(
@@ -87,7 +98,16 @@ def rhombus(force: float, gap: float, until: float, target: str) -> ParticleScen
 
 
 def pair_alone(force: float, gap: float, target: str = "auto") -> float:
-    """Time that two particles take from a gap to that of the middle of the swap, pulled by F/sqrt(3)."""
+    """Time that two particles take from a gap to that of the middle of the swap, pulled by F/sqrt(3).
+
+    Parameters
+    ----------
+    force : float
+        Of the T1 process, over E R^2.
+    gap : float
+        Over R.
+    target : str
+    """
     parameters = {"R": 1.0, "E": 1.0, "eta": 1.0}
     pull = -force / math.sqrt(3)
     return float(simulate(law=LAW, parameters=parameters, h=gap, force=pull, until_h=MIDDLE, target=target).t[-1])
@@ -95,6 +115,14 @@ def pair_alone(force: float, gap: float, target: str = "auto") -> float:
 
 def swap(force: float, gap: float, target: str = "auto") -> tuple[float, ParticleResult]:
     """Run a T1 process to well beyond its middle; its duration, and the result.
+
+    Parameters
+    ----------
+    force : float
+        Over E R^2.
+    gap : float
+        Over R.
+    target : str
 
     Raises
     ------
@@ -116,7 +144,18 @@ def measure(
     target: str = "auto",
     progress: bool = False,
 ) -> Swaps:
-    """Run all T1 processes."""
+    """Run all T1 processes.
+
+    Parameters
+    ----------
+    forces : sequence of float
+        Over E R^2.
+    gaps : sequence of float
+        Over R.
+    target : str
+    progress : bool
+        Whether to show how far it is.
+    """
     shape = (len(forces), len(gaps))
     duration, pair, steps = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
     bar = told(list(np.ndindex(shape)), progress)

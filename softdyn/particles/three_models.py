@@ -62,7 +62,20 @@ def grain_law() -> ContactLaw:
 
 
 def scene_of(model: str, rate: float, count: int = COUNT, strain: float = STRAIN, seed: int = 1) -> ParticleScene:
-    """The packing sheared at a rate, by one of :data:`MODELS`."""
+    """The packing sheared at a rate, by one of :data:`MODELS`.
+
+    Parameters
+    ----------
+    model : str
+    rate : float
+        Shear rate, in k/b.
+    count : int
+        Particles.
+    strain : float
+        At the end.
+    seed : int
+        Of the packing.
+    """
     packing = Packing("random", count=count, dimension=2, fraction=FRACTION, radii=[1.0, 1.4], seed=seed)
     shared: dict[str, Any] = {"packing": packing, "shear_rate": rate, "until_t": strain / rate, "times": 121}
     if model == "bubble model":
@@ -90,7 +103,19 @@ class Sheared:
 def measure(
     rates: Sequence[float] = RATES, count: int = COUNT, strain: float = STRAIN, progress: bool = False
 ) -> Sheared:
-    """Shear the packing by all models at all rates."""
+    """Shear the packing by all models at all rates.
+
+    Parameters
+    ----------
+    rates : sequence of float
+        Shear rates, in k/b.
+    count : int
+        Particles.
+    strain : float
+        Of each run.
+    progress : bool
+        Whether to show how far it is.
+    """
     stress, pressure = np.empty((2, len(MODELS), len(rates)))
     shown = {}
     bar = told(

@@ -270,6 +270,16 @@ def is_driven(value: Any) -> bool:
 def time_function(value: Any, name: str, constants: dict[str, float], end: float) -> TimeFunction:
     """TimeFunction from a number, an expression, a table, or a pair of arrays (times, values).
 
+    Parameters
+    ----------
+    value : number, str, Table, or (times, values)
+    name : str
+        For errors.
+    constants : mapping from str to float
+        What an expression may name.
+    end : float
+        Time to which a table must reach.
+
     Raises
     ------
     SceneError
