@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 
 from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, diff, expand, simplify, solve
 
-from softdyn.derive.law import is_rigid
+from softdyn.derivations import kept
+from softdyn.derive.law import expressions, is_rigid
 from softdyn.derive.soundness import sides_of, sound
 from softdyn.derive.symbols import F, R, a, delta, h
 
@@ -240,6 +241,10 @@ def stiffness_of(law: ContactLaw) -> Expr:
 @lru_cache(maxsize=32)
 def partials(law: ContactLaw) -> dict[Symbol, Expr]:
     """Return the declared expressions and their partial derivatives, in (a, h, delta), sound in floating point."""
+    return kept("partials", expressions(law), lambda: _partials(law))
+
+
+def _partials(law: ContactLaw) -> dict[Symbol, Expr]:
     # rigid particles have no elastic force of their own: they transmit any
     elastic = h * 0 if is_rigid(law) else law.F_ela
     return {

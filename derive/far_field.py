@@ -37,6 +37,7 @@ import numpy as np
 from sympy import Add, Expr, Mul, Pow, Rational, S, Symbol, expand, factor, factor_terms, lambdify, limit, oo, simplify
 from sympy.codegen.cfunctions import expm1, log1p
 
+from softdyn.derivations import kept
 from softdyn.derive.law import sample_values
 from softdyn.derive.soundness import sound, tidy
 from softdyn.derive.special import IN_NUMPY
@@ -67,6 +68,10 @@ def undeflected_friction(law: ContactLaw, unequal: bool = False) -> Expr:
 @cache
 def far_friction(law: ContactLaw) -> Expr:
     """Limit of zeta at delta = 0 as h -> oo: 0, oo, a positive expression, or ``nan`` where none is found."""
+    return kept("far_friction", (law.a, law.zeta), lambda: _far_friction(law))
+
+
+def _far_friction(law: ContactLaw) -> Expr:
     # what the gap does not enter is kept from sympy's polynomials: with hundreds of parameters they recurse too deeply
     constant, varying = undeflected_friction(law).subs(h, R / NEARNESS).as_independent(NEARNESS, as_Add=False)
     for simpler in (True, False):
@@ -88,6 +93,11 @@ def relative_excess(law: ContactLaw, unequal: bool = False) -> Expr:
     LawError
         If there is no such form, or x is not positive.
     """
+    given = (law.a, law.zeta, law.unequal, sample_values(law), unequal)
+    return kept("relative_excess", given, lambda: _relative_excess(law, unequal))
+
+
+def _relative_excess(law: ContactLaw, unequal: bool) -> Expr:
     ratio = (undeflected_friction(law, unequal) / far_friction(law)).subs(h, R / NEARNESS)
     plain = simplify(ratio)
     forms = [expand(plain) - 1, expand(simplify(plain - 1)), factor(simplify(plain - 1)), plain - 1]

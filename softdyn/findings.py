@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from sympy import S, srepr
 
 from softdyn import cache
+from softdyn.derivations import UNREADABLE
 from softdyn.derive.checks import chains
 from softdyn.derive.films import Films, find_films
 from softdyn.derive.law import law_hash
@@ -61,10 +62,6 @@ def _kept(what: str, law: ContactLaw, find: Callable[[], Any]) -> Any:
     with suppress(SceneError, OSError, RecursionError):
         cache.publish(KIND, key, {"found.pickle": pickle.dumps(found)})
     return found
-
-
-#: What reading an entry may end with that another process, or another version of a library, has written.
-UNREADABLE = (pickle.UnpicklingError, AttributeError, ImportError, EOFError, TypeError, ValueError, RecursionError)
 
 
 def identity(law: ContactLaw) -> list[Any]:
