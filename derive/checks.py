@@ -75,7 +75,8 @@ from softdyn.derive.dimensions import (
     DimensionMismatchError,
     dimension_of,
 )
-from softdyn.derive.positive import Positivity, positivity, ranges_of_positive, ranges_of_symbol
+from softdyn.derive.not_negative import not_negative
+from softdyn.derive.positive import Domain, Positivity, positivity, ranges_of_positive, ranges_of_symbol
 from softdyn.derive.soundness import is_side, rewritable, tidy
 from softdyn.derive.special import LambertW
 from softdyn.derive.splines import Spline
@@ -166,6 +167,8 @@ def faults_of(law: ContactLaw) -> list[str]:
         faults += _one_sided_faults(law) or _origin_faults(law) or _positivity_faults(law)
     if sound and not faults and law.tangential is not None:
         faults += _tangential_positivity_faults(law)
+    if sound and not faults and law.rubbing is not None:
+        faults += _rubbing_sign_faults(law)
     return faults
 
 
@@ -650,14 +653,41 @@ def signs_of(law: ContactLaw) -> tuple[Sign, ...]:
     return tuple(_signs_of(law))
 
 
+@lru_cache(maxsize=16)
+def rubbing_signs_of(law: ContactLaw) -> tuple[Sign, ...]:
+    """Whether what a law declares of surfaces that rub is not negative, on each side of delta = 0.
+
+    The coefficient of friction matters where there is a load: theirs is the product that is looked at.
+    """
+    if law.rubbing is None:
+        return ()
+    load = law.rubbing.load
+    quantities = {"rubbing load": load, "rubbing k_t": law.rubbing.k_t, "rubbing mu load": law.rubbing.mu * load}
+    if law.rubbing.mu == 1:
+        del quantities["rubbing mu load"]
+    sides = {"delta > 0": 1}
+    if law.zeta != 0 and law.F_ela != oo and not pressed_only(law):
+        sides |= {"delta < 0": -1, "delta = 0": 0}
+    domain = (*_domain_of(law), (slip_rate, ranges_of_symbol(slip_rate, None)))
+    found = []
+    for name, quantity in quantities.items():
+        explicit = quantity.subs(a, law.a)
+        for words, value in sides.items() if explicit.has(delta) else [("any delta", 0)]:
+            expr = tidy(explicit.subs(delta, value * _SIZE)).subs({R: 1, E: 1, eta: 1})
+            found.append(Sign(name, quantity, words, not_negative(expr, domain)))
+    return tuple(found)
+
+
 def undecided_signs(law: ContactLaw) -> list[str]:
     """Words for each sign that is not proved: where it is not known."""
     sides: dict[tuple[str, str], list[str]] = {}
-    for sign_ in signs_of(law):
+    quantities = [(f"{sign_.quantity} > 0", sign_) for sign_ in signs_of(law)]
+    quantities += [(f"{sign_.quantity} >= 0", sign_) for sign_ in rubbing_signs_of(law)]
+    for quantity, sign_ in quantities:
         if sign_.found.verdict == "unknown":
-            sides.setdefault((sign_.quantity, box_words(sign_)), []).append(sign_.side)
+            sides.setdefault((quantity, box_words(sign_)), []).append(sign_.side)
     return [
-        f"{quantity} > 0 is not proved for {', '.join(where)}, at {box}; a run there may go wrong"
+        f"{quantity} is not proved for {', '.join(where)}, at {box}; a run there may go wrong"
         for (quantity, box), where in sides.items()
     ]
 
@@ -714,6 +744,19 @@ def _positivity_faults(law: ContactLaw) -> list[str]:
     return list(faults.values())
 
 
+def _rubbing_sign_faults(law: ContactLaw) -> list[str]:
+    """Load, stiffness and bound of surfaces that rub are nowhere negative; a witness shows where they are."""
+    faults: dict[str, str] = {}
+    for sign_ in rubbing_signs_of(law):
+        if sign_.found.verdict == "witness" and sign_.quantity not in faults:
+            point = _point(sign_.found, -1 if sign_.side == "delta < 0" else 1)
+            faults[sign_.quantity] = (
+                f"{sign_.quantity} must not be negative for h > 0 and |delta| < R, but at {point} ({sign_.side}) it is "
+                f"{mpmath.nstr(sign_.found.value, 6)}; {sign_.quantity.removeprefix('rubbing ')} = {sign_.expression}"
+            )
+    return list(faults.values())
+
+
 @lru_cache(maxsize=64)
 def pressed_only(law: ContactLaw) -> bool:
     """Whether a law says nothing of surfaces that are pulled: its elastic force, or radius, is no real number there."""
@@ -732,12 +775,16 @@ def pressed_only(law: ContactLaw) -> bool:
 
 def sign_on_domain(expr: Expr, law: ContactLaw) -> Positivity:
     """Whether an expression is positive for h > 0, abs(delta) < R, and all own parameters allowed."""
+    return positivity(expr.subs({R: 1, E: 1, eta: 1}), _domain_of(law))
+
+
+def _domain_of(law: ContactLaw) -> Domain:
+    """Of each symbol, R, E and eta being 1."""
     from softdyn.derive.law import ranges_of
 
-    domain = [(h, ranges_of_positive("h")), (_SIZE, ranges_of_positive(_SIZE.name, Rational(1)))]
     allowed = ranges_of(law)
-    domain += [(symbol, ranges_of_symbol(symbol, allowed.get(symbol))) for symbol in law.parameters]
-    return positivity(expr.subs({R: 1, E: 1, eta: 1}), tuple(domain))
+    own = [(symbol, ranges_of_symbol(symbol, allowed.get(symbol))) for symbol in law.parameters]
+    return ((h, ranges_of_positive("h")), (_SIZE, ranges_of_positive(_SIZE.name, Rational(1))), *own)
 
 
 def _witness_of_part(expr: Expr, law: ContactLaw) -> Positivity | None:

@@ -26,12 +26,15 @@ class Traits:
         Whether the law declares a remote force, a dashpot.
     anchored : bool
         Whether the elastic force vanishes at delta = 0.
+    rubs : bool
+        Whether the law declares what rubs.
     """
 
     kind: str
     remote: bool
     dashpot: bool
     anchored: bool
+    rubs: bool
 
 
 def traits_of(law: ContactLaw | str | Path) -> Traits:
@@ -61,4 +64,5 @@ def _traits(law: ContactLaw) -> dict[str, Any]:
         "remote": bool(law.F_adh != 0),
         "dashpot": bool(law.dashpot != 0),
         "anchored": is_anchored(law),
+        "rubs": law.rubbing is not None,
     }

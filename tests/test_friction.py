@@ -55,27 +55,41 @@ def test_on_a_slope_grains_roll_or_slide(shape: str, mu: float) -> None:
     assert abs(result.energy["imbalance"]) < 1e-3
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_an_oblique_impact_slides_as_rigid_bodies_do(d: int) -> None:
+@pytest.mark.parametrize(
+    ("d", "method"),
+    [(2, "explicit"), (3, "explicit"), (2, "implicit"), pytest.param(3, "implicit", marks=pytest.mark.slow)],
+)
+def test_an_oblique_impact_slides_as_rigid_bodies_do(d: int, method: str) -> None:
     """While it slides throughout, the tangential impulse is mu times the normal one, and turns the sphere.
 
-    The soft sphere is flattened by 1e-3 of its radius, which its lever is shorter by.
+    Its lever is the distance from the wall, shorter by the overlap x, whose mean by force is B(7/5, 1/2)/2 of the
+    largest (Hertz, m (dx/dt)^2/2 = m v^2/2 (1 - (x/x_max)^(5/2))). An implicit step may be wrong by rtol, an explicit
+    one makes a period wrong by it.
     """
-    mu, v_n, v_t = 0.2, 0.5, 3.0
+    mu, v_n, v_t, rtol = 0.2, 0.5, 3.0, 1e-6 if method == "explicit" else 1e-5
     x, v = [0.0] * d, [0.0] * d
     x[-1], v[0], v[-1] = R + 1e-3, v_t, -v_n
     normal = [0.0] * (d - 1) + [-1.0]
     scene = ParticleScene(
         **STIFF, positions=[x], velocities=[v], inertia=Inertia(RHO), friction=Friction(mu), until_t=0.02,
-        wall=[Wall([0.0] * d, normal)], rtol=1e-6,
+        wall=[Wall([0.0] * d, normal)], rtol=rtol, method=method,
     )  # fmt: skip
     result = simulate(scene)
-    assert result.contacts(-1)["i"].size == 0
-    np.testing.assert_allclose(result.v[-1, 0, -1], v_n, rtol=1e-5)
-    np.testing.assert_allclose(result.v[-1, 0, 0], v_t - 2 * mu * v_n, rtol=1e-6)
-    spin = 2.5 * 2 * mu * v_n / R
-    np.testing.assert_allclose(result.spin[-1, 0, 1] if d == 3 else -result.spin[-1, 0, 0], spin, rtol=3e-3)
-    assert result.energy["friction"] == pytest.approx(-result.energy["kinetic"], rel=1e-3)
+    allowed = rtol * (10 if method == "explicit" else result.stats["steps"])
+    assert result.contacts(-1)["h"].max(initial=1.0) > 0
+    np.testing.assert_allclose(result.v[-1, 0, -1], v_n, rtol=allowed)
+    np.testing.assert_allclose(result.v[-1, 0, 0], v_t - 2 * mu * v_n, rtol=allowed)
+    star, mass = 1e7 / (1 - 0.3**2), RHO * 4 / 3 * math.pi * R**3
+    deepest = (15 * mass * v_n**2 / (16 * star * math.sqrt(R))) ** 0.4
+    beta = math.gamma(1.4) * math.gamma(0.5) / math.gamma(1.9)
+    spin = 2.5 * 2 * mu * v_n / R * (1 - deepest / R * beta / 2)
+    np.testing.assert_allclose(result.spin[-1, 0, 1] if d == 3 else -result.spin[-1, 0, 0], spin, rtol=allowed)
+    lost = result.energy["friction"] + result.energy["k_t"]
+    assert lost == pytest.approx(-result.energy["kinetic"], rel=allowed)
+    # T is mu N on the way back as on the way in: k_t takes nothing. Explicit steps tell the two apart to first order,
+    # a part omega dt = (24 rtol)^(1/2) of what the springs hold, mu^2 of the energy of the impact and some
+    first = math.sqrt(24 * rtol) * mu**2 * mass * v_n**2 if method == "explicit" else 0.0
+    assert abs(result.energy["k_t"]) < first + allowed * lost
 
 
 @pytest.mark.slow

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from softdyn.derive import Rubbing
+from softdyn.derive.laws.hertz_dry import law as hertz_dry
 from softdyn.errors import SceneError
 from softdyn.particles import Friction, Gravity, Inertia, ParticleScene, Push, simulate
 from softdyn.particles.mechanisms import coulomb, inertia
@@ -76,6 +78,8 @@ def test_what_cannot_be_is_refused(change: dict[str, Any], words: str) -> None:
         check(scene(**change))
 
 
+#: Of the load of a contact, half is borne by what rubs.
+PART = Rubbing(load=hertz_dry.F_ela / 2, k_t=hertz_dry.tangential.k_t)
 SOFT = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}
 
 
@@ -89,6 +93,13 @@ SOFT = {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}
         ({"law": None, "inertia": None, "method": "contact_dynamics"}, r"\[inertia\] density is missing"),
         ({"law": None, "method": "explicit"}, "law is missing"),
         ({"law": None, "inertia": None}, "law is missing"),
+        ({"method": "explicit", "step": 0.1}, r"\[method\] step is that of contact dynamics; .* \[accuracy\] rtol"),
+        ({"method": "implicit", "step": 0.1}, r"\[method\] step is that of contact dynamics; .* \[accuracy\] rtol"),
+        ({"method": "implicit", "box": [9.0, 9.0], "gravity": Gravity([0, -1.0])}, "there is nothing to stand on"),
+        (
+            {"method": "explicit", "law": replace(hertz_dry, name="own", rubbing=PART), "friction": Friction(0.1)},
+            "friction of a load and a stiffness that the law declares, rubbing=, is not known to the explicit",
+        ),
     ],
 )
 def test_a_method_refuses_the_scenes_that_it_cannot_have(change: dict[str, Any], words: str) -> None:

@@ -57,6 +57,9 @@ def method_of(facts: ValidatedScene) -> str:
                 "give a dry law, as hertz_dry, or the implicit method"
             )
         faults += _unknown_to_explicit(facts)
+    if scene.step is not None and name != "contact_dynamics":
+        own = "[noise] step" if name == "brownian" else "[accuracy] rtol"
+        faults.append(f"[method] step is that of contact dynamics; the steps of the method {name} are those of {own}")
     if name not in ("implicit", "brownian"):
         between = {"[[potential]]": scene.potential, "[[bond]]": scene.bond}
         faults += [f"{place} is not known to the method {name}: leave it out" for place in between if between[place]]
@@ -77,6 +80,7 @@ def _cheapest(facts: ValidatedScene) -> str:
     if scene.law is None:
         return "contact_dynamics" if scene.inertia is not None else "implicit"
     fast = scene.inertia is not None and _is_dry(scene.law) and not _unknown_to_explicit(facts)
+    fast = fast and not scene.potential and not scene.bond
     return "explicit" if fast else "implicit"
 
 
@@ -110,13 +114,15 @@ def _unknown_to_explicit(facts: ValidatedScene) -> list[str]:
     found += ["[contacts] gap"] if scene.gap is not None else []
     found += ["[contacts] tangential"] if scene.tangential else []
     found += ["the remote force F_adh of the law"] if _is_dry(scene.law) and traits_of(scene.law).remote else []
+    if scene.friction is not None and _is_dry(scene.law) and traits_of(scene.law).rubs:
+        found.append("friction of a load and a stiffness that the law declares, rubbing=,")
     return [f"{what} is not known to the explicit method: leave it out, or take another" for what in found]
 
 
 def _strangers(facts: ValidatedScene) -> list[str]:
     """Rooms of mechanisms that the scene asks for, and explicit steps do not know."""
     rooms = [room.__name__.rpartition(".")[2] for room in rooms_of(facts.scene)]
-    return [name for name in rooms if name not in KNOWN_TO_EXPLICIT]
+    return [name for name in rooms if name not in (*KNOWN_TO_EXPLICIT, "potentials", "bonds")]
 
 
 def _is_dry(law: Any) -> bool:

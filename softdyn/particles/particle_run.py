@@ -197,7 +197,10 @@ def _result(system: System, newton: Newton, state: State, began: float) -> Parti
         "compile_s": system.kernel.compile_s,
         "kernel": system.kernel.key,
     }
-    energy = {**work, "stored": stored, "imbalance": (given - taken) / size if size else 0.0}
+    # where particles go with the flow, or fly, and touch nothing, all terms are rounding of this
+    carried = state.work[CARRIED] + sum(one.carried(system, state.kept) for one in system.having["carried"])
+    known = size > 1e-12 * carried
+    energy = {**work, "stored": stored, "imbalance": (given - taken) / size if known else 0.0}
     if turns_freely(system):
         stats["torque_removed"] = state.turned
     for mechanism in system.having["stats"]:
@@ -210,20 +213,16 @@ def _result(system: System, newton: Newton, state: State, began: float) -> Parti
             "so many particles without drag are not searched for motions that nothing resists, since the matrix is too "
             "large to be factorised: rattlers and loose clusters may drift ([flow] drag = 1 resists them)"
         )
-    # where particles go with the flow and touch nothing, all terms are rounding of this
-    carried = state.work[CARRIED]
     # what the steps make of it, what they were expected to, and what is left
     stats["energy_error"] = (state.work[ELASTIC] - stored) / size if size else 0.0
     stats["energy_error_expected"] = state.work_error / size if size else 0.0
     unexplained = energy["imbalance"] - stats["energy_error"]
-    if abs(unexplained) > IMBALANCE * system.rtol and size > 1e-12 * carried:
+    if abs(unexplained) > IMBALANCE * system.rtol and known:
         stats["warnings"].append(
             f"{UNBALANCED} {unexplained:.1e} of the sum of its terms, {size:.3g}, which no error of "
             f"the steps explains: more than {IMBALANCE:g} rtol"
         )
-    elif (
-        abs(stats["energy_error"]) > IMBALANCE * system.rtol + stats["energy_error_expected"] and size > 1e-12 * carried
-    ):
+    elif abs(stats["energy_error"]) > IMBALANCE * system.rtol + stats["energy_error_expected"] and known:
         stats["warnings"].append(
             f"{UNBALANCED} {stats['energy_error']:.1e} of the sum of its terms, {size:.3g}: the "
             f"steps were expected to make {stats['energy_error_expected']:.1e} at most; ask for a smaller rtol"

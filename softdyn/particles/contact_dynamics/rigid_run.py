@@ -123,13 +123,6 @@ def _unknown(facts: ValidatedScene) -> list[str]:
         faults.append(
             "[flow] shear_rate shears a box that is periodic along x and y; without drag no grain feels a flow"
         )
-    if scene.gravity is not None and not facts.walls and not scene.hold:
-        fallen = np.flatnonzero(np.array(scene.gravity.acceleration, dtype=float) * facts.box.periodic)
-        if len(fallen):
-            faults.append(
-                "[gravity] in a box that is periodic along it, without a wall or anything held, there is nothing to "
-                "stand on: give [[wall]] or [[hold]]"
-            )
     return faults
 
 

@@ -11,7 +11,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from softdyn.errors import SceneError
 from softdyn.particles.explicit import grain_checkpoint
 from softdyn.particles.explicit.given import groups_of
 from softdyn.particles.explicit.grain_kernels import GrainKernel, get_grain_kernel
@@ -28,7 +27,6 @@ from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
-from softdyn.words import listed
 
 Array = NDArray[np.float64]
 
@@ -44,7 +42,6 @@ def prepare(facts: ValidatedScene) -> GrainSystem:
     SceneError, LawError, CompileError
     """
     scene, d = facts.scene, facts.x.shape[1]
-    _require_bounded(facts)
     given = [one for one in facts.mechanisms if isinstance(one, Rubbing)]
     rubbing = given[0] if given else Rubbing(0.0, 0.0, 0.0, 0.0)
     (masses,) = [one for one in facts.mechanisms if isinstance(one, Masses)]
@@ -62,8 +59,9 @@ def prepare(facts: ValidatedScene) -> GrainSystem:
     kernel = get_grain_kernel(scene.law, scene.target, needs)
     p = uniform_values(facts, kernel)
     made = prepared(facts, facts.mechanisms, kernel.law, kernel.target, kernel.fingerprint)
-    if kernel.damped and "dashpots" not in made.works:
-        made = replace(made, works=(*made.works, "dashpots"))
+    own = {"dashpots": kernel.damped, "k_t": kernel.rotations > 0}
+    works = [name for name, there in own.items() if there and name not in made.works]
+    made = replace(made, works=(*made.works, *works))
     load = np.zeros((len(facts.x), d)) if made.force.base is None else made.force.base[:, :d].copy()
     walls = facts.walls
     assert scene.inertia is not None
@@ -87,20 +85,6 @@ def prepare(facts: ValidatedScene) -> GrainSystem:
         twisting=rubbing.twisting,
         spun=spun,
     )
-
-
-def _require_bounded(facts: ValidatedScene) -> None:
-    """Refuse gravity that nothing can stop."""
-    scene, faults = facts.scene, []
-    if scene.gravity is not None and not facts.walls and not scene.hold:
-        fallen = np.flatnonzero(np.array(scene.gravity.acceleration, dtype=float) * facts.box.periodic)
-        if len(fallen):
-            faults.append(
-                "[gravity] in a box that is periodic along it, without a wall or anything held, there is nothing to "
-                "stand on: give [[wall]] or [[hold]]"
-            )
-    if faults:
-        raise SceneError(listed(faults))
 
 
 def _table(facts: ValidatedScene, kernel: GrainKernel) -> Array:

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 Short = NDArray[np.int32]
 
 #: Sums over the contacts of a run: what slips, rolls and twists put into the springs of friction and into what rubs;
-#: what dashpots take; what walls, pushes and holds give; what the sheared box gives.
-SUMS = ("rubbed", "dashpot", "external", "box")
+#: what dashpots take; what walls, pushes and holds give; what the sheared box gives; what rubs.
+SUMS = ("rubbed", "dashpot", "external", "box", "heat")
 
 
 @dataclass(frozen=True)

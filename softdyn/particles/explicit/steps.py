@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
 from softdyn.particles.explicit.given import Given, given_over
-from softdyn.particles.explicit.grains import Grains, GrainSystem, tilt_at
+from softdyn.particles.explicit.grains import SUMS, Grains, GrainSystem, tilt_at
 from softdyn.particles.explicit.lists import list_again, reach_of, skin_of
 from softdyn.particles.explicit.touching import (
     accelerations,
@@ -260,7 +260,7 @@ def _run(
     seen[:, d] = system.radii[state.order]
     inverse = np.column_stack([1 / system.mass[state.order], 1 / system.moment[state.order]])
     lengths = np.where(system.box.periodic, system.box.lengths, 0.0)
-    sums, marks = np.zeros((blocks, 4)), np.zeros((blocks, 8))
+    sums, marks = np.zeros((blocks, len(SUMS))), np.zeros((blocks, 8))
     out, row = np.empty((len(state.partner), width + 1)), np.empty((count, width + 1))
     sync = np.zeros(8 * threads, dtype=np.int64)
     species = np.ascontiguousarray(system.species[state.order], dtype=np.int32)
@@ -328,8 +328,8 @@ def begin(system: GrainSystem, v: Array, spin: Array) -> Grains:
         listed_tilt=0.0, turns=0, start=np.zeros(count + 1, np.int32), partner=none, image=none, in_start=none,
         in_at=none,
         history=np.zeros((0, kernel.kept)), touch=none, wall_history=np.zeros((count * system.walled, kernel.kept)),
-        wall_touch=np.zeros(count * system.walled, np.int32), sums=np.zeros(4), stiffest=0.0, fastest=0.0, moved=0.0,
-        x0=system.x.copy(), kinetic0=0.0, stored0=0.0, given_force=np.zeros(system.groups.shape),
+        wall_touch=np.zeros(count * system.walled, np.int32), sums=np.zeros(len(SUMS)), stiffest=0.0, fastest=0.0,
+        moved=0.0, x0=system.x.copy(), kinetic0=0.0, stored0=0.0, given_force=np.zeros(system.groups.shape),
         counts={"steps": 0, "rejected": 0, "listings": 0},
     )  # fmt: skip
     return state

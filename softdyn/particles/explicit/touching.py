@@ -223,14 +223,15 @@ def exchanged(system: GrainSystem, state: Grains, contacts: Touching) -> dict[st
     """Energies exchanged since the start, by kind, and what is stored."""
     work = dict.fromkeys((*system.works, "stored"), 0.0)
     normal, tangential = stored_energies(system, contacts)
-    rubbed, dashpot, external, box = (float(value) for value in state.sums)
+    rubbed, dashpot, external, box, heat = (float(value) for value in state.sums)
     work["external"], work["box"] = external, box
     work["gravity"] = float(np.sum(system.load * (by_number(state, state.x) - state.x0)))
     work["kinetic"] = kinetic_energy(system, state) - state.kinetic0
     work["stored"] = normal + tangential - state.stored0
     work["dashpots"] = dashpot
-    # what went into the springs of friction, and is not in them
-    work["friction"] = rubbed - tangential
+    work["friction"] = heat
+    # what went into the springs of friction, is not in them, and did not rub: their stiffness changes
+    work["k_t"] = rubbed - tangential - heat
     return {name: amount for name, amount in work.items() if name in system.works or name == "stored"}
 
 

@@ -178,6 +178,10 @@ class Mechanism:
         """Errors, in units of what is allowed, that a unit of an impulse on each particle makes."""
         return None
 
+    def unfelt(self, system: System, at: Balance, stiffness: Array) -> Array | float:
+        """Errors of the force of springs of some stiffnesses, shape (n,), which the motion is allowed to have."""
+        return 0.0
+
     # contacts
 
     def solve(
@@ -305,6 +309,10 @@ class Mechanism:
         """Energy that it stores in some contacts, as they are."""
         return 0.0
 
+    def carried(self, system: System, kept: Mapping[str, Array]) -> float:
+        """Energy that the particles have with them, of whose rounding small changes of it are."""
+        return 0.0
+
     def marks(self) -> dict[str, Array]:
         """Numbers that it has noted, by its own names: a checkpoint holds them, and they are read into these arrays."""
         return {}
@@ -327,7 +335,8 @@ def having(mechanisms: Sequence[Mechanism], name: str) -> tuple[Mechanism, ...]:
 ASKED = (
     "driven", "begin", "rates_of", "errors", "act", "tangent", "contact_tangents", "unresisted", "follow", "gradient",
     "strain", "powers", "stored", "kept", "stats", "require", "solve", "pairs", "central", "central_energy", "ends",
-    "note", "marks", "columns", "per_impulse",
+    "note", "marks", "columns", "per_impulse", "unfelt",
+    "carried",
 )  # fmt: skip
 
 

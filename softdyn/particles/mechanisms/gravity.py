@@ -95,4 +95,11 @@ def check(facts: ValidatedScene, faults: list[str]) -> Weights | None:
     beyond = np.asarray(~np.isfinite(weight).all(axis=1))
     if beyond.any():
         faults.append(f"[gravity] the weight of {which(beyond)} is beyond the largest number: choose other units")
+    # with a drag they settle; where space has an end along it they are thrown
+    free = inertia is not None and not (facts.scene.drag or facts.scene.wall or facts.scene.hold)
+    if free and (weight[:, :d] * facts.box.periodic).any():
+        faults.append(
+            "[gravity] in a box that is periodic along it, without a wall or anything held, there is nothing to stand "
+            "on: give [[wall]], [[hold]] or [flow] drag"
+        )
     return Weights(Driven([], facts.coordinates_scale(-1), weight))

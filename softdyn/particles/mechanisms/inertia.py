@@ -129,6 +129,15 @@ class Masses(Mechanism):
         """See :class:`Mechanism`. An impulse J changes a velocity by J/m, and until the end a place by that times t."""
         return run_end(system.scene) / (self.mass * system.radii * system.rtol)
 
+    def unfelt(self, system: System, at: Balance, stiffness: Array) -> Array:
+        """See :class:`Mechanism`. A spring k lets a force act on a mass m for (m/k)^(1/2)."""
+        speed = max(largest(at.notes["inertia"]), float(system.radii.min()) / run_end(system.scene))
+        return np.asarray(system.rtol * speed * np.sqrt(float(self.mass.min()) * stiffness))
+
+    def carried(self, system: System, kept: Mapping[str, Array]) -> float:
+        """The kinetic energy."""
+        return float(np.sum(self.inertia(system) * kept["velocity"] ** 2)) / 2
+
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """The rate of the kinetic energy."""
         return {"kinetic": float(np.sum(self.inertia(system) * rates.own["velocity"] * rates.v))}

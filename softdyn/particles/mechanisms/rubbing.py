@@ -3,7 +3,7 @@
 A step integrates the force T of that spring in the frame of its start, as :mod:`softdyn.particles.mechanisms.sliding`
 does the force of a film, beside which it stands; a stage cuts what the spring would bear at mu N, by the return map of
 :mod:`softdyn.derive.coulomb`, which the kernel has generated. Surfaces touch halfway: levers are the radii less half of
-what they overlap by.
+what they overlap by. Dry surfaces touch a rigid wall where that is: the lever is the distance from it.
 """
 
 from __future__ import annotations
@@ -80,6 +80,7 @@ class Springs(Mechanism):
         """See :class:`Mechanism`."""
         normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
         known = starting(contacts, system.radii, normal, contacts.rubbed)
+        known = replace(known, part=_given_in(system, contacts))
         return {"friction": known}, {"rubbed": contacts.rubbed, "rubbed_angle": np.zeros(len(contacts))}
 
     def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action:
@@ -126,12 +127,18 @@ class Springs(Mechanism):
         }
 
     def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
-        """Of T, relative to the largest force; where surfaces slide, what the return map lets through of it."""
+        """Of T, relative to the largest force; where surfaces slide, what the return map lets through of it.
+
+        As surfaces come to touch all forces are small, and T is as uncertain as it is large however short the step: it
+        matters as much as the motion feels of it.
+        """
         found: Found = at.notes["friction"]
         active = np.flatnonzero(at.values["load"] > 0)
-        allowed = system.rtol * max(largest(found.slid.force), largest(at.F))
-        if not len(active) or not allowed:  # without any force nothing rubs
+        allowed = np.full(len(active), system.rtol * max(largest(found.slid.force), largest(at.F)))
+        if not allowed.any():  # without any force nothing rubs
             return []
+        for mechanism in system.having["unfelt"]:
+            allowed = np.maximum(allowed, mechanism.unfelt(system, at, at.values["k_rub"][active]))
         wrong = np.linalg.norm(errors["rubbed"][active], axis=1) * found.bound["keep"][active]
         relative = wrong / allowed
         return [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
@@ -180,6 +187,13 @@ def implicit(rubbing: Rubbing, facts: ValidatedScene) -> Springs:
             "a drag ([flow] drag = 1), or inertia ([inertia] density)"
         )
     return Springs(rubbing.mu)
+
+
+def _given_in(system: System, contacts: Contacts) -> Array:
+    """Part of an overlap that the surface of each particle gives in by."""
+    rigid = np.array([system.kernel.contact == "dry" and wall.rigid for wall in system.walls], dtype=bool)
+    wall = np.maximum(contacts.j - len(system.radii), -1)
+    return np.where(np.append(rigid, False)[wall], 1.0, 0.5)
 
 
 def _known_of(given: StageInput) -> Known:

@@ -176,6 +176,8 @@ class Known:
         D = (R_i - R_j)/(R_i + R_j); -1 for walls.
     rolled : array, shape (contacts, rotations), optional
         Of the relative rotation, where no time passes.
+    part : array, shape (contacts,), optional
+        Of what is between the surfaces, or of what they overlap by, how much the lever of each is longer or shorter by.
     """
 
     normal: Array
@@ -184,6 +186,7 @@ class Known:
     radii: Array
     unlike: Array
     rolled: Array | float = 0.0
+    part: Array | float = 0.5
 
 
 @dataclass(frozen=True)
@@ -244,7 +247,8 @@ def starting(contacts: Contacts, radii: Array, normal: Array, force: Array) -> K
 
 def carry(force: Array, start: Array, end: Array) -> Array:
     """Turn vectors normal to ``start`` by the shortest rotation that takes ``start`` to ``end``."""
-    return force - (dot(end, force) / (1 + dot(start, end)))[:, None] * (start + end)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of opposite ones none is: no step ends with such a force
+        return force - (dot(end, force) / (1 + dot(start, end)))[:, None] * (start + end)
 
 
 def spin(force: Array, n: Array, angle: Array) -> Array:
@@ -284,7 +288,7 @@ def slide(
     one, other = padded.take(contacts.i, axis=0), padded.take(contacts.j, axis=0)
     relative = one[:, :d] - other[:, :d] - images
     rotation = one[:, d:], other[:, d:]
-    excess = (r - contacts.S) / 2
+    excess = (r - contacts.S) * known.part
     shift = known.unlike * values["lever"] if "lever" in values else 0.0
     beta = 1 + np.array([excess + shift, excess - shift]) / known.radii
     turn = beta[0][:, None] * rotation[0] + beta[1][:, None] * rotation[1]
@@ -403,7 +407,7 @@ def tangents(
     by_turn = np.stack([-n[:, 1], n[:, 0]], axis=1)[:, :, None] if d == 2 else -_skew(n)  # rotation x n
     stiff, curved = values["stiff"][:, None, None], curvature[:, None, None]
     lever_r = known.unlike * values["lever_r"] if "lever_r" in values else np.zeros(c)
-    beta_r = np.array([0.5 + lever_r, 0.5 - lever_r]) / known.radii
+    beta_r = np.array([known.part + lever_r, known.part - lever_r]) / known.radii
     twist = torque(n, slid.force)
     spun = values["keep"][:, None] * torque(n, slid.kept)
 
