@@ -14,7 +14,9 @@ from sympy import Symbol, diff, simplify
 
 from softdyn.derive import a, delta
 from softdyn.derive.laws.hertz import law as hertz
+from softdyn.particles import Packing
 from softdyn.particles.force_balance import Newton
+from softdyn.particles.mechanisms.coulomb import Friction
 from softdyn.particles.mechanisms.inertia import Inertia
 from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.particle_run import prepare, simulate_particles
@@ -183,3 +185,25 @@ def test_a_solitary_wave_runs_as_nesterenko_has_it() -> None:
     nesterenko = (16 / 25 * np.mean(fastest) * unit / 2) ** 0.2
     assert found / nesterenko == pytest.approx(1.0, abs=0.01)
     assert found / nesterenko == pytest.approx(0.9922, abs=0.001)
+
+
+@pytest.mark.slow
+def test_a_sheared_packing_has_the_stress_and_the_balance_that_explicit_steps_give_it() -> None:
+    """One definition in both methods, of forces and of fluctuating velocities: equal within rtol for each step."""
+    scene = ParticleScene(
+        "hertz", {"E": 1e4, "nu": 0.3, "tau": 2e-3}, inertia=Inertia(1.0), friction=Friction(0.5), shear_rate=2.0,
+        packing=Packing("random", count=12, dimension=2, fraction=0.9, radii=1.0, seed=3), until_t=0.05, times=3,
+        velocities=np.random.default_rng(4).normal(size=(12, 2)), rtol=1e-5, method="implicit",
+    )  # fmt: skip
+    implicit, explicit = simulate_particles(scene), simulate_particles(replace(scene, method="explicit"))
+    allowed = scene.rtol * implicit.stats["steps"]
+    assert allowed < 2e-3
+    largest = np.abs(explicit.stress).max()
+    np.testing.assert_allclose(implicit.stress, explicit.stress, rtol=0, atol=allowed * largest)
+    # what fluctuates makes more of it than that
+    own = explicit.v[0] - explicit.x[0] @ explicit.gradient[0].T
+    volume = math.prod(explicit.arrays["box"]) * float(explicit.arrays["depth"])
+    assert 4 / 3 * math.pi * float((own[:, 0] ** 2).sum()) / volume > 10 * allowed * largest
+    whole = sum(abs(amount) for amount in explicit.energy.values())
+    for kind, amount in explicit.energy.items():
+        assert implicit.energy[kind] == pytest.approx(amount, rel=0, abs=allowed * whole), kind

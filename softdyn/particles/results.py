@@ -45,7 +45,8 @@ class Frame:
     h, F : array, shape (contacts,)
     stress : array, shape (d, d)
         > 0 in tension; of the force along the first axis on a plane normal to the second. In a periodic box that of the
-        contacts, force/length^2; otherwise the virial of contacts and drag, force times length.
+        contacts and, with inertia, of the momentum that fluctuating velocities carry, force/length^2; otherwise the
+        virial of contacts and drag, force times length. By all methods.
     cell : array, shape (d, d)
         Lattice vectors of the periodic box, as columns; 0 along axes that are not periodic.
     walls : array, shape (walls, d)
@@ -114,6 +115,8 @@ def frame_of(system: System, t: float, x: Array, v: Array, contacts: Contacts, e
         resisting = system.resistance[:, :1] * (v - flow(system.box, x))
         stress -= np.einsum("ia,ib->ab", resisting, x - x.mean(axis=0))
     if system.box.periodic.all():
+        for mechanism in system.having["flux"]:
+            stress -= mechanism.flux(system, x, v)
         stress = stress / system.box.volume
     near = contacts.h < system.reach
     return Frame(

@@ -35,6 +35,7 @@ from softdyn.particles.geometry import (
     lattice,
     some_of,
 )
+from softdyn.particles.mechanisms.inertia import momentum_flux
 from softdyn.particles.neighbours import SKIN, Listed, common, travelled
 from softdyn.particles.resolve import breaks
 from softdyn.particles.results import Frame
@@ -410,7 +411,8 @@ def frame_of(system: RigidSystem, state: RigidState) -> Frame:
     F = dot(forces, n)
     stress = -np.einsum("c,ca,cb->ab", state.distances[rows], forces, n)
     if state.box.periodic.all():
-        stress = stress / state.box.volume
+        flux = momentum_flux(system.masses[:, 0], state.x, state.v[: len(state.x), :d], state.box.gradient)
+        stress = (stress - flux) / state.box.volume
     cell = lattice(state.box, state.t)
     shown = some_of(contacts, rows)
     _, r = directions(shown, state.x, cell, state.walls)

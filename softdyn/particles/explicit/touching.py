@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softdyn.particles.explicit.given import Given
 from softdyn.particles.explicit.grains import Grains, GrainSystem, by_number, edges, tilt_at
 from softdyn.particles.geometry import cross, dot, flow, rotations, torque
+from softdyn.particles.mechanisms.inertia import momentum_flux
 from softdyn.particles.results import Frame
 
 Array = NDArray[np.float64]
@@ -249,9 +250,7 @@ def frame_of(system: GrainSystem, state: Grains, contacts: Touching, walls: Arra
         gradient[0, 1] = rate
     stress = -virial
     if system.box.periodic.all():
-        own = v - x @ gradient.T
-        own = own - np.average(own, axis=0, weights=system.mass)
-        stress = (stress - np.einsum("i,ia,ib->ab", system.mass, own, own)) / system.box.volume
+        stress = (stress - momentum_flux(system.mass, x, v, gradient)) / system.box.volume
     of = np.append(state.order, count + np.arange(system.walled))
     i, j = of[contacts.i], of[contacts.j]
     turned = i > j

@@ -299,6 +299,10 @@ class Mechanism:
         """Where it leads: the balance, box and walls, dz/dt, and the rates; see the room ``stress``."""
         raise NotImplementedError
 
+    def flux(self, system: PreparedScene, x: Array, v: Array) -> Array | None:
+        """Momentum that the particles of a periodic box carry by fluctuating, times its volume, shape (d, d)."""
+        return None
+
     # energy, and what is told
 
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
@@ -336,7 +340,7 @@ ASKED = (
     "driven", "begin", "rates_of", "errors", "act", "tangent", "contact_tangents", "unresisted", "follow", "gradient",
     "strain", "powers", "stored", "kept", "stats", "require", "solve", "pairs", "central", "central_energy", "ends",
     "note", "marks", "columns", "per_impulse", "unfelt",
-    "carried",
+    "carried", "flux",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from softdyn.particles.energy import Rates
     from softdyn.particles.force_balance import Balance, StageInput
     from softdyn.particles.geometry import Contacts
-    from softdyn.particles.system import System, ValidatedScene
+    from softdyn.particles.system import PreparedScene, System, ValidatedScene
 
 Array = NDArray[np.float64]
 
@@ -138,9 +138,35 @@ class Masses(Mechanism):
         """The kinetic energy."""
         return float(np.sum(self.inertia(system) * kept["velocity"] ** 2)) / 2
 
+    def flux(self, system: PreparedScene, x: Array, v: Array) -> Array:
+        """See :class:`Mechanism`."""
+        return momentum_flux(self.mass, x, v, system.box.gradient)
+
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
         """The rate of the kinetic energy."""
         return {"kinetic": float(np.sum(self.inertia(system) * rates.own["velocity"] * rates.v))}
+
+
+def momentum_flux(mass: Array, x: Array, v: Array, gradient: Array) -> Array:
+    """Sum of m u u over the particles, u the velocity less that of the flow, and less the mean of what is left.
+
+    Parameters
+    ----------
+    mass : array, shape (N,)
+    x, v : array, shape (N, d)
+        Positions, never wrapped, and velocities.
+    gradient : array, shape (d, d)
+        Of the velocity of the background flow.
+
+    Returns
+    -------
+    array, shape (d, d)
+        Over the volume of a periodic box, the part of the pressure tensor that is as that of a gas
+        (Irving & Kirkwood 1950, doi:10.1063/1.1747782).
+    """
+    own = v - x @ gradient.T
+    own = own - np.average(own, axis=0, weights=mass)
+    return np.asarray(np.einsum("i,ia,ib->ab", mass, own, own))
 
 
 def check(facts: ValidatedScene, faults: list[str]) -> Masses | None:

@@ -266,6 +266,10 @@ def fluid_stress(box: Box, viscosity: float) -> Array:
 def excess(imposed: ImposedStress, system: System, contacts: Contacts, at: Balance, t: float) -> Array:
     """By how much the imposed components exceed what is imposed."""
     total = stress_of(system, contacts, at) + fluid_stress(system.box, imposed.viscosity)
+    if "inertia" in at.notes:
+        d = system.dimension
+        for mechanism in system.having["flux"]:
+            total -= mechanism.flux(system, at.x[:, :d], at.notes["inertia"][:, :d]) / system.box.volume
     return np.asarray(np.einsum("kab,ab->k", imposed.weights, total) - imposed.values(t))
 
 
