@@ -299,9 +299,9 @@ class Mechanism:
         """Where it leads: the balance, box and walls, dz/dt, and the rates; see the room ``stress``."""
         raise NotImplementedError
 
-    def flux(self, system: PreparedScene, x: Array, v: Array) -> Array | None:
+    def flux(self, system: PreparedScene, x: Array, v: Array) -> Array | float:
         """Momentum that the particles of a periodic box carry by fluctuating, times its volume, shape (d, d)."""
-        return None
+        return 0.0
 
     # energy, and what is told
 
