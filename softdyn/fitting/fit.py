@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.fitting.curve_data import ERROR, FLOW_COLUMNS, STIFFNESS, CurveData, read_curve
+from softdyn.fitting.curve_data import ERROR, FLOW_COLUMNS, LENGTH, PAIR_COLUMNS, STIFFNESS, CurveData, read_curve
 from softdyn.fitting.fit_result import Fit
 from softdyn.fitting.least_squares import (
     LOSSES,
@@ -31,12 +31,20 @@ from softdyn.fitting.pair_model import (
     plain_numbers,
     scene_fields,
     sigma_of,
+    static_parameters,
 )
+from softdyn.fitting.static_model import SHIFT, StaticModel
 from softdyn.scene.pair_scene import Scene
 from softdyn.scene.units import Powers, in_base_units
 from softdyn.words import suggestion
 
+if TYPE_CHECKING:
+    from softdyn.derive.law import ContactLaw
+
 Array = NDArray[np.float64]
+
+#: What drives where nothing moves.
+STATIC = "static"
 
 #: Laws of flow, by the names that a command line likes.
 FLOW_LAWS = {"herschel-bulkley": "Herschel-Bulkley", "power-law": "power law"}
@@ -51,7 +59,7 @@ def fit(
     free: Sequence[str] | Mapping[str, tuple[float, float] | None] | None = None,
     parameters: Mapping[str, Any] | None = None,
     h: Any = None,
-    drive: Mapping[str, Any] | None = None,
+    drive: Mapping[str, Any] | str | None = None,
     delta: Any = None,
     constants: Mapping[str, Any] | None = None,
     loss: str = "linear",
@@ -71,20 +79,23 @@ def fit(
     data : path, mapping from str to array, or list of these
         A table with headings, as ``t [s]``, ``F [nN]``, or arrays by such names: t, and at least one of h, X, delta, a
         and F; standard errors as F_error, where they are known. Where a heading has a unit, numbers become those of SI
-        units. Several curves are fitted at once. Of a flow curve: rate, stress and stress_error.
+        units. Several curves are fitted at once. Of a flow curve: rate, stress and stress_error. Where nothing moves: h
+        and F.
     free : list of str, or mapping from str to (low, high) or None
         What is fitted: parameters of the law, "h" and "delta" at the start (of each curve its own), "stiffness" of a
-        spring, a "force", "velocity" or "position" that is a number, constants of the drive.
+        spring, a "force", "velocity" or "position" that is a number, constants of the drive; where nothing moves,
+        "shift", which is added to the gaps of a curve.
     parameters : mapping from str to number
         Of the law; where the fit starts, of those that are free. With units, "50 um", or in the units of the data.
         Parameters that are not given have the law's typical values if they are free.
     h : number
         Gap at the start, or one for each curve.
-    drive : mapping
+    drive : mapping, or "static"
         What drives the pair, one of force, velocity, position and spring, as a scene has it; or the name of a column:
         ``{"spring": {"stiffness": "0.05 N/m", "base": "Z"}}``, "-Z" if Z grows on approach. A position or a base that
         is a column counts from its first row, where the pair is at the gap h, not deflected. With ``"speed"``, of a
-        base or a position that is a column, no column of times is needed.
+        base or a position that is a column, no column of times is needed. "static": nothing moves, and at each gap h
+        the law has one force F.
     delta : number
         Deflection at the start, if the drive is a velocity.
     constants : mapping from str to number
@@ -131,38 +142,33 @@ def fit(
         return _fit_flow(FLOW_LAWS[law.lower().replace(" ", "-")], several, loss, profiles)
     scene = {} if not isinstance(law, Scene) else scene_fields(law)
     told = {"parameters": parameters, "h": h, "delta": delta, "constants": constants, "target": target}
+    if free is None:
+        raise SceneError("free names what is fitted, as free=['A', 'h']")
+    if drive == STATIC:
+        if isinstance(law, Scene) or h is not None or delta is not None or constants:
+            raise SceneError(f"drive={STATIC!r}: a law, its parameters and {SHIFT} are all that it takes")
+        return _fit_static(law, several, free, parameters or {}, loss, profiles)
+    if isinstance(drive, str):
+        raise SceneError(f"drive is a mapping, as {{'force': 1e-9}}, or {STATIC!r}, not {drive!r}")
     for name in drive or {}:
         if name not in (*OF_DRIVE, "spring", "speed"):
             raise SceneError(f"drive: unknown {name!r}{suggestion(name, ('force', 'velocity', 'position', 'spring'))}")
     given_all = {"law": law, **scene, **{k: v for k, v in told.items() if v is not None}, **(drive or {})}
-    if free is None:
-        raise SceneError("free names what is fitted, as free=['A', 'h']")
     return _fit_pair(given_all, several, free, loss, profiles)
 
 
 def _fit_pair(given: dict[str, Any], data: list[Any], free: Any, loss: str, profiles: bool) -> Fit:
-    """A law of contacts."""
-    from softdyn.derive.law import dimensions_for, parameters_of, plain_ranges, typical_values
+    """A law of contacts, and trajectories."""
+    from softdyn.derive.law import parameters_of, plain_ranges
     from softdyn.laws import law_of
 
     law = law_of(given["law"])
-    symbols = parameters_of(law)
-    dimensions: dict[str, Powers] = {
-        symbol.name: (of.mass, of.length, of.time) for symbol, of in dimensions_for(law).items() if symbol in symbols
-    }
-    unknown = [name for name in given.get("parameters") or {} if name not in dimensions]
-    if unknown:
-        hints = (f"{name!r} is not a parameter of the law{suggestion(name, list(dimensions))}" for name in unknown)
-        raise SceneError(f"[parameters] {', '.join(hints)}")
     if given.get("h") is None:
         raise SceneError("a fit needs h, the gap at the start; a guess will do if h is free")
-    given = plain_numbers({**given, "parameters": dict(given.get("parameters") or {})}, dimensions)
-    for symbol, value in typical_values(law).items():
-        if symbol in symbols and symbol.name in free and symbol.name not in given["parameters"]:
-            given["parameters"][symbol.name] = _in_units(float(value), dimensions[symbol.name], given["parameters"])
+    given, dimensions = _plain(law, given, free)
     numbers = {**given["constants"], **given["parameters"]}
     curves = curves_of(data, given, numbers)
-    positive = [symbol.name for symbol in symbols if symbol.is_positive]
+    positive = [symbol.name for symbol in parameters_of(law) if symbol.is_positive]
     parameters, places = free_parameters(free, curves, positive, plain_ranges(law))
     model = PairModel(curves, places)
     measured, sigma, groups = sigma_of(curves)
@@ -184,16 +190,88 @@ def _fit_pair(given: dict[str, Any], data: list[Any], free: Any, loss: str, prof
             arrays |= _compared(f"{name}_{n}", measured[place:end], solution, slice(place, end))
             place = end
         about.append({"name": curve.data.name, "abscissa": "t", "quantities": list(curve.measured)})
-    mixed = [
-        f"{curve.data.name}: {', '.join(name for name in curve.data.columns if name not in curve.data.with_units)} "
-        "without a unit, where others have one: taken as in SI units"
-        for curve in curves
-        if curve.data.with_units and len(curve.data.with_units) < len(curve.data.columns)
-    ]
     kept = {name: value for name, value in numbers.items() if name not in places}
     found = _told(model, solution, measured, profiles)
     kernel = next(iter(model.kernels.values()))
-    return _result(kernel.law, kernel.target, kept, solution, found, arrays, about, units, tuple(mixed))
+    mixed = _mixed([curve.data for curve in curves])
+    return _result(kernel.law, kernel.target, kept, solution, found, arrays, about, units, mixed)
+
+
+def _plain(law: ContactLaw, given: Mapping[str, Any], free: Any) -> tuple[dict[str, Any], dict[str, Powers]]:
+    """What is given, as numbers, with typical values of what is free and not given; and the parameters' dimensions."""
+    from softdyn.derive.law import dimensions_for, parameters_of, typical_values
+
+    symbols = parameters_of(law)
+    dimensions: dict[str, Powers] = {
+        symbol.name: (of.mass, of.length, of.time) for symbol, of in dimensions_for(law).items() if symbol in symbols
+    }
+    unknown = [name for name in given.get("parameters") or {} if name not in dimensions]
+    if unknown:
+        hints = (f"{name!r} is not a parameter of the law{suggestion(name, list(dimensions))}" for name in unknown)
+        raise SceneError(f"[parameters] {', '.join(hints)}")
+    made = plain_numbers({**given, "parameters": dict(given.get("parameters") or {})}, dimensions)
+    for symbol, value in typical_values(law).items():
+        if symbol in symbols and symbol.name in free and symbol.name not in made["parameters"]:
+            made["parameters"][symbol.name] = _in_units(float(value), dimensions[symbol.name], made["parameters"])
+    return made, dimensions
+
+
+def _mixed(curves: Sequence[CurveData]) -> tuple[str, ...]:
+    """Words about curves of which some columns have units, and some none."""
+    return tuple(
+        f"{curve.name}: {', '.join(name for name in curve.columns if name not in curve.with_units)} "
+        "without a unit, where others have one: taken as in SI units"
+        for curve in curves
+        if curve.with_units and len(curve.with_units) < len(curve.columns)
+    )
+
+
+def _fit_static(law: Any, data: list[Any], free: Any, given: Mapping[str, Any], loss: str, profiles: bool) -> Fit:
+    """A law of contacts where nothing moves: forces at gaps."""
+    from softdyn.derive.law import parameters_of, plain_ranges
+    from softdyn.laws import law_of
+
+    law = law_of(law)
+    given, dimensions = _plain(law, {"parameters": given}, [name for name in free if name != SHIFT])
+    columns = {name: PAIR_COLUMNS[name] for name in ("h", "F")}
+    curves = [read_curve(one, n, columns, {}) for n, one in enumerate(data, start=1)]
+    for curve in curves:
+        missing = [name for name in columns if name not in curve.columns]
+        if missing:
+            raise SceneError(f"data {curve.name}: {' and '.join(missing)} missing: where nothing moves, gap and force")
+    # how fast a film drains does not matter, nor what it takes
+    needed = {str(symbol) for symbol in (law.F_ela, law.F_adh, law.a) for symbol in getattr(symbol, "free_symbols", ())}
+    symbols = [symbol for symbol in parameters_of(law) if symbol.name in needed]
+    numbers = {
+        **dict.fromkeys((symbol.name for symbol in parameters_of(law)), math.nan),
+        **given["parameters"],
+        SHIFT: 0.0,
+    }
+    missing = [symbol.name for symbol in symbols if math.isnan(numbers[symbol.name])]
+    if missing:
+        raise SceneError(f"[parameters] {', '.join(missing)} missing: the law {law.name} needs it")
+    positive = [symbol.name for symbol in symbols if symbol.is_positive]
+    known = {name: value for name, value in numbers.items() if name == SHIFT or name in needed}
+    parameters, places = static_parameters(free, known, len(curves), positive, plain_ranges(law))
+    model = StaticModel(law, curves, numbers, places)
+    measured = np.concatenate([curve.columns["F"] for curve in curves])
+    sigma = np.concatenate([_error_of(curve, "F") for curve in curves])
+    groups = np.concatenate([np.full(len(curve.columns["F"]), n) for n, curve in enumerate(curves)])
+    solution = solve(model, parameters, measured, sigma, groups, loss)
+    arrays: dict[str, Array] = {}
+    for n, curve in enumerate(curves):
+        rows = slice(int(model.starts[n]), int(model.starts[n + 1]))
+        arrays[f"h_{n + 1}"] = curve.columns["h"]
+        arrays |= _compared(f"F_{n + 1}", measured[rows], solution, rows)
+    about = [{"name": curve.name, "abscissa": "h", "quantities": ["F"]} for curve in curves]
+    units = {}
+    if all(curve.with_units for curve in curves):
+        of = {**dimensions, SHIFT: LENGTH}
+        units = {shown: in_base_units(of[name]) for shown, (_, name) in places.items()}
+        units = {name: "" if unit.startswith("a number") else unit for name, unit in units.items()}
+    kept = {name: value for name, value in known.items() if name not in places and name != SHIFT}
+    found = _told(model, solution, measured, profiles)
+    return _result(law.name, "", kept, solution, found, arrays, about, units, _mixed(curves))
 
 
 def _in_units(value: float, of: Powers, parameters: Mapping[str, float]) -> float:
@@ -223,7 +301,7 @@ def _fit_flow(law: str, data: list[Any], loss: str, profiles: bool) -> Fit:
             raise SceneError(f"data {curve.name}: rates must be positive")
     rates = np.concatenate([curve.columns["rate"] for curve in curves])
     measured = np.concatenate([curve.columns["stress"] for curve in curves])
-    sigma = np.concatenate([_error_of(curve) for curve in curves])
+    sigma = np.concatenate([_error_of(curve, "stress") for curve in curves])
     groups = np.concatenate([np.full(len(curve.columns["rate"]), n) for n, curve in enumerate(curves)])
     size = float(np.abs(measured).max())
     guess = fit_flow_law(law, rates, measured, np.where(np.isnan(sigma), 0.01 * size, sigma))
@@ -247,8 +325,8 @@ def _fit_flow(law: str, data: list[Any], loss: str, profiles: bool) -> Fit:
     return _result(law, "", {}, solution, _told(model, solution, measured, profiles), arrays, about, units, ())
 
 
-def _error_of(curve: CurveData) -> Array:
-    return curve.columns.get(f"stress{ERROR}", np.full(len(curve.columns["rate"]), math.nan))
+def _error_of(curve: CurveData, name: str) -> Array:
+    return curve.columns.get(f"{name}{ERROR}", np.full(len(curve.columns[name]), math.nan))
 
 
 def _flow_parameter(name: str, value: float) -> Parameter:

@@ -26,6 +26,7 @@ It prints values, standard errors, intervals of 95 % by profiles, and what the d
 examples:
   softdyn fit steric approach.csv --free Pi0,L,h --set R=10um,E=100kPa,nu=0.5 --set 'eta=1 mPa s' \\
                     --set Pi0=50kPa,L=10nm,h=0.3um --drive spring.stiffness=0.05N/m --drive spring.base=Z -o fit.json
+  softdyn fit dlvo surfaces.csv --free kD,Pi0,shift --set R=1cm,E=1GPa,... --drive static     forces at rest
   softdyn fit scene.toml drainage.csv --free eta -o fit.npz      law, parameters, h and drive are those of the scene
   softdyn fit herschel-bulkley curve.csv
 """
@@ -52,7 +53,7 @@ def add_fit(add: Add) -> None:
     parser.add_argument(
         "--drive", metavar="NAME=VALUE", action="append", default=[],
         help="force, velocity, position, or spring.stiffness and spring.base; and speed, of a column that drives, "
-        "where there is no column t",
+        "where there is no column t; or static: nothing moves, and DATA are forces F at gaps h",
     )  # fmt: skip
     parser.add_argument(
         "--loss", choices=("linear", "soft_l1", "huber", "cauchy"), default="linear",
@@ -133,9 +134,11 @@ def _numbers(law: Any, texts: list[str]) -> dict[str, Any]:
     return {"parameters": parameters, "constants": constants, **start}
 
 
-def _drive(texts: list[str]) -> dict[str, Any] | None:
+def _drive(texts: list[str]) -> dict[str, Any] | str | None:
     """The drive as a scene has it."""
     found: dict[str, Any] = {}
+    if texts == ["static"]:
+        return "static"
     for name, value in _pairs("--drive", texts).items():
         whole, _, part = name.partition(".")
         if whole == "spring" and part in ("stiffness", "base"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
@@ -23,6 +23,7 @@ from softdyn.fitting.curve_data import (
     read_curve,
 )
 from softdyn.fitting.least_squares import Parameter
+from softdyn.fitting.static_model import SHIFT
 from softdyn.kernels import Kernel, get_kernel
 from softdyn.pair.sensitivities import sensitivities
 from softdyn.scene.pair_drive import DRIVES
@@ -316,19 +317,47 @@ def free_parameters(
     ------
     SceneError
     """
+
+    def start_of(name: str, owner: int) -> float | None:
+        return _start_of(curves[owner].scene, name)
+
+    scene = curves[0].scene
+    there = [*scene.parameters, *scene.constants, "h"]
+    return _freed(free, start_of, there, len(curves), positive, ranges)
+
+
+def static_parameters(
+    free: Any, numbers: Mapping[str, float], curves: int, positive: Sequence[str], ranges: Mapping[str, Sequence[Any]]
+) -> tuple[list[Parameter], dict[str, tuple[int | None, str]]]:
+    """The same where nothing moves: of the parameters of the law, and of the shift of each curve's gaps.
+
+    Raises
+    ------
+    SceneError
+    """
+    return _freed(free, lambda name, _: numbers.get(name), list(numbers), curves, positive, ranges)
+
+
+def _freed(
+    free: Any,
+    start_of: Callable[[str, int], float | None],
+    there: Sequence[str],
+    curves: int,
+    positive: Sequence[str],
+    ranges: Mapping[str, Sequence[Any]],
+) -> tuple[list[Parameter], dict[str, tuple[int | None, str]]]:
+    """What is fitted, with its bounds, and where each belongs."""
     wanted = dict.fromkeys(free) if not isinstance(free, Mapping) else dict(free)
     if isinstance(free, str) or not wanted:
         raise SceneError(f"free names what is fitted, a list as ['A', 'h'], not {free!r}")
     parameters: list[Parameter] = []
     places: dict[str, tuple[int | None, str]] = {}
-    faults = []
+    faults: list[str] = []
     for name, limits in wanted.items():
-        owners = range(len(curves)) if name in OF_START and len(curves) > 1 else (None,)
+        owners = range(curves) if name in (*OF_START, SHIFT) and curves > 1 else (None,)
         for owner in owners:
-            scene = curves[owner or 0].scene
-            start = _start_of(scene, name)
+            start = start_of(name, owner or 0)
             if start is None:
-                there = [*scene.parameters, *scene.constants, "h"]
                 faults.append(f"free: there is nothing called {name!r} in the scene{suggestion(name, there)}")
                 break
             low, high, by_log = _bounds(name, limits, positive, ranges, faults)
