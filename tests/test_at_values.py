@@ -181,6 +181,7 @@ def test_everything_is_told_in_numbers() -> None:
     assert " E " not in text
 
 
+@pytest.mark.slow
 def test_the_films_are_at_the_real_values() -> None:
     """The disjoining pressure is Laplace's, 2 sigma/R: h = kD ln(Pi0 R/(2 sigma)), 22 nm."""
     values, diagram = diagram_at(BUBBLES)

@@ -151,6 +151,7 @@ def test_the_tangent_is_the_derivative_of_the_force(name: str, s: float, fading:
     assert np.mean(close) > 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_step_makes_a_gap_that_is_none(target: str) -> None:
     """Any step, any motion of the centres, gaps from 1e-9 to 1e2: each gap is positive and finite, or nan."""

@@ -501,6 +501,7 @@ def test_files_follow_the_umask_which_nobody_changes(mask: int, tmp_path: Path) 
 # ---------------------------------------------------------------- words of others
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_nothing_is_left_that_a_terminal_obeys(text: str) -> None:
     found = plain(text)

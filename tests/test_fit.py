@@ -305,6 +305,7 @@ def test_stated_intervals_hold_the_truth_in_95_of_100_trials(law: str) -> None:
 # --- results, the command, refusals ---
 
 
+@pytest.mark.slow
 def test_a_fit_is_told_on_one_screen_saved_and_drawn(tmp_path: Path) -> None:
     _, h = drainage()
     found = fit_drainage(h * (1 + 1e-3 * noise(10, 40)), free=["eta", "E"], profiles=True)

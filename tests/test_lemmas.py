@@ -72,7 +72,9 @@ class Term:
         return math.pi if token == "pi" else self.known[token] if token in self.known else float(int(token))
 
 
-@pytest.mark.parametrize("name", ["rognon_gay", "cone", "hertz_dry", "equal_spheres"])
+@pytest.mark.parametrize(
+    "name", ["rognon_gay", "cone", "hertz_dry", pytest.param("equal_spheres", marks=pytest.mark.slow)]
+)
 def test_lemmas_are_terms_and_their_quotients_tend_to_1(name: str) -> None:
     text = theory("Limits", certificates(law_of(name))[0])
     assert text.startswith("theory Limits\n")

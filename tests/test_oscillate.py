@@ -111,6 +111,7 @@ def test_films_and_springs_in_series_are_maxwells_fluid(reduced: float, cycles: 
     assert row["G_loss"] == pytest.approx(expected.imag + reduced / tau, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_a_step_of_strain_relaxes_as_maxwells_fluid_does() -> None:
     """G(t) = (sqrt 3/4) k exp(-t/tau); the ramp takes a thousandth of tau, and half of it is lost."""
     given = content(spacing=2 + GAP, gap=GAP)

@@ -178,6 +178,7 @@ def check_integrals(f: Given) -> None:
     np.testing.assert_allclose(simulate_particles(box).cell[:, 0, 1], 3 + 50 * exact, atol=50 * rounding + 1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("f", WORST[1:3], ids=lambda f: f.text)
 def test_what_is_given_by_its_rate_is_where_the_integral_says(f: Given) -> None:
     """To rounding: held particles, walls and sheared boxes know no steps."""
@@ -511,6 +512,7 @@ def forces_along_sides(x: Array, seed: int) -> Array:
     return force
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("tangential", [False, True])
 def test_forces_that_balance_where_particles_are_given_are_borne(seed: int, tangential: bool) -> None:
@@ -589,6 +591,7 @@ def test_where_a_force_has_no_finite_rate_there_is_no_velocity() -> None:
     assert np.isfinite(result.v[1]).all()
 
 
+@pytest.mark.slow
 @given(f=smooth, start=st.floats(0, 0.9), length=st.floats(-9, -1).map(lambda x: 10**x))
 @settings(max_examples=60, deadline=None)
 def test_what_a_step_misses_is_bounded(f: Given, start: float, length: float) -> None:

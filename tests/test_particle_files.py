@@ -205,6 +205,7 @@ def test_what_is_not_of_its_kind_is_refused(changes: dict[str, Any], words: str,
         simulate_particles(particle_scene_from(data, tmp_path))
 
 
+@pytest.mark.slow
 def test_a_run_resumes_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As if nothing had happened: to the last bit."""
     scene = read_particle_scene(written(tmp_path, EMULSION))
@@ -259,6 +260,7 @@ def test_an_interrupt_amid_the_bookkeeping_waits_for_its_end(
     assert np.array_equal(simulate_particles(scene, None, checkpoint, resume=True).t, whole.t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sent", "status", "word"), [
     (signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted"),
 ])  # fmt: skip
@@ -290,6 +292,7 @@ def test_a_signal_keeps_the_state_says_so_and_the_run_goes_on(
     assert load_particles(tmp_path / "a.npz").t[-1] == pytest.approx(1e4)
 
 
+@pytest.mark.slow
 def test_a_result_that_cannot_be_saved_leaves_its_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -311,6 +314,7 @@ def test_a_result_that_cannot_be_saved_leaves_its_checkpoint(
     assert not checkpoint.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("users_compiler")
 def test_a_killed_run_resumes(tmp_path: Path) -> None:
     """SIGKILL in the middle; the last checkpoint is whole."""
@@ -352,6 +356,7 @@ def test_a_failed_run_leaves_its_last_good_state(tmp_path: Path, monkeypatch: py
     assert simulate_particles(scene, None, checkpoint, resume=True).t[-1] == pytest.approx(1000)
 
 
+@pytest.mark.slow
 def test_the_command_line_runs_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, output = written(tmp_path, EMULSION), tmp_path / "a.npz"
     assert main(["run", str(path), "-o", str(output), "--json"]) == 0
@@ -407,6 +412,7 @@ def test_a_run_in_two_parts_is_the_run(tmp_path: Path, tangential: bool) -> None
         assert np.linalg.norm(now["T"] - last["T"]) < 2e-2 * np.linalg.norm(last["T"])
 
 
+@pytest.mark.slow
 def test_a_scene_starts_from_an_earlier_result(tmp_path: Path) -> None:
     """Coordinates, images and tilt go on from where they were: distances and displacements are those of one run."""
     earlier = simulate_particles(
@@ -524,6 +530,7 @@ def test_a_box_that_stretches_is_taken_as_it_is_at_the_end(tmp_path: Path) -> No
     check(particles.ParticleScene(**placed, **{**RUN, "gap": 0.05, "range": 0.4}))
 
 
+@pytest.mark.slow
 def test_results_to_start_from_are_checked(tmp_path: Path) -> None:
     sheared = simulate_particles(read_particle_scene(written(tmp_path, EMULSION)))
     empty = {name: value[:0] if "f" in SHAPES.get(name, "") else value for name, value in sheared.arrays.items()}
@@ -562,7 +569,9 @@ def test_a_result_whose_parts_do_not_fit_is_refused(tmp_path: Path, change: dict
         replace(result, arrays=empty).plot()
 
 
-@pytest.mark.parametrize("name", ["two", "line", "t1", "emulsion", pytest.param("spheres", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["two", "line", "t1", *(pytest.param(name, marks=pytest.mark.slow) for name in ("emulsion", "spheres"))]
+)
 def test_stock_scenes_run_by_their_names(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each with its forces and its energy in balance."""
     assert name in particle_scenes()

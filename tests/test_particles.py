@@ -112,6 +112,7 @@ def test_two_particles_under_a_varying_force_are_the_pair() -> None:
     np.testing.assert_allclose(gaps(result)[:, 0], pair.h, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_three_in_a_line_are_two_pairs() -> None:
     positions = [[0.0], [2.1], [4.2]]
     pushes = [Push([0], [1e-2]), Push([2], [-1e-2])]
@@ -557,6 +558,7 @@ def test_a_run_that_cannot_go_on_hands_over_its_last_good_state(tmp_path: Path) 
     assert np.array_equal(kept.step_t, partial.step_t)
 
 
+@pytest.mark.slow
 def test_numbers_are_the_same_on_both_targets() -> None:
     """To the roundings of a few hundred steps, each of which Newton's iteration ends at 1e-9 of the forces."""
     c, numba = (simulate_particles(rhombus(until_t=1e4, rtol=1e-6, target=target)) for target in ("c", "numba"))

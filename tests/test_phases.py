@@ -272,6 +272,7 @@ def texts_of(figure: Figure) -> list[tuple[str, Outline]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_the_picture_of_any_law_is_tidy(name: str, tmp_path: Path) -> None:
     diagram = diagram_of(name)
@@ -356,6 +357,7 @@ def test_a_law_without_typical_values_is_told_what_to_declare() -> None:
         phases.draw(discover(repelled()))
 
 
+@pytest.mark.slow
 def test_a_law_with_branches_is_drawn() -> None:
     brush = ContactLaw(
         name="brush",

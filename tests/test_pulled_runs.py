@@ -58,6 +58,7 @@ def apart(speed: float, **law: Any) -> ParticleResult:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_pair_that_is_held_shut_while_it_is_moved_apart_is_told_of() -> None:
     """The paper's law stretches it by a quarter of a radius; where a pulled film narrows, it opens, and nothing is."""
     stretched = apart(1e-5, **SOFT)
@@ -87,6 +88,7 @@ def test_what_is_pulled_between_two_frames_is_told_of() -> None:
     assert abs(told - 500) < 5
 
 
+@pytest.mark.slow
 def test_a_look_costs_less_than_a_hundredth_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """In processor time, of a whole run in which many contacts are pulled."""
     spent = 0.0
@@ -169,6 +171,7 @@ def test_a_flow_whose_films_are_held_shut_is_told_of() -> None:
     assert kinds(stock("emulsion", **few)) == []
 
 
+@pytest.mark.slow
 def test_nearly_rigid_spheres_that_part_in_a_flow_pull_on_no_film() -> None:
     """They pull on one another as much as they press, in the flow of a fluid; their surfaces stay round."""
     spheres = stock("spheres", packing__count=40, until__strain=0.3, output__times=7)

@@ -92,6 +92,7 @@ def parsed(text: str) -> Page:
 # -------------------------------------------------------------------------------------------------------- the page
 
 
+@pytest.mark.slow
 def test_the_page_is_well_formed_and_says_its_language(parsed: Page, text: str) -> None:
     assert text.startswith("<!doctype html>")
     assert parsed.all("html") == [{"lang": "en"}]

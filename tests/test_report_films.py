@@ -38,6 +38,7 @@ def exact(law: ContactLaw, quantity: Any, x: float) -> mpmath.mpf:
         return of_state(law, quantity)(GAP, GAP * mpmath.mpf(x) / 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [SPHERES, LAWS["droplet"], rognon_gay], ids=lambda law: law.name)
 def test_curves_are_those_of_the_law(law: ContactLaw) -> None:
     """Friction over its own at delta = 0, and F/delta over its limit, by other digits and at another gap."""

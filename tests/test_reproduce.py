@@ -78,6 +78,7 @@ def rate_of_gap(force: float, gap: float) -> float:
 # ------------------------------------------------------------------------------------------------------ the files
 
 
+@pytest.mark.slow
 def test_the_folder_holds_the_promised_files_and_no_others(outcome: tuple[Path, int, str]) -> None:
     folder, code, _ = outcome
     assert code == 0
@@ -96,6 +97,7 @@ def test_pictures_are_whole_and_wide_enough_for_a_readme(outcome: tuple[Path, in
     assert len(root.findall(".//{http://www.w3.org/2000/svg}path")) > 50
 
 
+@pytest.mark.slow
 def test_the_same_numbers_give_the_same_bytes(
     outcome: tuple[Path, int, str], table: dict[str, NDArray], tmp_path: Path
 ) -> None:
@@ -283,6 +285,7 @@ def test_a_folder_that_cannot_be_made_is_an_error_before_any_work(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_an_error_that_leaves_no_half_file(
     outcome: tuple[Path, int, str], study: reproduce.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

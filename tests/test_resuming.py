@@ -47,6 +47,7 @@ def check(scene: ParticleScene, every: int, folder: Path) -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [102, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (7, 100, 101, *range(103, 110)))]
 )

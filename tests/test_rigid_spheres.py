@@ -28,6 +28,7 @@ def closed(gap: float, ratio: float) -> float:
     return float(friction(gap, 2 / (1 + 1 / ratio), (1 / ratio) / (1 + 1 / ratio) ** 2))
 
 
+@pytest.mark.slow
 @given(gap=st.floats(-2, 2).map(lambda x: 10**x), ratio=ratios)
 @settings(max_examples=60, deadline=None)
 def test_the_closed_form_is_within_a_percent_of_the_exact_solution(gap: float, ratio: float) -> None:

@@ -49,6 +49,7 @@ def pressed(force: float, mu: float, law: Any = rough_spheres, **changes: Any) -
     return ParticleScene(law, ROUGH, **{**given, **changes})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "mu"), [pytest.param(1.0, 0.0, marks=pytest.mark.slow), (1.04, 0.3), (1.06, 0.3)])
 def test_a_sphere_rolls_as_far_as_friction_holds_it_and_slides_beyond(force: float, mu: float) -> None:
     """Exact: T = F/(1 + 3/4 l^2), l the lever, where it rolls; mu N beyond, F = 1.05 at mu = 0.3."""
@@ -62,6 +63,7 @@ def test_a_sphere_rolls_as_far_as_friction_holds_it_and_slides_beyond(force: flo
     assert not result.stats["warnings"]
 
 
+@pytest.mark.slow
 def test_friction_may_fall_with_the_speed_of_sliding_and_the_gap() -> None:
     """A law's own mu(h, slip_rate), against the solution by bisection."""
     assert rough_spheres.rubbing is not None

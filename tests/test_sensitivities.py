@@ -149,6 +149,7 @@ def in_complex(
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BY_DEFAULT)
 def test_slopes_are_those_of_a_complex_step_along_the_same_steps(kind: str) -> None:
     # h, delta and all numbers of the scene in complex arithmetic, of the law as it is declared

@@ -27,6 +27,7 @@ def run(**changes: Any) -> ParticleResult:
     return simulate_particles(ParticleScene(**settings))
 
 
+@pytest.mark.slow
 def test_one_sphere_that_is_pushed_moves_as_stokes_says() -> None:
     result = run(radii=2.0, push=[Push([0], [1.0, 0.0, 0.0])])
     assert result.x[-1, 0, 0] == pytest.approx(1 / (12 * np.pi), rel=1e-12)
@@ -34,6 +35,7 @@ def test_one_sphere_that_is_pushed_moves_as_stokes_says() -> None:
         run(drag=0.0, push=[Push([0], [1.0, 0.0, 0.0])])
 
 
+@pytest.mark.slow
 def test_one_sphere_settles_on_a_wall() -> None:
     result = run(
         wall=[Wall([0.0, 0.0, 0.0], [0.0, 0.0, -1.0])], push=[Push([0], [0.0, 0.0, -1.0])], range=1.0, until_t=100.0
@@ -150,6 +152,7 @@ def test_radii_are_drawn_as_their_distribution_says_and_again_for_the_same_seed(
     assert set(table.tolist()) == {1.0, 2.0}
 
 
+@pytest.mark.slow
 def test_a_lognormal_packing_is_a_scene() -> None:
     packing = {
         "kind": "random", "count": 400, "dimension": 2, "fraction": 0.8, "radii": {"mean": 1.0, "sigma": 0.5},

@@ -164,6 +164,7 @@ def interpolation_error(F: float) -> float:
     return brentq(lambda d: theirs(d) - F, 1e-6, 0.2, xtol=1e-15) / (0.75 * F) ** (2 / 3) - 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_pair_moves_as_one_of_hertz_within_the_error_of_the_points(target: str) -> None:
     """The friction goes as (h + delta)^2: a time is off by twice what the deflection is, at most."""
@@ -180,6 +181,7 @@ def test_a_pair_moves_as_one_of_hertz_within_the_error_of_the_points(target: str
     assert abs(off) < abs(relative[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_particles_do_so_too(target: str) -> None:
     F = 2e-3

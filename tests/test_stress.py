@@ -152,6 +152,7 @@ def test_judgements() -> None:
         assert stress.judge(("g", "n", "c"), partial(fail, error), lambda _: 0.0, 1.0).outcome == expected
 
 
+@pytest.mark.slow
 def test_the_stored_report_is_of_the_cases_there_are_and_nothing_in_it_is_wrong(tmp_path: Path) -> None:
     stored = json.loads(STORED.read_text(encoding="utf-8"))
     names = {cell["name"] for cell in stored["cells"]}

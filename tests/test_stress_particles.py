@@ -29,6 +29,7 @@ from softdyn.stress.particles.verdicts import judge_case
 
 
 # 9: surfaces stick without drag, and forces jump
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [10, pytest.param(9, marks=pytest.mark.slow)])
 def test_a_scene_is_what_its_equations_say(seed: int) -> None:
     verdict = judge_case(seed, random_case(seed))
@@ -54,6 +55,7 @@ def test_scenes_of_a_seed_are_the_same_again() -> None:
         assert one.scene.parameters == other.scene.parameters
 
 
+@pytest.mark.slow
 def test_all_mechanisms_and_drives_are_sampled() -> None:
     """Among a third of the scenes of the report each is met, pulses, tables, kinks and jumps among them."""
     kinds = [random_case(seed).kind for seed in range(100)]
@@ -75,6 +77,7 @@ def test_all_mechanisms_and_drives_are_sampled() -> None:
     assert any("no drag" in kind and "tangential" in kind and "jump" in kind for kind in kinds)
 
 
+@pytest.mark.slow
 def test_what_the_reference_takes_for_a_drive_is_what_its_text_says() -> None:
     """Piece by piece, at times between the breaks."""
     t, random = Symbol("t", real=True), np.random.default_rng(1)
@@ -117,6 +120,7 @@ def test_the_jacobian_of_the_reference_is_exact(seed: int) -> None:
         np.testing.assert_allclose((ahead - behind) / (2 * size), exact[:, k], rtol=1e-4, atol=1e-4 * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("warning", "outcome"),
     [

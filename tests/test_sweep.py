@@ -40,6 +40,7 @@ def assert_close(found: NDArray[np.float64], expected: NDArray[np.float64]) -> N
     np.testing.assert_allclose(found, expected, rtol=2 * SCENE.rtol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [SCENE, ONE_BY_ONE], ids=["together", "one by one"])
 def test_every_combination_is_the_run_that_simulate_makes(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PART", 2)  # three parts; one by one, in processes of their own

@@ -263,6 +263,7 @@ def test_a_table_has_a_largest_number_of_rows(tmp_path: Path, monkeypatch: pytes
         read_table(path)
 
 
+@pytest.mark.slow
 def test_more_rows_than_a_run_may_take_steps_are_refused_before_it_starts() -> None:
     """Ten million that differ: by number and remedy, in the time of some copies; equal ones say and cost nothing."""
     t, F = np.arange(1e7), 1e-2 + 1e-3 * (np.arange(10_000_000) % 3)
@@ -305,6 +306,7 @@ def outcome(read: Callable[[Path], Any], path: Path) -> Any:
         return error
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=MESSY, ending=st.sampled_from(["csv", "txt", "npz", "json", "xyz"]))
 def test_whatever_a_file_holds_it_is_read_or_refused(tmp_path: Path, content: bytes, ending: str) -> None:

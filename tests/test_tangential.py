@@ -270,6 +270,7 @@ def circling(spin: float, own: float, **changes: Any) -> ParticleScene:
     return scene(**{**settings_of, "hold": holds, "rtol": 1e-6, **changes})
 
 
+@pytest.mark.slow
 def test_forces_do_not_depend_on_who_looks() -> None:
     """Turned by 1.2 radians, spin about the normal included: equal to the errors of some hundred steps at 1e-6."""
     still, turned = (simulate_particles(circling(w, 0.02, until_t=12.0)) for w in (1e-9, 0.1))
@@ -498,6 +499,7 @@ def periodic(**changes: Any) -> ParticleScene:
     return scene(**{**settings_of, "shear_rate": 1e-3, "until_t": 100.0, "rtol": 1e-3, "times": 2, **changes})
 
 
+@pytest.mark.slow
 def test_a_sheared_packing_keeps_its_balances() -> None:
     """Work of box and flow is that of the symmetric part of the stress; the mean spin is about that of the flow."""
     result = simulate_particles(periodic(times=101))
@@ -512,6 +514,7 @@ def test_a_sheared_packing_keeps_its_balances() -> None:
     assert result.stress[-1, 0, 1] > normal.stress[-1, 0, 1]
 
 
+@pytest.mark.slow
 def test_outputs_lie_within_the_steps() -> None:
     """They change no step, and are as close to a run at a hundredth of the tolerance as the ends of steps are."""
     often, seldom = (simulate_particles(periodic(times=count)) for count in (101, 2))
@@ -527,6 +530,7 @@ def test_outputs_lie_within_the_steps() -> None:
         np.testing.assert_allclose(T, fine, atol=0.02 * np.abs(fine).max())
 
 
+@pytest.mark.slow
 def test_films_alone_turn_particles_with_the_flow() -> None:
     """Without drag, in a sheared box: films carry all of it, and the mean spin is minus half of the shear rate."""
     result = simulate_particles(periodic(drag=0.0))
@@ -650,6 +654,7 @@ def test_a_run_goes_on_from_a_checkpoint(tmp_path: Any) -> None:
     np.testing.assert_allclose(again.spin, whole.spin, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_chain_that_spins_freely_is_at_rest() -> None:
     """In three dimensions nothing resists the spin of two spheres about their line: they have none."""
     pushes = [Push([0], [1e-2, 0, 0]), Push([1], [-1e-2, 0, 0])]
@@ -684,6 +689,7 @@ def test_opposite_torques_roll_a_free_pair() -> None:
     assert result.energy["rolling"] == pytest.approx(result.energy["external"], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_sphere_turned_beside_another_drags_it_along(d: int) -> None:
     """Both held in place, without drag: sliding and rolling resist, and the other turns as no torque on it remains.
@@ -707,6 +713,7 @@ def test_a_sphere_turned_beside_another_drags_it_along(d: int) -> None:
     assert abs(result.energy["imbalance"]) < 1e-5
 
 
+@pytest.mark.slow
 def test_a_moment_of_forces_balances_a_torque() -> None:
     """Of a free pair without drag; a thousandth more of the torque is refused."""
     force, arm = 1e-3, 2.05
@@ -751,6 +758,7 @@ def test_a_hard_sphere_turned_beside_a_wall_goes_with_it_or_spins() -> None:
     np.testing.assert_allclose(result.spin[-1, 0], [0.0, tau / (8 * math.pi), omega], rtol=1e-4, atol=1e-9 * tau)
 
 
+@pytest.mark.slow
 def test_torques_turn_particles_as_another_route_says() -> None:
     """Four unequal spheres, a torque of another direction on each, in no flow: at a sixth of a turn of the first."""
     times = [0.0, 30.0, 60.0]
@@ -784,6 +792,7 @@ def test_the_work_of_varying_torques_is_in_the_balance(d: int) -> None:
     assert abs(result.energy["imbalance"]) < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"shear_rate": 1e-3}, {"shear_rate": 0.0, "stress": {"xy": 1e-3}}])
 @pytest.mark.parametrize("drag", [0.0, 1.0])
 def test_torques_in_a_periodic_box_keep_its_balances(changes: dict[str, Any], drag: float) -> None:
@@ -848,6 +857,7 @@ def test_the_viscosity_of_a_dense_suspension_lies_within_the_envelope_of_known_l
     assert abs(result.energy["imbalance"]) < 2e-3
 
 
+@pytest.mark.slow
 def test_a_sphere_with_one_contact_is_not_floppy_in_space() -> None:
     """A free pair in three dimensions under opposite tangential forces and the torque that balances them."""
     pushes = [Push([0], [0, 1e-4, 0]), Push([1], [0, -1e-4, 0], torque=[0, 0, 2.05e-4])]
@@ -860,6 +870,7 @@ def test_a_sphere_with_one_contact_is_not_floppy_in_space() -> None:
     assert abs(result.energy["imbalance"]) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_sphere_does_not_spin_about_the_line_of_its_only_contact() -> None:
     """No film resists that, and nothing starts it: as the line turns, a rotation across it does not become one along.
 

@@ -15,6 +15,7 @@ from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.three_models import MODELS, draw, grain_law, measure, scene_of
 
 
+@pytest.mark.slow
 def test_all_three_have_one_spring() -> None:
     """F = k x with the overlap x = 2 delta, whatever the names of their stiffnesses: k, and 2 pi sigma."""
     assert simplify(law_quantities(durian)["C"] - of_bubbles) == 0

@@ -17,6 +17,7 @@ def stock(name: str) -> Closure:
     return import_module(f"softdyn.derive.closures.{name}").closure
 
 
+@pytest.mark.slow
 def test_di_felice_over_ergun_is_what_is_known_of_it():
     # as Re -> 0, 0.1152 c^-1.7/phi: 5.76/50 times c^-2.7 over phi/c
     compared = compare_closures(stock("dallavalle_di_felice"), stock("ergun"))

@@ -140,6 +140,7 @@ def close(latex: str, expr: Expr) -> bool:
     return math.isclose(value(latex, IN_UNITS), float(S(expr).subs(AT)), rel_tol=1e-12)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(NUMBERS, st.lists(POWERS, min_size=6, max_size=6), POWERS, st.booleans())
 @example(Rational(1), [Fraction(0)] * 6, Fraction(0), True)
@@ -236,6 +237,7 @@ def balanced(text: str) -> bool:
     return depth == 0 and text.count(r"\left") == text.count(r"\right")
 
 
+@pytest.mark.slow
 def test_mathtext_sets_every_formula_of_a_derivation() -> None:
     parser = MathTextParser("path")
     for lines in (*derivation(film()).values(), *tangential_sections(law_of("equal_spheres")).values()):
@@ -273,6 +275,7 @@ def test_a_law_and_a_derivation_are_latex_in_a_notebook(law: ContactLaw) -> None
     assert "&amp;=" in html
 
 
+@pytest.mark.slow
 def test_verdicts_are_a_table_in_a_notebook_and_a_list_elsewhere() -> None:
     findings = check_limits(film())
     assert [finding.verdict for finding in findings] == ["proved", "disproved"]

@@ -307,7 +307,8 @@ EXACT = tuple(name for name in SCENES if name not in ("column", "layer", "channe
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in ("spheres", "drum") else []) for name in EXACT]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] if name in ("spheres", "drum", "bubbles") else []) for name in EXACT],
 )
 def test_units_that_are_powers_of_two_change_nothing_to_the_bit(name: str) -> None:
     """Such factors are exact, and so are roots of those of four: nothing at all may know a unit."""
@@ -394,6 +395,7 @@ def test_a_packing_takes_a_depth_and_nothing_else_of_a_box() -> None:
         particle_scene_from({**data, "box": {"lengths": [1, 1]}}, Path())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [-30, 30])
 def test_a_random_packing_is_the_same_in_other_units_to_the_bit(power: int) -> None:
     unit = 2.0**power

@@ -222,6 +222,7 @@ def verdict_on(factor: Expr, claim: Expr) -> str:
     return found.verdict
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(corrections(), claimed)
 def test_no_verdict_on_a_random_law_is_false(drawn: tuple[Expr, bool], claim: Expr) -> None:
