@@ -96,8 +96,11 @@ def test_the_wheel_works_outside_the_checkout(distributions: tuple[Path, Path], 
 
 @pytest.mark.slow
 def test_a_checkout_without_symbolic_links_works(tmp_path: Path) -> None:
-    """As Git for Windows makes it: the links in softdyn/ are then files that hold a path."""
-    checkout, environment = tmp_path / "checkout", tmp_path / "environment"
+    """As Git for Windows makes it: the links in softdyn/ are then files that hold a path.
+
+    What runs in the folder above finds softdyn, though that folder holds one of this name.
+    """
+    checkout, environment = tmp_path / "softdyn", tmp_path / "environment"
     subprocess.run(
         ["git", "-c", "core.symlinks=false", "clone", "-q", str(ROOT), str(checkout)], capture_output=True, check=True
     )
@@ -126,6 +129,23 @@ def test_a_checkout_without_symbolic_links_works(tmp_path: Path) -> None:
     assert Path(file).is_relative_to(checkout)
     assert found == f"{len(stock_laws())} True True"
     assert float(t) == pytest.approx(4168622.0766990120018, rel=1e-8)
+
+
+@pytest.mark.parametrize("here", ["a folder of that name", "a package of that name", "nothing"])
+def test_a_folder_of_that_name_does_not_hide_softdyn(here: str, tmp_path: Path) -> None:
+    """A package of that name does, as any script does beside it."""
+    if here != "nothing":
+        (tmp_path / "softdyn").mkdir()
+    if here == "a package of that name":
+        (tmp_path / "softdyn" / "__init__.py").write_text("")
+    own = here != "a package of that name"
+    code = (
+        f"text = open({str(ROOT / 'softdyn' / 'in_place.py')!r}).read(); finder = {{'__name__': 'softdyn_in_place'}};"
+        "exec(text, finder); finder['install'](); finder['install']();"
+        f"import softdyn; assert hasattr(softdyn, 'simulate') is {own}, softdyn"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_derive_is_refused_under_another_name(tmp_path: Path) -> None:
