@@ -81,6 +81,9 @@ DRAWN = """
                     with the forces of their contacts at the end, stress, relative viscosity, normal stress
                     differences, coordination, gaps and forces, the balance of energy
   .gif, .mp4        an animation of many particles in one or two dimensions; .mp4 needs the program ffmpeg
+
+examples:
+  softdyn plot emulsion.npz --panels network,stress --width column -o figure.pdf
 """
 
 #: Of every command that takes one.
@@ -319,6 +322,11 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         help="its ending says the format (default: RESULT with .png)",
     )
+    plot.add_argument(
+        "--panels", metavar="NAMES", help="some panels alone, by name and in this order: h,F of two particles; network,"
+        "stress,energy,... of many; speed,pressure,... of a fluid",
+    )  # fmt: skip
+    plot.add_argument("--width", metavar="WIDTH", help="of a figure of panels: column, page, or inches")
 
     bench = add("bench", _bench, "measure error against CPU time, and against every peer that is installed")
     bench.add_argument(
@@ -979,11 +987,27 @@ def _plot(options: argparse.Namespace) -> int:
             raise SceneError(f"cannot draw to {picture}: animations are of many particles; {options.result} holds two")
         result.animate(picture)
     else:
-        figure = result.plot()
+        layout = _layout(options)
+        if layout and result.kind == "fit":
+            raise SceneError("--panels and --width are for runs: a fit is drawn as a whole")
+        figure = result.plot(**layout)
         with written_whole(picture) as temporary:
             figure.savefig(temporary, format=picture.suffix[1:], dpi=150)
     print(f"wrote {picture}")
     return 0
+
+
+def _layout(options: argparse.Namespace) -> dict[str, Any]:
+    """Panels and width that are asked for."""
+    found: dict[str, Any] = {}
+    if options.panels:
+        found["panels"] = [name.strip() for name in options.panels.split(",")]
+    if options.width:
+        try:
+            found["width"] = float(options.width)
+        except ValueError:
+            found["width"] = options.width
+    return found
 
 
 def _rerun(options: argparse.Namespace) -> int:

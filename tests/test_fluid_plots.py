@@ -10,6 +10,7 @@ import pytest
 from matplotlib.collections import LineCollection, TriMesh
 from PIL import Image
 
+from softdyn.errors import SceneError
 from softdyn.fluid.built_meshes import box_mesh, cylinder_mesh
 from softdyn.fluid.fluid_export import write_vtk
 from softdyn.fluid.fluid_plots import animate_fluid, picture_of, plot_fluid, tight_boundaries
@@ -156,3 +157,12 @@ def test_files_for_paraview_hold_the_fields_at_the_places_of_the_nodes(
     for place, (i, j) in enumerate(ends if order == 2 else (), len(lengths) + 1):
         middle = (read.points[block.data[:, i]] + read.points[block.data[:, j]]) / 2
         assert read.points[block.data[:, place]] == pytest.approx(middle)
+
+
+def test_panels_of_a_flow_are_drawn_by_name() -> None:
+    result = flow(cylinder_mesh(around=32), 1, [0.0])
+    figure = plot_fluid(result, panels=["pressure"], width="column")
+    assert figure.axes[0].get_title(loc="left") == "pressure"
+    assert figure.get_figwidth() == 3.4
+    with pytest.raises(SceneError, match="panel 'porosity': the result has none"):
+        plot_fluid(result, panels=["porosity"])

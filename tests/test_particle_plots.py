@@ -320,3 +320,34 @@ def test_the_energies_of_frames_add_up() -> None:
     taken = sum(result.arrays[f"energy_{name}"] for name in ("stored", "gaps", "drag", "remote", "U_h"))
     np.testing.assert_allclose(given_in, taken, atol=1e-4 * given_in[-1])
     assert np.all(np.diff(result.energy_gaps) > 0)
+
+
+def test_panels_are_drawn_by_name_at_the_width_of_a_column() -> None:
+    result = packing(1e-3)
+    figure = result.plot(panels=["stress", "energy"], width="column")
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stress, > 0 in tension", "balance of energy"]
+    assert figure.get_figwidth() == 3.4
+    assert all(axes.get_title(loc="left") for axes in result.plot(panels=["network"], width=5).axes[:1])
+
+
+def test_a_panel_is_drawn_into_axes_of_ones_own() -> None:
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    result = packing(1e-3)
+    assert result.plot(panels=["stress"], ax=right) is figure
+    assert right.get_title(loc="left") == "stress, > 0 in tension"
+    assert not left.lines
+
+
+@pytest.mark.parametrize(
+    ("layout", "words"),
+    [
+        ({"panels": ["strss"]}, "panel 'strss': the result has none; did you mean 'stress'"),
+        ({"panels": "stress"}, "panels is a list of some of network, energy, stress"),
+        ({"width": "colum"}, "width must be one of column, page, or a number"),
+        ({"panels": ["stress", "energy"], "ax": Figure().subplots()}, "ax takes a single panel"),
+    ],
+)
+def test_panels_that_there_are_not_are_refused(layout: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        packing(1e-3).plot(**layout)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from softdyn.fluid.fluid_fields import spread_to
 from softdyn.fluid.locate import located, locator, sampled
 from softdyn.fluid.mesh import Mesh
 from softdyn.fluid.numbering import nodes_of
+from softdyn.results.chosen_panels import Panel, chosen_panels, root_of
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
@@ -79,7 +81,13 @@ class Picture:
     where: str = ""
 
 
-def plot_fluid(result: Result) -> Figure:
+def plot_fluid(
+    result: Result,
+    *,
+    width: str | float | None = None,
+    panels: Sequence[str] | None = None,
+    ax: Axes | None = None,
+) -> Figure:
     """Draw the flow at the end: speed and streamlines, pressure, porosity; and over time velocities of grains, forces.
 
     In three dimensions it is a slice through the middle, along the two longer sides. Forces are those of the fluid on
@@ -88,47 +96,82 @@ def plot_fluid(result: Result) -> Figure:
     Parameters
     ----------
     result : Result
+    width : "column", "page" or number, optional
+        Of a figure of some panels; a number is in inches.
+    panels : sequence of str, optional
+        Which panels, below one another: "speed", "pressure", "porosity", "velocities", "force_x" and so on, as far as
+        there are any; without it, all, in a figure of its own size.
+    ax : matplotlib Axes, optional
+        Where to draw a single panel, in a figure of one's own.
+
+    Raises
+    ------
+    SceneError
+        If a panel is unknown, or if the result lacks what it shows.
     """
     picture = picture_of(result)
-    panels: list[tuple[str, Array, str]] = [
-        (_speed_title(result), _speeds(result, -1), "viridis"),
-        ("pressure", result.p[-1], "RdBu_r"),
-    ]
-    panels += [("porosity", result.c[-1], "cividis")] if "c" in result.arrays else []
-    history = len(result.step_t) > 1
-    walls = tight_boundaries(result) if history else []
+    fields = _fields(result)
+    lines = _lines(result, picture)
     wide, high = picture.high - picture.low
-    width = float(np.clip(4.4 * wide / high, 6.0, 11.0))
-    tall = float(np.clip(0.86 * width * high / wide, 1.3, 7.0)) + 0.75
+    if panels is not None or width is not None or ax is not None:
+        shape = float(np.clip(0.8 * high / wide, 0.25, 2.0)) + 0.1
+        known = {name: Panel(partial(_draw_field, picture=picture, result=result, name=name), shape) for name in fields}
+        known |= {name: Panel(draw) for name, draw in lines.items()}
+        return chosen_panels(known, ["speed"] if panels is None else panels, width or "page", ax)
+    across_page = float(np.clip(4.4 * wide / high, 6.0, 11.0))
+    tall = float(np.clip(0.86 * across_page * high / wide, 1.3, 7.0)) + 0.75
     # beside each other where they are as high as they are wide
-    across = len(panels) if width < 8 else 1
-    each = min(0.95 * width, tall * wide / high + 2) if across > 1 else width + 1.4
-    grains = "radii" in result.arrays and bool(len(result.radii)) and len(result) > 1
-    rows = [tall] * (len(panels) // across) + [2.3] * (2 * bool(walls) + grains)
+    across = len(fields) if across_page < 8 else 1
+    each = min(0.95 * across_page, tall * wide / high + 2) if across > 1 else across_page + 1.4
+    rows = [tall] * (len(fields) // across) + [2.3] * len(lines)
     figure = Figure(figsize=(each * across, sum(rows) + 0.6), layout="constrained")
     grid = figure.add_gridspec(len(rows), across, height_ratios=rows)
-    places = [figure.add_subplot(grid[k // across, k % across]) for k in range(len(panels))]
-    lines = [figure.add_subplot(grid[k, :]) for k in range(len(panels) // across, len(rows))]
-    for axes, (title, values, colours) in zip(places, panels, strict=True):
-        low, high = _range(picture, values, from_zero=axes is places[0])
-        drawn = draw_field(axes, picture, values, colours, (low, high))
-        axes.set_title(title, **TITLE)
-        shown = picture.spread(values)
-        below, above = np.nanmin(shown) < low, np.nanmax(shown) > high
-        extend = "both" if below and above else "min" if below else "max" if above else "neither"
-        figure.colorbar(drawn, ax=axes, pad=0.015, fraction=0.05, extend=extend)
-    draw_streamlines(places[0], picture, result.u[-1])
-    if "radii" in result.arrays:
-        draw_grains(places[0], picture, result)
-    if across > 1:
-        for axes in places:
+    places = [figure.add_subplot(grid[k // across, k % across]) for k in range(len(fields))]
+    for axes, name in zip(places, fields, strict=True):
+        _draw_field(axes, picture, result, name)
+        if across > 1:
             axes.locator_params(axis="x", nbins=3)
-    if grains:
-        _draw_velocities(lines.pop(0), result)
-    for axes, axis in zip(lines, picture.axes, strict=False):
-        _draw_forces(axes, result, walls, axis)
+    for k, draw in enumerate(lines.values(), start=len(fields) // across):
+        draw(figure.add_subplot(grid[k, :]))
     figure.suptitle(_told(result, picture), fontsize="medium")
     return figure
+
+
+def _fields(result: Result) -> dict[str, tuple[str, Array, str]]:
+    """Fields that are drawn, by name: title, values, colours."""
+    found = {
+        "speed": (_speed_title(result), _speeds(result, -1), "viridis"),
+        "pressure": ("pressure", result.p[-1], "RdBu_r"),
+    }
+    return found | ({"porosity": ("porosity", result.c[-1], "cividis")} if "c" in result.arrays else {})
+
+
+def _draw_field(axes: Axes, picture: Picture, result: Result, name: str) -> None:
+    """A field at the end, with the scale of its colours; streamlines and grains on the speed."""
+    title, values, colours = _fields(result)[name]
+    low, high = _range(picture, values, from_zero=name == "speed")
+    drawn = draw_field(axes, picture, values, colours, (low, high))
+    axes.set_title(title, **TITLE)
+    shown = picture.spread(values)
+    below, above = np.nanmin(shown) < low, np.nanmax(shown) > high
+    extend = "both" if below and above else "min" if below else "max" if above else "neither"
+    root_of(axes).colorbar(drawn, ax=axes, pad=0.015, fraction=0.05, extend=extend)
+    if name == "speed":
+        draw_streamlines(axes, picture, result.u[-1])
+        if "radii" in result.arrays:
+            draw_grains(axes, picture, result)
+
+
+def _lines(result: Result, picture: Picture) -> dict[str, Callable[[Axes], None]]:
+    """What is drawn over time, by name."""
+    walls = tight_boundaries(result) if len(result.step_t) > 1 else []
+    grains = "radii" in result.arrays and bool(len(result.radii)) and len(result) > 1
+    found: dict[str, Callable[[Axes], None]] = {}
+    if grains:
+        found["velocities"] = partial(_draw_velocities, result=result)
+    for axis in picture.axes if walls else ():
+        found[f"force_{'xyz'[axis]}"] = partial(_draw_forces, result=result, names=walls, axis=axis)
+    return found
 
 
 def animate_fluid(result: Result, path: Path) -> Path:

@@ -18,6 +18,7 @@ from softdyn.results.result import Result, dataset, table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
@@ -117,13 +118,20 @@ class FluidResult(Result):
         """What the run warns of."""
         return tuple(self.stats["warnings"])
 
-    def plot(self) -> Figure:
-        """Draw the flow at the end, and the forces over time."""
+    def plot(
+        self, *, width: str | float | None = None, panels: Sequence[str] | None = None, ax: Axes | None = None
+    ) -> Figure:
+        """Draw the flow at the end, and the forces over time.
+
+        ``panels`` are some of "speed", "pressure", "porosity", "velocities", "force_x" and so on, in a figure whose
+        ``width`` is "column", "page" or inches; ``ax`` takes a single one: see
+        :func:`softdyn.fluid.fluid_plots.plot_fluid`.
+        """
         if not len(self):
             raise SceneError("the result holds no frame to draw")
         from softdyn.fluid.fluid_plots import plot_fluid
 
-        return plot_fluid(self)
+        return plot_fluid(self, width=width, panels=panels, ax=ax)
 
     def animate(self, path: str | Path) -> Path:
         """Draw the frames as an animation: .gif, or .mp4 with the program ffmpeg."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.errors import SceneError
 from softdyn.mathtext import literal
+from softdyn.results.chosen_panels import NARROW, inches, root_of
 from softdyn.words import suggestion
 
 if TYPE_CHECKING:
@@ -29,8 +30,6 @@ SMALLEST = 1e-15
 FEW = 200
 
 
-#: Widths of figures, in inches: of a column of a journal, and of a page.
-WIDTHS = {"column": 3.4, "page": 7.0}
 #: Panels that can be asked for: of the arrays over time, and of the local exponents.
 LINES = {
     "h": ("gap $h$", {"h": ("$h$", BLUE)}),
@@ -77,20 +76,14 @@ def plot_pair(
         If a panel is unknown, or if the result lacks what it shows.
     """
     drawn = _default_panels(result) if panels is None else [_panel(result, name) for name in panels]
-    inches = WIDTHS.get(width) if isinstance(width, str) else float(width)
-    if inches is None or not inches > 0:
-        raise SceneError(f"width must be one of {', '.join(WIDTHS)}, or a number of inches, not {width!r}")
+    wide = inches(width)
     if ax is not None:
         if len(drawn) != 1:
             raise SceneError(f"ax takes a single panel, as panels=['h'], and here there are {len(drawn)}")
         _draw_panel(ax, result, *drawn[0])
-        whole = ax.get_figure(root=True)
-        assert whole is not None
-        return whole
-    narrow = inches < 5
-    figure = Figure(
-        figsize=(inches, 0.6 + 0.6 * (not narrow) + min(2.2, 0.62 * inches) * len(drawn)), layout="constrained"
-    )
+        return root_of(ax)
+    narrow = wide < NARROW
+    figure = Figure(figsize=(wide, 0.6 + 0.6 * (not narrow) + min(2.2, 0.62 * wide) * len(drawn)), layout="constrained")
     if not narrow:  # else the caption says it
         figure.suptitle(_title(result), fontsize="medium")
     grid = figure.add_gridspec(max(1, len(drawn)), 1)

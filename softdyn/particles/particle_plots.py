@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,7 @@ from softdyn.particles.observables import (
     relative_viscosity,
     strain,
 )
+from softdyn.results.chosen_panels import NARROW, Panel, chosen_panels, root_of
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
     from softdyn.particles.results import ParticleResult
 
 Array = NDArray[np.float64]
-Panel = Callable[["Axes", "ParticleResult"], None]
+Draw = Callable[["Axes", "ParticleResult"], None]
 
 #: Two more of Okabe & Ito's colours.
 AMBER, SKY = "#E69F00", "#56B4E9"
@@ -81,7 +83,13 @@ OBLIQUE = np.array(
 )
 
 
-def plot_particles(result: ParticleResult) -> Figure:
+def plot_particles(
+    result: ParticleResult,
+    *,
+    width: str | float | None = None,
+    panels: Sequence[str] | None = None,
+    ax: Axes | None = None,
+) -> Figure:
     """Draw the contact network at the end, and what is measured on the run.
 
     Stress; relative viscosity, normal stress differences and pressure where there are any; coordination; the balance of
@@ -92,42 +100,108 @@ def plot_particles(result: ParticleResult) -> Figure:
     Parameters
     ----------
     result : ParticleResult
+    width : "column", "page" or number, optional
+        Of a figure of some panels; a number is in inches.
+    panels : sequence of str, optional
+        Which panels, below one another: "network", "energy", "stress" and what else :func:`panels_of` gives; without
+        it, all that there are, in a figure of its own size.
+    ax : matplotlib Axes, optional
+        Where to draw a single panel, in a figure of one's own.
 
     Returns
     -------
     matplotlib.figure.Figure
+        It belongs to no window.
+
+    Raises
+    ------
+    SceneError
+        If a panel is unknown, or if the result lacks what it shows.
     """
-    few = max(len(result.contacts(frame)["h"]) for frame in range(len(result))) <= FEW
-    middle: list[Panel] = [_draw_stress]
-    middle += [_draw_viscosity] if has_viscosity(result) else []
-    middle += [_draw_normal_stresses] if is_periodic(result) and result.x.shape[2] > 1 else []
-    touching = len(result.contact_h) > 0
-    middle += [_draw_coordination] if touching else []
-    right: list[Panel] = [_draw_gaps, _draw_forces] if few else [_draw_gap_distribution, _draw_force_distribution]
-    right = (
-        right if (result.contact_h > 0).any() or not len(result.contact_h) else right[1:]
-    )  # dry contacts have no gap
-    if not touching:
-        right = [draw_pair_distribution] if is_periodic(result) else []
-        right += [draw_spread]
-    right += [draw_bond_lengths] if "bond_r" in result.arrays and result.bond_r.size else []
-    right += [_draw_profile] if is_sheared(result) and not few else []
-    window = _window(result, [-1]) if not _in_space(result) else np.array([[0.0, 0.0], [1.0, 1.0]])
-    wide, high = np.ptp(window, axis=0)
-    network_height = float(np.clip(5.2 * high / wide, 1.6, 5.2)) + 1.4
+    if panels is not None or width is not None or ax is not None:
+        known = panels_of(result)
+        return chosen_panels(known, ["network"] if panels is None else panels, width or "page", ax)
+    middle, right = _columns(result)
+    network_height = 14 * 1.4 / 3.4 * _network_tall(result) - 0.2
     height = max(network_height + 2.6, 2.3 * max(len(middle), len(right)) + 0.7)
     figure = Figure(figsize=(14, height), layout="constrained")
     grid = figure.add_gridspec(1, 3, width_ratios=[1.4, 1, 1])
     first = grid[0, 0].subgridspec(2, 1, height_ratios=[network_height, height - network_height])
-    network = figure.add_subplot(first[0])
+    _draw_network_panel(figure.add_subplot(first[0]), result)
+    _draw_energy(figure.add_subplot(first[1]), result)
+    for column, drawn in enumerate((middle, right), start=1):
+        places = grid[0, column].subgridspec(len(drawn), 1)
+        for row, panel in enumerate(drawn.values()):
+            panel(figure.add_subplot(places[row]), result)
+    for axes in figure.axes:
+        _shorten(axes)
+    count, d = result.x.shape[1:]
+    given = f"\nin the units of the scene: {_parameters(result)}" if result.parameters else ""
+    figure.suptitle(
+        f"{literal(result.law)}: {count} particles in {DIMENSIONS[d]}, at the end: {_when(result, -1)}{given}",
+        fontsize="medium",
+    )
+    return figure
+
+
+def panels_of(result: ParticleResult) -> dict[str, Panel]:
+    """Panels that there are of a result, by name."""
+    middle, right = _columns(result)
+    found = {"network": Panel(partial(_draw_network_panel, result=result), _network_tall(result))}
+    for name, draw in {"energy": _draw_energy, **middle, **right}.items():
+        found[name] = Panel(partial(_draw_short, draw=draw, result=result))
+    return found
+
+
+def _draw_short(axes: Axes, draw: Draw, result: ParticleResult) -> None:
+    draw(axes, result)
+    _shorten(axes)
+
+
+def _shorten(axes: Axes) -> None:
+    """Long times as powers of ten, lest they run into each other."""
+    if axes.get_xscale() == "linear" and isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
+        axes.ticklabel_format(axis="x", scilimits=(-3, 5))
+
+
+def _columns(result: ParticleResult) -> tuple[dict[str, Draw], dict[str, Draw]]:
+    """What is measured of the whole, and of single contacts and particles."""
+    few = max(len(result.contacts(frame)["h"]) for frame in range(len(result))) <= FEW
+    middle: dict[str, Draw] = {"stress": _draw_stress}
+    middle |= {"viscosity": _draw_viscosity} if has_viscosity(result) else {}
+    periodic = is_periodic(result)
+    middle |= {"normal_stresses": _draw_normal_stresses} if periodic and result.x.shape[2] > 1 else {}
+    touching = len(result.contact_h) > 0
+    middle |= {"coordination": _draw_coordination} if touching else {}
+    right: dict[str, Draw] = {}
+    if not touching:
+        right |= {"pair_distribution": draw_pair_distribution} if periodic else {}
+        right |= {"spread": draw_spread}
+    else:  # dry contacts have no gap
+        gaps = {"gaps": _draw_gaps if few else _draw_gap_distribution} if (result.contact_h > 0).any() else {}
+        right |= {**gaps, "forces": _draw_forces if few else _draw_force_distribution}
+    right |= {"bond_lengths": draw_bond_lengths} if "bond_r" in result.arrays and result.bond_r.size else {}
+    right |= {"velocities": _draw_profile} if is_sheared(result) and not few else {}
+    return middle, right
+
+
+def _network_tall(result: ParticleResult) -> float:
+    """Height of the panel with the contact network, over its width."""
+    window = _window(result, [-1]) if not _in_space(result) else np.array([[0.0, 0.0], [1.0, 1.0]])
+    wide, high = np.ptp(window, axis=0)
+    return (float(np.clip(5.2 * high / wide, 1.6, 5.2)) + 1.6) / (14 * 1.4 / 3.4)
+
+
+def _draw_network_panel(axes: Axes, result: ParticleResult) -> None:
+    """The contact network at the end, with the scale of its colours."""
     largest = largest_force(result, [-1])
-    _, colours = draw_network(network, result, -1, largest)
-    network.set_title(_network_title(result), **TITLE)
-    network.set_anchor("N")
+    _, colours = draw_network(axes, result, -1, largest)
+    axes.set_title(_network_title(result), **TITLE)
+    axes.set_anchor("N")
     beyond = np.abs(result.contacts(-1)["F"]).max(initial=0.0) > largest * (1 + 1e-9)
-    bar = figure.colorbar(
+    bar = root_of(axes).colorbar(
         colours,
-        ax=network,
+        ax=axes,
         label=FORCE,
         orientation="horizontal",
         shrink=0.9,
@@ -137,21 +211,6 @@ def plot_particles(result: ParticleResult) -> Figure:
     )
     bar.locator = MaxNLocator(5, symmetric=True)
     bar.update_ticks()
-    _draw_energy(figure.add_subplot(first[1]), result)
-    for column, panels in enumerate((middle, right), start=1):
-        places = grid[0, column].subgridspec(len(panels), 1)
-        for row, panel in enumerate(panels):
-            panel(figure.add_subplot(places[row]), result)
-    for axes in figure.axes:
-        if axes.get_xscale() == "linear" and isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
-            axes.ticklabel_format(axis="x", scilimits=(-3, 5))  # longer times run into each other
-    count, d = result.x.shape[1:]
-    given = f"\nin the units of the scene: {_parameters(result)}" if result.parameters else ""
-    figure.suptitle(
-        f"{literal(result.law)}: {count} particles in {DIMENSIONS[d]}, at the end: {_when(result, -1)}{given}",
-        fontsize="medium",
-    )
-    return figure
 
 
 def _parameters(result: ParticleResult) -> str:
@@ -518,6 +577,7 @@ def _draw_profile(axes: Axes, result: ParticleResult) -> None:
     axes.plot(rate * ends, ends, color="k", linewidth=1, label=r"flow, $\dot\gamma y$")
     axes.set(xlabel="velocity along $x$", ylabel="$y$")
     axes.set_title("velocities across the flow", **TITLE)
+    axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.legend(fontsize="small")
     axes.grid(alpha=0.3)
 
@@ -603,7 +663,10 @@ def _draw_energy(axes: Axes, result: ParticleResult) -> None:
             axes.plot(along, values, label=words, **style)
     axes.set(xlabel=label, ylabel="energy since the start")
     axes.set_title("balance of energy", **TITLE)
-    axes.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=4, ncols=4, frameon=False)
+    columns = 4 if root_of(axes).get_figwidth() > NARROW else 2
+    axes.legend(
+        fontsize="small", loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=4, ncols=columns, frameon=False
+    )
     axes.grid(alpha=0.3)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -21,6 +21,7 @@ from softdyn.results.result import Result, dataset, table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
@@ -214,8 +215,13 @@ class ParticleResult(Result):
         names = [name for name in ("i", "j", "h", "delta", "F", "n", "T") if f"contact_{name}" in self.arrays]
         return {name: self.arrays[f"contact_{name}"][start:end] for name in names}
 
-    def plot(self) -> Figure:
+    def plot(
+        self, *, width: str | float | None = None, panels: Sequence[str] | None = None, ax: Axes | None = None
+    ) -> Figure:
         """Draw the contact network at the end, and what is measured on the run.
+
+        ``panels`` are some of "network", "energy", "stress" and so on, in a figure whose ``width`` is "column", "page"
+        or inches; ``ax`` takes a single one: see :func:`softdyn.particles.particle_plots.plot_particles`.
 
         Raises
         ------
@@ -226,7 +232,7 @@ class ParticleResult(Result):
             raise SceneError("the result holds no frame to draw")
         from softdyn.particles.particle_plots import plot_particles
 
-        return plot_particles(self)
+        return plot_particles(self, width=width, panels=panels, ax=ax)
 
     def animate(self, path: str | Path) -> Path:
         """Draw the frames of a run in one or two dimensions as an animation: .gif, or .mp4 with the program ffmpeg.
