@@ -54,12 +54,14 @@ from softdyn.derive.scalings import Part, SeveralLogarithmsError, paths_into, se
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta
 from softdyn.derive.witness import (
     FAR,
+    FAR_ALONG,
     Sample,
     Witness,
     axes_of,
     contradiction,
     deviation,
     functions,
+    has_its_digits,
     inequalities,
     sample_along,
     samples_of,
@@ -516,9 +518,15 @@ def _certify_on_paths(
         if len(off) < len(known):
             continue
         converges = off[-1] < TOLERABLE or off[-1] < LITTLE * off[0]
+        if not converges and not has_its_digits(law, limit, sample, name, claimed * ratio, FAR_ALONG):
+            continue
         last = sample.points[-1]
-        fails = ratio != 1 and ((deviation(last, name, claimed) or 0) > FAR or _tells_apart(off, last.of(ratio)))
-        return [], converges, told(limit, sample, name, claimed) if fails else None
+        fails = ratio != 1 and (
+            (deviation(last, name, claimed) or 0) > FAR
+            or (ratio.free_symbols.isdisjoint(part.directions) and _tells_apart(off, last.of(ratio)))
+        )
+        shows = fails and has_its_digits(law, limit, sample, name, claimed, FAR_ALONG)
+        return [], converges, told(limit, sample, name, claimed) if shows else None
     return [], True, None
 
 

@@ -22,7 +22,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any
 
 import mpmath
-from sympy import Add, Expr, Rational, Symbol, cosh, coth, count_ops, erf, erfc, exp, lambdify, sinh, tanh
+from sympy import Add, Expr, Function, Rational, Symbol, cosh, coth, count_ops, erf, erfc, exp, lambdify, sinh, tanh
 
 from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, cut, dot, orthants
@@ -45,8 +45,10 @@ LARGEST = 10_000
 IN_VAIN = 60
 #: Decades by which ratios have fallen along a path.
 LEVELS = (10, 40, 160)
-#: Those at which a claim must still fail, of powers, and of what falls by a logarithm only.
-CONFIRMED = ((320, 10**4), (480, 10**6), (640, 10**8))
+#: Those at which a claim must still fail: what falls by a logarithm only has then fallen by 80 decades, at the slowest.
+CONFIRMED = (10**8, 10**40, 10**400)
+#: Digits of points there, besides those of the level: a sum that needs more has none.
+DIGITS_FAR = 100
 #: The same for a path that a proof leads to.
 FAR_ALONG = (20, 60, 180)
 #: Digits beyond which a point is not computed.
@@ -138,35 +140,43 @@ def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name
     """Return a path on which a quantity, over what is claimed of it, does not tend to 1; None if none is found."""
     for sample in samples:
         off = [deviation(point, name, claim) for point in sample.points]
-        if not _lasts(off) or not _has_its_digits(law, limit, sample, name, claim):
+        if not _lasts(off) or not has_its_digits(law, limit, sample, name, claim):
             continue
-        further = _further(law, limit, sample.path)
-        off += [deviation(point, name, claim) for point in further]
+        further = _further(law, limit, sample.path, name, claim)
+        off += further
         if _lasts(off[1:]) and ((further and (off[-1] or 0) > FAR) or _is_steady(off)):
             return told(limit, sample, name, claim)
     return None
 
 
-def _has_its_digits(law: ContactLaw, limit: Limit, sample: Sample, name: str, claim: Expr) -> bool:
+def has_its_digits(
+    law: ContactLaw, limit: Limit, sample: Sample, name: str, claim: Expr, levels: Sequence[int] = LEVELS
+) -> bool:
     """Whether three times the digits leave a deviation as it is: in cosh(h/R) - 1 all of them may be lost.
 
     It is looked at where most are needed, and where that takes too many, at a point before.
     """
-    for level, point in reversed(list(zip(LEVELS, sample.points, strict=False))):
-        exact = _point(law, limit, sample.path, level, more=3)
+    for level, point in reversed(list(zip(levels, sample.points, strict=False))):
+        exact = _point(law, limit, sample.path, level, 3 * _digits_at(sample.path, level))
         if exact is not None:
             one, other = (deviation(x, name, claim) for x in (point, exact))
             return one is not None and other is not None and bool(abs(one - other) <= (1 - LASTING) * abs(other))
     return False
 
 
-def _further(law: ContactLaw, limit: Limit, path: Path) -> list[Point]:
-    """Points of a path beyond those that it was first looked at, the nearest first.
+def _further(law: ContactLaw, limit: Limit, path: Path, name: str, claim: Expr) -> list[mpmath.mpf]:
+    """Deviations along a path beyond the points that it was first looked at, the nearest first; those that have digits.
 
-    None has fewer digits than it needs: in log(1 + h/R) a small h/R would be lost, and with it what the claim is about.
+    In log(1 + h/R) a small h/R would be lost, and with it what the claim is about.
     """
-    points = (_point(law, limit, path, level, slowly) for level, slowly in CONFIRMED)
-    return [point for point in points if point is not None]
+    found = []
+    for level in CONFIRMED:
+        digits = DIGITS_FAR + len(str(level))
+        points = (_point(law, limit, path, level, digits * more) for more in (1, 3))
+        one, exact = (None if point is None else deviation(point, name, claim) for point in points)
+        if one is not None and exact is not None and abs(one - exact) <= (1 - LASTING) * abs(exact):
+            found.append(exact)
+    return found
 
 
 def _is_steady(off: Sequence[mpmath.mpf | None]) -> bool:
@@ -376,16 +386,14 @@ def _drawn(
     )
 
 
-def _point(
-    law: ContactLaw, limit: Limit, path: Path, level: int, slowly: int | None = None, more: int = 1
-) -> Point | None:
-    """All quantities of a law at a level of a path, in units R = E = eta = 1; None where they have no value.
+def _digits_at(path: Path, level: int) -> int:
+    """Digits with which a point is computed: three times the decades by which anything has fallen."""
+    return 40 + int(3 * max(abs(float(path.power[s]) * level + float(path.slow[s]) * log10(level)) for s in path.power))
 
-    Another level of what varies by a logarithm only may be given, and so many times as many digits.
-    """
-    slowly = level if slowly is None else slowly
-    decades = max(abs(float(path.power[s]) * level + float(path.slow[s]) * log10(slowly)) for s in path.power)
-    digits = (40 + int(3 * decades)) * more
+
+def _point(law: ContactLaw, limit: Limit, path: Path, level: int, digits: int | None = None) -> Point | None:
+    """All quantities of a law at a level of a path, in units R = E = eta = 1; None where they have no value."""
+    digits = _digits_at(path, level) if digits is None else digits
     if digits > MOST_DIGITS:
         return None
     with mpmath.workdps(digits):
@@ -397,7 +405,7 @@ def _point(
         for symbol, power in path.power.items():
             slow = path.slow[symbol]
             fallen = mpmath.mpf(10) ** (mpmath.mpf(-power.numerator * level) / power.denominator)
-            values[symbol] *= fallen * mpmath.mpf(slowly) ** (mpmath.mpf(-slow.numerator) / slow.denominator)
+            values[symbol] *= fallen * mpmath.mpf(level) ** (mpmath.mpf(-slow.numerator) / slow.denominator)
         values[delta] = side_of(limit) * values[size]
         try:
             for symbol, (arguments, function) in functions(law).items():
@@ -417,18 +425,61 @@ def _exp(x: mpmath.mpf) -> mpmath.mpf:
 
 
 def _bounded(function: Callable[[mpmath.mpf], mpmath.mpf]) -> Callable[[mpmath.mpf], mpmath.mpf]:
-    """A function that is not asked at arguments beyond all bounds."""
+    """A function that is not asked at arguments beyond all bounds; there, what it tends to, if anything."""
+    ends = {mpmath.tanh: (-1, 1), mpmath.coth: (-1, 1), mpmath.erf: (-1, 1), mpmath.erfc: (2, 0)}.get(function)
 
     def value(x: mpmath.mpf) -> mpmath.mpf:
-        if mpmath.mag(x) > HUGE / 2:
+        if mpmath.mag(x) <= HUGE / 2:
+            return function(x)
+        if ends is None:
             raise OverflowError
-        return function(x)
+        return mpmath.mpf(ends[x > 0])
 
     return value
 
 
-#: Functions that never come to an end at huge arguments, and what is asked instead.
+#: Binary digits that must be left of a number for it to be one.
+LEFT = 50
+
+
+def _sum(*terms: mpmath.mpf) -> mpmath.mpf:
+    """A sum; as large as it may be where its terms cancel to all digits, as in 1 - tanh(1e30).
+
+    With more digits it is another number then: what depends on it is seen to have none.
+    """
+    total = mpmath.fsum(terms)
+    least = max((mpmath.mag(x) for x in terms if x), default=0) - mpmath.mp.prec + LEFT
+    lost = any(terms) and (not total or mpmath.mag(total) < least)
+    return mpmath.ldexp(-1 if total < 0 else 1, least) if lost else total
+
+
+def _away_from_one(function: Callable[[mpmath.mpf], mpmath.mpf]) -> Callable[[mpmath.mpf], mpmath.mpf]:
+    """A function that vanishes, or has no value, at 1 or -1; beside it, where the argument is not told from that."""
+    below = function is not mpmath.acosh and function is not mpmath.log
+
+    def value(x: mpmath.mpf) -> mpmath.mpf:
+        off, least = abs(x) - 1, LEFT - mpmath.mp.prec
+        if off and mpmath.mag(off) >= least:
+            return function(x)
+        return function(mpmath.sign(x) * (1 + mpmath.ldexp(-1 if below else 1, least)))
+
+    return value
+
+
+#: Stands for a sum whose digits are looked after.
+checked_sum = Function("checked_sum")
+
+
+def compiled(arguments: Sequence[Symbol], expr: Expr) -> Any:
+    """An expression as a function of mpmath numbers, in which sums are looked after that lose all digits."""
+    looked_after = expr.replace(lambda node: isinstance(node, Add), lambda node: checked_sum(*node.args))
+    return lambdify(arguments, looked_after, modules=[GUARDED, "mpmath"], dummify=True)
+
+
+#: Functions that never come to an end at huge arguments, or lose all digits, and what is asked instead.
 GUARDED = {
+    "checked_sum": _sum,
+    **{name: _away_from_one(getattr(mpmath, name)) for name in ("log", "acos", "acosh", "atanh")},
     "exp": _exp,
     "evaluated": within_range,  # what is beyond the points of a spline refutes nothing
     **{name: _bounded(getattr(mpmath, name)) for name in ("sinh", "cosh", "tanh", "coth", "erf", "erfc", "sin", "cos")},
@@ -441,14 +492,14 @@ def functions(law: ContactLaw) -> dict[Symbol, tuple[list[Symbol], Any]]:
     made = {}
     for symbol, expr in definitions(law).items():
         arguments = sorted(expr.free_symbols, key=str)
-        made[symbol] = (arguments, lambdify(arguments, expr, modules=[GUARDED, "mpmath"], dummify=True))
+        made[symbol] = (arguments, compiled(arguments, expr))
     return made
 
 
 @lru_cache(maxsize=512)
 def _compiled(expr: Expr) -> tuple[list[Symbol], Any]:
     arguments = sorted(expr.free_symbols, key=str)
-    return arguments, lambdify(arguments, expr, modules=[GUARDED, "mpmath"], dummify=True)
+    return arguments, compiled(arguments, expr)
 
 
 def _holds(limit: Limit, point: Point) -> bool:

@@ -9,7 +9,7 @@ import mpmath
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sympy import Expr, Rational, Symbol, cosh, exp, log, pi, sqrt
+from sympy import Expr, Rational, Symbol, cosh, erf, exp, log, pi, sqrt, tanh
 
 from softdyn.derive import FORCE, LENGTH, ContactLaw, Limit, R, a, delta, h
 from softdyn.derive.laws.dlvo import law as dlvo
@@ -68,6 +68,36 @@ def test_a_factor_of_one_percent_is_refuted_by_numbers_that_show_it(correction: 
     assert found.witness is not None
     off = [abs(mpmath.mpf(ratio) - mpmath.mpf(100) / 101) for _, ratio in found.witness.points]
     assert off[-1] <= off[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lost", "form"),
+    [
+        (1 - tanh(h / ell), 2 * exp(-2 * h / ell)),
+        (1 - erf(h / ell), ell * exp(-((h / ell) ** 2)) / (sqrt(pi) * h)),
+        (-log(1 - exp(-2 * h / ell)), exp(-2 * h / ell)),
+        (log(1 + exp(-h / ell)), exp(-h / ell)),
+    ],
+    ids=str,
+)
+def test_what_no_number_of_digits_tells_from_zero_refutes_nothing(lost: Expr, form: Expr) -> None:
+    """1 - tanh(h/ell) at h/ell = 1e27 is 0 in as many digits as anything can have."""
+    order = ((delta, h, R), (ell, h))
+    assert finding(pushed(A * lost), order, "F_adh", A * form).verdict == "proved"
+    assert finding(pushed(A * lost), order, "F_adh", A * form / 2).verdict == "disproved"
+    assert finding(pushed(A * (1 + lost)), order, "F_adh", A).verdict == "proved"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "correction",
+    [exp(-sqrt(log(1 + R / h))) * log(1 + R / h), (h / R) ** Rational(1, 20) * log(1 + R / h)],
+    ids=str,
+)
+def test_what_grows_at_first_refutes_nothing(correction: Expr) -> None:
+    """L exp(-sqrt(L)), L = log(R/h), grows up to L = 4, and L exp(-L/20) up to 20: then both vanish."""
+    assert finding(pushed(A * (1 + correction)), (delta, h, R), "F_adh", A).verdict == "proved"
 
 
 FADING = pushed(A * exp(-h / ell) + B)
