@@ -101,8 +101,8 @@ class Balance:
         What the kernel gives of tangential motion.
     T : array, shape (contacts, d), optional
         Forces of the contacts besides those along the normals, from i to j.
-    rubbed : array, shape (contacts, d), optional
-        Of these, what surfaces that touch bear by friction.
+    rubbed : array, shape (contacts, d or more), optional
+        Of these, what surfaces that touch bear by friction; and what resists rolling and twisting.
     notes : dict
         What mechanisms found, for themselves.
     film : array, shape (contacts,), optional

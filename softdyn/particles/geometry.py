@@ -148,8 +148,8 @@ class Contacts:
         Whether the contact has been within its range.
     T : array, shape (n, d)
         Tangential forces, from i to j; of no columns without tangential motion.
-    rubbed : array, shape (n, d)
-        Of these, what surfaces that touch bear by friction; of no columns without.
+    rubbed : array, shape (n, d or more)
+        Of these, what surfaces that touch bear by friction; and what resists rolling and twisting.
     since : array, shape (n, potentials with an age)
         Times since which the two have been within the cut-off of each; inf beyond it.
     """

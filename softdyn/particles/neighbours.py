@@ -110,7 +110,7 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
     (solver,) = system.having["solve"]
     contacts.h = solver.gaps_at_sight(system, apart, old is None)
     contacts.T = np.zeros((len(contacts), x.shape[1] if system.width > x.shape[1] else 0))
-    contacts.rubbed = np.zeros((len(contacts), x.shape[1] if system.scene.friction is not None else 0))
+    contacts.rubbed = np.zeros((len(contacts), system.rubbed))
     contacts.since = np.full((len(contacts), system.timed), np.inf)
     if old is None:
         contacts.touched = contacts.h < reach

@@ -211,7 +211,7 @@ def _films(system: System, given: Mapping[str, Any]) -> Contacts:
     contacts.q = mixed_parameters(system, system.kernel, i, j)
     contacts.h, contacts.touched = h, np.ones(len(h), bool)
     contacts.T = np.zeros((len(h), system.dimension if system.width > system.dimension else 0))
-    contacts.rubbed = np.zeros((len(h), system.dimension if system.scene.friction is not None else 0))
+    contacts.rubbed = np.zeros((len(h), system.rubbed))
     contacts.since = np.full((len(h), system.timed), np.inf)
     if contacts.T.size and "T" in films:
         contacts.T = films["T"][near].astype(float)

@@ -190,6 +190,11 @@ class System(PreparedScene):
         return sum(mechanism.timed for mechanism in self.mechanisms)
 
     @property
+    def rubbed(self) -> int:
+        """How many numbers a contact keeps of friction."""
+        return sum(mechanism.rubbed for mechanism in self.mechanisms)
+
+    @property
     def force_tolerance(self) -> float:
         """Residual of the force balance, relative to the largest force, at which Newton's iteration ends."""
         return 1e-3 * self.rtol

@@ -76,8 +76,8 @@ class Action:
         what rounding of positions makes of it.
     T : array, shape (contacts, d), optional
         Forces of the contacts besides those along the normals, from i to j.
-    rubbed : array, shape (contacts, d), optional
-        Of these, what surfaces that touch bear by friction: a contact keeps it by itself.
+    rubbed : array, shape (contacts, d or more), optional
+        Of these, what surfaces that touch bear by friction, and what resists rolling and twisting: a contact keeps it.
     notes : mapping
         What else was found, for the mechanism itself; names are its own.
     """
@@ -124,6 +124,8 @@ class Mechanism:
         Distance of two centres within which it acts on them; such pairs are listed.
     timed : int
         How many columns of ``Contacts.since`` it has: times since which two particles are near.
+    rubbed : int
+        How many columns of ``Contacts.rubbed`` it has.
     made_by : tuple of str
         Kernels of its own, by their names in the cache.
     """
@@ -143,6 +145,7 @@ class Mechanism:
     keeps_shape: bool = True
     farthest: float = 0.0
     timed: int = 0
+    rubbed: int = 0
     made_by: tuple[str, ...] = ()
 
     def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> Mechanism:

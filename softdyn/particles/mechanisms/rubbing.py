@@ -1,5 +1,7 @@
 """Coulomb friction in implicit steps: surfaces that touch are joined by a spring, and slide where it bears too much.
 
+Springs that resist rolling and twisting stand beside it: :mod:`softdyn.particles.mechanisms.resisting`.
+
 A step integrates the force T of that spring in the frame of its start, as :mod:`softdyn.particles.mechanisms.sliding`
 does the force of a film, beside which it stands; a stage cuts what the spring would bear at mu N, by the return map of
 :mod:`softdyn.derive.coulomb`, which the kernel has generated. Surfaces touch halfway: levers are the radii less half of
@@ -22,6 +24,7 @@ from softdyn.particles.geometry import Contacts, curvatures, directions, dot, la
 from softdyn.particles.loose_particles import is_loose
 from softdyn.particles.mechanisms import Action, Mechanism
 from softdyn.particles.mechanisms.dry_contacts import moves
+from softdyn.particles.mechanisms.resisting import Resisted, Spring, moment_slopes, pair_radii, resist, springs_of
 from softdyn.particles.mechanisms.sliding import (
     Bounded,
     Known,
@@ -58,6 +61,8 @@ class Found:
         What the kernel gives: keep, by_load, by_h, by_rate.
     s : float
         gamma dt of the stage.
+    resisted : list of Resisted
+        What resists rolling and twisting.
     """
 
     slid: TangentialForces
@@ -65,13 +70,26 @@ class Found:
     size: Array
     bound: Mapping[str, Array]
     s: float
+    resisted: list[Resisted]
+
+    @property
+    def turned(self) -> Array:
+        """All that a contact keeps, in the frame of the step's start."""
+        return np.concatenate([self.slid.turned, *(one.turned for one in self.resisted)], axis=1)
+
+    @property
+    def cut(self) -> list[tuple[Mapping[str, Array], Array]]:
+        """Bounds, and sizes of the trial forces, of all springs."""
+        return [(self.bound, self.size), *((one.bound, one.size) for one in self.resisted)]
 
 
 @dataclass(frozen=True)
 class Springs(Mechanism):
-    """Surfaces that touch, and rub with the coefficient mu."""
+    """Surfaces that touch, and rub with the coefficient mu; what resists rolling and twisting."""
 
     mu: float
+    resisting: tuple[Spring, ...] = ()
+    rubbed: int = 0
 
     takes = ("friction", "k_t")
     symmetric = False
@@ -79,7 +97,7 @@ class Springs(Mechanism):
     def begin(self, system: System, contacts: Contacts, t: float, x: Array) -> tuple[dict[str, Any], dict[str, Array]]:
         """See :class:`Mechanism`."""
         normal, _ = directions(contacts, x, lattice(system.box, t), system.walls)
-        known = starting(contacts, system.radii, normal, contacts.rubbed)
+        known = starting(contacts, system.radii, normal, contacts.rubbed[:, : system.dimension])
         known = replace(known, part=_given_in(system, contacts))
         return {"friction": known}, {"rubbed": contacts.rubbed, "rubbed_angle": np.zeros(len(contacts))}
 
@@ -95,9 +113,20 @@ class Springs(Mechanism):
         force = bound["keep"][:, None] * slid.force
         kept = replace(slid, force=force, turned=turned_back(known, force, at.n, slid.angle))
         reaction = reactions(contacts, known, kept, at.n, count)
-        found = Found(kept, slid.force, size, bound, given.s)
+        nothing = np.zeros_like(speed)
+
+        def bounds(limit: float, size: Array) -> dict[str, Array]:
+            return _bounds(system, contacts, limit, at.values["load"], size, nothing, at.h)
+
+        radii = pair_radii(contacts, system.radii)
+        whole = given.own["rubbed"]
+        resisted = resist(self.resisting, known, whole, slid, at.n, at.values["k_rub"] * radii, bounds)
+        for one in resisted:
+            reaction += moments(contacts, known, radii[:, None] * one.force, count, system.dimension)
+        found = Found(kept, slid.force, size, bound, given.s, resisted)
+        rubbed = np.concatenate([force, *(_kept(one, at.n) for one in resisted)], axis=1)
         stiffness = largest(at.values["k_rub"])
-        return Action(reaction, largest(force), stiffness=stiffness, T=force, rubbed=force, notes={"friction": found})
+        return Action(reaction, largest(force), stiffness=stiffness, T=force, rubbed=rubbed, notes={"friction": found})
 
     def contact_tangents(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Iterator[Array]:
         """See :class:`Mechanism`."""
@@ -116,14 +145,24 @@ class Springs(Mechanism):
         passed += by_slip[:, None, None] * along[:, :, None] * ahead[:, None, :]
         by_r = bound["by_load"] * values["load_r"] + bound["by_h"] * values["h_r"]
         bounded = Bounded(found.trial, passed, by_r[:, None] * along)
-        return tangents(_known_of(given), _spring(values), found.slid, at.n, curvature, given.s, bounded)
+        known = _known_of(given)
+        blocks = tangents(known, _spring(values), found.slid, at.n, curvature, given.s, bounded)
+        if not found.resisted:
+            return blocks
+        radii = pair_radii(contacts, system.radii)
+        slopes = []
+        for one in found.resisted:
+            by_r = one.bound["by_load"] * values["load_r"] + one.bound["by_h"] * values["h_r"]
+            k, k_r = values["k_rub"] * radii, values["k_rub_r"] * radii
+            slopes.append(moment_slopes(one, known, found.slid, at.n, curvature, k, by_r, k_r))
+        return _with_moments(blocks, [sum(parts) for parts in zip(*slopes, strict=True)], known, radii)
 
     def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
         """See :class:`Mechanism`."""
-        known, slid = _known_of(given), at.notes["friction"].slid
+        known, found = _known_of(given), at.notes["friction"]
         return {
-            "rubbed": (slid.turned - known.force) / given.s,
-            "rubbed_angle": (slid.angle - known.angle) / given.s,
+            "rubbed": (found.turned - given.own["rubbed"]) / given.s,
+            "rubbed_angle": (found.slid.angle - known.angle) / given.s,
         }
 
     def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
@@ -139,7 +178,12 @@ class Springs(Mechanism):
             return []
         for mechanism in system.having["unfelt"]:
             allowed = np.maximum(allowed, mechanism.unfelt(system, at, at.values["k_rub"][active]))
-        wrong = np.linalg.norm(errors["rubbed"][active], axis=1) * found.bound["keep"][active]
+        d = system.dimension
+        columns = [slice(0, d), *(spring.columns for spring in self.resisting)]
+        wrong = np.zeros(len(active))
+        for part, (bound, _) in zip(columns, found.cut, strict=True):
+            own = np.linalg.norm(errors["rubbed"][active, part], axis=1) * bound["keep"][active]
+            wrong = np.maximum(wrong, own)
         relative = wrong / allowed
         return [float(np.sqrt(np.mean(relative**2))), float(relative.max()) / 10]
 
@@ -151,11 +195,13 @@ class Springs(Mechanism):
         k = values["k_rub"]
         joined = k > 0
         yielding = np.divide(1.0, k, out=np.zeros_like(k), where=joined)
-        size = found.bound["keep"] * found.size
-        lost = float(np.sum(size * (found.size - size) * yielding)) / found.s if found.s > 0 else 0.0
         k_rate = values["k_rub_h"] * rates.h + values["k_rub_delta"] * (rates.h - rates.r) / 2
-        taken = float(np.sum((size * yielding) ** 2 * k_rate / 2))
-        stored = float(np.sum(dot(found.slid.turned, rates.own["rubbed"]) * yielding))
+        lost = taken = 0.0
+        for bound, trial in found.cut:
+            size = bound["keep"] * trial
+            lost += float(np.sum(size * (trial - size) * yielding)) / found.s if found.s > 0 else 0.0
+            taken += float(np.sum((size * yielding) ** 2 * k_rate / 2))
+        stored = float(np.sum(dot(found.turned, rates.own["rubbed"]) * yielding))
         return {"friction": lost, "k_t": taken, ELASTIC: stored - taken}
 
     def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:
@@ -173,12 +219,6 @@ def implicit(rubbing: Rubbing, facts: ValidatedScene) -> Springs:
     SceneError
         If the scene asks for what they do not know.
     """
-    for name in ("rolling", "twisting"):
-        if getattr(rubbing, name):
-            raise SceneError(
-                f"[friction] {name} is known to explicit steps alone: leave it out, or take a dry law and [method] "
-                'name = "explicit"'
-            )
     if is_loose(facts.scene):
         raise SceneError("[friction] is of contacts with a law: leave it out, or give a law")
     if not moves(facts):
@@ -186,7 +226,35 @@ def implicit(rubbing: Rubbing, facts: ValidatedScene) -> Springs:
             "[friction] where nothing but contacts resists the particles, how they move depends on the way: give them "
             "a drag ([flow] drag = 1), or inertia ([inertia] density)"
         )
-    return Springs(rubbing.mu)
+    d = facts.x.shape[1]
+    springs = springs_of(facts.scene.friction, d)
+    return Springs(rubbing.mu, springs, springs[-1].columns.stop if springs else d)
+
+
+def moments(contacts: Contacts, known: Known, moment: Array, count: int, d: int) -> Array:
+    """What particles exert by moments of the contacts, from i to j: torques over radii, shape (N, d + rotations)."""
+    total = np.zeros((count, d + moment.shape[1]))
+    pair = contacts.j < count
+    np.add.at(total[:, d:], contacts.i, moment / known.radii[0][:, None])
+    np.subtract.at(total[:, d:], contacts.j[pair], (moment / known.radii[1][:, None])[pair])
+    return total
+
+
+def _with_moments(blocks: Iterator[Array], slopes: list[Array], known: Known, radii: Array) -> Iterator[Array]:
+    """Blocks of the tangent with those of the moments, from the slopes by R theta of i and j, and by x_j - x_i."""
+    by_i, by_j, apart = slopes
+    d = apart.shape[2]
+    for number, block in enumerate(blocks):
+        row, column = divmod(number, 2)
+        lever = ((1.0 - 2.0 * row) * radii / known.radii[row])[:, None, None]
+        block[:, d:, :d] += (2.0 * column - 1.0) * lever * apart
+        block[:, d:, d:] += lever * (by_i, by_j)[column]
+        yield block
+
+
+def _kept(one: Resisted, n: Array) -> Array:
+    """What is kept of a spring at the end of a step: of twisting the size along the normal."""
+    return dot(one.force, n)[:, None] if one.spring.about else one.force
 
 
 def _given_in(system: System, contacts: Contacts) -> Array:
@@ -199,7 +267,7 @@ def _given_in(system: System, contacts: Contacts) -> Array:
 def _known_of(given: StageInput) -> Known:
     """What is known at a stage."""
     begun: Known = given.begun["friction"]
-    return replace(begun, force=given.own["rubbed"], angle=given.own["rubbed_angle"])
+    return replace(begun, force=given.own["rubbed"][:, : begun.force.shape[1]], angle=given.own["rubbed_angle"])
 
 
 def _spring(values: Mapping[str, Array]) -> dict[str, Array]:

@@ -233,7 +233,7 @@ def known_of(given: StageInput) -> Known:
 
 def of_films(contacts: Contacts) -> Array:
     """Tangential forces of the films, shape (contacts, d): all, but for what surfaces bear that touch."""
-    return contacts.T - contacts.rubbed if contacts.rubbed.size else contacts.T
+    return contacts.T - contacts.rubbed[:, : contacts.T.shape[1]] if contacts.rubbed.size else contacts.T
 
 
 def starting(contacts: Contacts, radii: Array, normal: Array, force: Array) -> Known:
