@@ -76,6 +76,82 @@ def test_a_bed_is_fluidised_when_the_pressure_carries_it() -> None:
     assert height[down] > 1.1 * height[up]
 
 
+def ball(count: int, middle: float) -> np.ndarray:
+    """Places spread evenly over a ball of the radius 1 (the roots of 2, 3 and 5 are not commensurable)."""
+    k = np.arange(1, 4 * count)[:, None]
+    places = 2 * ((k * np.sqrt([2.0, 3.0, 5.0])) % 1) - 1
+    return np.asarray(places[np.sum(places**2, axis=1) < 1][:count] + middle)
+
+
+def speed_of_ball(cells: int, count: int) -> tuple[float, float]:
+    """Mean speed of spheres in a ball of the radius 1, in a box of side 3 whose walls slip; and that of one alone.
+
+    They fill 0.05 of it, whatever their number, and their weight less buoyancy is 1 per volume.
+    """
+    radius = (0.05 / count) ** (1 / 3)
+    scene = SuspensionScene(
+        viscosity=1.0, density=1e-3, elements="P1-P1", mesh=MeshSection(box=[3.0] * 3, cells=[cells] * 3),
+        boundary=[Boundary(["left", "right", "bottom", "top", "front", "back"], slip=True)], gravity=[0.0, -1.0, 0.0],
+        positions=ball(count, 1.5), radii=radius, grain_density=1.001, drag="stokes", width=0.3, until_t=1.0, dt=0.5,
+        times=2,
+    )  # fmt: skip
+    return -float(simulate(scene).v[-1, :, 1].mean()), 2 / 9 * radius**2
+
+
+def speed_of_drop(width: float) -> float:
+    """Speed of a ball of the force 1 in that box: a sum over waves, whose forces and speeds the filter has spread."""
+    m = np.arange(0, 40)
+    x, y, z = np.meshgrid(m, m[1:], m, indexing="ij")
+    k2 = (np.pi / 3) ** 2 * (x**2 + y**2 + z**2)
+    k = np.sqrt(k2)
+    form = 3 * (np.sin(k) - k * np.cos(k)) / k**3
+    modes = (2.0 - (x == 0)) * 2.0 * (2.0 - (z == 0)) / 27
+    modes = modes * (np.cos(np.pi * x / 2) * np.sin(np.pi * y / 2) * np.cos(np.pi * z / 2)) ** 2
+    wide = (1 + width**2 / 4 * k2) ** -4.0
+    return float(np.sum(modes * (np.pi / 3) ** 2 * (x**2 + z**2) / k2**2 * form**2 * wide))
+
+
+def test_a_cloud_falls_as_a_drop_of_a_heavier_fluid() -> None:
+    """As Hadamard's and Rybczynski's drop of the same viscosity, with a slip of its spheres, that of one alone.
+
+    The reference has the box and the width of the filter, which is 1 and 1.6 cells. What the mesh leaves, of second
+    order, falls faster than the width of its cells, and does not depend on how many spheres there are.
+    """
+    force = 0.05 * 4 / 3 * math.pi
+    expected = force * speed_of_drop(0.3)
+    errors = {}
+    for cells, count in ((10, 400), (10, 1600), (16, 400)):
+        found, alone = speed_of_ball(cells, count)
+        errors[cells, count] = 1 - found / (expected + alone)
+    assert 0 < errors[16, 400] < 10 / 16 * errors[10, 400] < 0.15
+    assert errors[10, 1600] == pytest.approx(errors[10, 400], abs=0.03)
+
+
+def test_settling_is_hindered_as_its_closure_says() -> None:
+    """At phi = 0.3, in a column with a floor and a lid: n of Richardson and Zaki is that of Di Felice, 4.8, within 0.2.
+
+    Grains in the middle half, of which the volume that comes down is replaced by fluid. At the Reynolds number 0 the
+    closure is 0.96 of Stokes' drag over c^2.8, and the pressure is that of the mixture.
+    """
+    x, _, lengths = random_packing(count=124, dimension=3, fraction=0.3, seed=2, radii=[0.5])
+    side = float(lengths[0])
+    places = np.concatenate([x, x + np.array([0.0, side, 0.0])])
+    places[:, 1] = np.clip(places[:, 1], 0.3, 2 * side - 0.3)
+    scene = SuspensionScene(
+        viscosity=1.0, density=0.01, elements="P1-P1", mesh=MeshSection(box=[side, 2 * side, side], cells=[6, 12, 6]),
+        boundary=[
+            Boundary(["left", "right"], periodic=True), Boundary(["front", "back"], periodic=True),
+            Boundary(["bottom", "top"], velocity=[0.0] * 3),
+        ],
+        gravity=[0.0, -1.0, 0.0], positions=places, radii=0.5, grain_density=1.01, drag="dallavalle_di_felice",
+        width=1.5, until_t=0.6, dt=0.1, times=2,
+    )  # fmt: skip
+    result = simulate(scene)
+    middle = np.abs(places[:, 1] - side) < side / 2
+    speed = -18 * 0.96 * result.v[-1, middle, 1].mean()
+    assert math.log(speed) / math.log(0.7) == pytest.approx(4.8, abs=0.2)
+
+
 def test_a_bed_of_real_grains_has_the_pressure_drop_of_its_closure() -> None:
     """Stokes flow through 100 spheres that are held in a periodic box, at phi = 0.6: the flux within 2 %.
 
