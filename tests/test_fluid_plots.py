@@ -24,6 +24,8 @@ Array = Any
 class Arrays(Result):
     """A result of nothing but its arrays."""
 
+    origin = None
+
     def __init__(self, arrays: dict[str, Array]) -> None:
         self.arrays = arrays
 

@@ -22,6 +22,7 @@ from softdyn.fluid.fluid_fields import spread_to
 from softdyn.fluid.locate import located, locator, sampled
 from softdyn.fluid.mesh import Mesh
 from softdyn.fluid.numbering import nodes_of
+from softdyn.results.axis_units import tell_units
 from softdyn.results.chosen_panels import Panel, chosen_panels, root_of
 from softdyn.results.whole_files import written_whole
 
@@ -117,7 +118,9 @@ def plot_fluid(
         shape = float(np.clip(0.8 * high / wide, 0.25, 2.0)) + 0.1
         known = {name: Panel(partial(_draw_field, picture=picture, result=result, name=name), shape) for name in fields}
         known |= {name: Panel(draw) for name, draw in lines.items()}
-        return chosen_panels(known, ["speed"] if panels is None else panels, width or "page", ax)
+        figure = chosen_panels(known, ["speed"] if panels is None else panels, width or "page", ax)
+        tell_units([ax] if ax is not None else figure.axes, result, _units(result))
+        return figure
     across_page = float(np.clip(4.4 * wide / high, 6.0, 11.0))
     tall = float(np.clip(0.86 * across_page * high / wide, 1.3, 7.0)) + 0.75
     # beside each other where they are as high as they are wide
@@ -133,8 +136,16 @@ def plot_fluid(
             axes.locator_params(axis="x", nbins=3)
     for k, draw in enumerate(lines.values(), start=len(fields) // across):
         draw(figure.add_subplot(grid[k, :]))
+    tell_units(figure.axes, result, _units(result))
     figure.suptitle(_told(result, picture), fontsize="medium")
     return figure
+
+
+def _units(result: Result) -> dict[str, str]:
+    """Units of what axes and titles show; in two dimensions forces are those on a length across the flow."""
+    force = "N" if result.at.shape[1] == 3 else "N/m"
+    found = {"time $t$": "s", "$x$": "m", "$y$": "m", "$z$": "m", "$v$": "m/s", "pressure": "Pa"}
+    return {**found, _speed_title(result): "m/s", **{f"$F_{axis}$": force for axis in "xyz"}}
 
 
 def _fields(result: Result) -> dict[str, tuple[str, Array, str]]:

@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 #: Imbalance of mass and of momentum from which a result warns.
 IMBALANCE = 1e-9
 #: Fields of a scene that say when it ends and how much it tells.
-LEFT_OUT = ("target", "until_t", "times")
+LEFT_OUT = ("target", "units", "until_t", "times")
 
 #: Called with the time, the steps, Newton's iterations and the residual, after every step.
 Progress = Callable[[float, int, int, float], None]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from softdyn.errors import SceneError
 from softdyn.fluid.time_steps import METHODS
-from softdyn.scene.keys import Key, Section, key_faults, with_keys
+from softdyn.scene.keys import UNITS, Key, Section, key_faults, with_keys
 from softdyn.scene.kinds import (
     COORDINATES,
     FIELD,
@@ -163,6 +163,7 @@ class FluidScene:
     target: Annotated[
         str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
     ] = "auto"
+    units: Annotated[str | None, UNITS] = field(default=None, compare=False)
 
 
 def check_fluid(scene: FluidScene) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from softdyn.colours import BLUE, GREEN, ORANGE, PURPLE
 from softdyn.errors import SceneError
 from softdyn.mathtext import literal
+from softdyn.results.axis_units import tell_units
 from softdyn.results.chosen_panels import NARROW, inches, root_of
 from softdyn.words import suggestion
 
@@ -37,6 +38,8 @@ LINES = {
     "X": ("distance of centres $X$", {"X": ("$X$", GREEN)}),
     "F": ("force $F$", {"F": ("$F$", PURPLE)}),
 }
+UNITS = {"time $t$": "s", r"gap $h$, deflection $\delta$": "m", **{LINES[name][0]: "m" for name in ("h", "delta", "X")}}
+UNITS |= {LINES["F"][0]: "N"}
 EXPONENTS = {"lambda1": (r"$\lambda_1$", ORANGE), "lambda2": (r"$\lambda_2$", BLUE)}
 PANELS = (*LINES, "exponents")
 
@@ -131,6 +134,7 @@ def _draw_panel(axes: Axes, result: PairResult, label: str, lines: dict[str, tup
     draw_lines(axes, result, over, lines)
     axes.set_ylabel(label)
     axes.set_xlabel("time $t$" if over == "t" else "$h/R$")
+    tell_units([axes], result, UNITS)
     for axis, scale in ((axes.xaxis, axes.get_xscale()), (axes.yaxis, axes.get_yscale())):
         if scale == "linear":
             # 1.02 x 10^-4, once, in the place of 0.0001020 at each tick

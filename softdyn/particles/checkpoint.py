@@ -31,7 +31,7 @@ CONTACTS = tuple(field.name for field in fields(Contacts))
 
 
 #: Fields of a scene that say when it ends and how much it tells, and those that stand in the other arrays.
-LEFT_OUT = ("law", "target", "until_t", "until_strain", "times", "positions", "radii", "species", "films")
+LEFT_OUT = ("law", "target", "units", "until_t", "until_strain", "times", "positions", "radii", "species", "films")
 
 
 def fingerprint(system: System) -> str:

@@ -9,7 +9,7 @@ from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
 from softdyn.particles.method_names import METHODS
 from softdyn.particles.names import ALL
-from softdyn.scene.keys import Key, Section, with_keys
+from softdyn.scene.keys import UNITS, Key, Section, with_keys
 from softdyn.scene.kinds import (
     COORDINATES,
     DRIVEN,
@@ -456,6 +456,7 @@ class ParticleScene:
     target: Annotated[
         str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
     ] = "auto"
+    units: Annotated[str | None, UNITS] = field(default=None, compare=False)
 
     @property
     def turns(self) -> bool:

@@ -36,6 +36,7 @@ from softdyn.particles.observables import (
     relative_viscosity,
     strain,
 )
+from softdyn.results.axis_units import tell_units
 from softdyn.results.chosen_panels import NARROW, Panel, chosen_panels, root_of
 from softdyn.results.whole_files import written_whole
 
@@ -63,6 +64,12 @@ FORCE = "force $F$: pulled < 0 < pressed"
 CORNERS = 120
 #: An animation lasts as long as its frames at a rate within these bounds allow.
 SECONDS, RATES = 8, (4, 25)
+#: Units of what axes show.
+UNITS = {
+    "time $t$": "s", "$x$": "m", "$y$": "m", "$z$": "m", "$h$": "m", "$r$": "m", "distance $r$": "m", "$F$": "N",
+    FORCE: "N", r"$\sigma$": "Pa", "differences, pressure": "Pa", "energy since the start": "J",
+    "velocity along $x$": "m/s", r"$\langle\Delta r^2\rangle$": "m$^2$",
+}  # fmt: skip
 #: Dots per inch of an animation, and colours of one that is a .gif: it takes far more room than a film.
 SHARPNESS, IN_GIF = {".gif": 72, ".mp4": 100}, 48
 DIMENSIONS = {1: "one dimension", 2: "two dimensions", 3: "three dimensions"}
@@ -120,7 +127,9 @@ def plot_particles(
     """
     if panels is not None or width is not None or ax is not None:
         known = panels_of(result)
-        return chosen_panels(known, ["network"] if panels is None else panels, width or "page", ax)
+        figure = chosen_panels(known, ["network"] if panels is None else panels, width or "page", ax)
+        tell_units([ax] if ax is not None else figure.axes, result, UNITS)
+        return figure
     middle, right = _columns(result)
     network_height = 14 * 1.4 / 3.4 * _network_tall(result) - 0.2
     height = max(network_height + 2.6, 2.3 * max(len(middle), len(right)) + 0.7)
@@ -135,6 +144,7 @@ def plot_particles(
             panel(figure.add_subplot(places[row]), result)
     for axes in figure.axes:
         _shorten(axes)
+    tell_units(figure.axes, result, UNITS)
     count, d = result.x.shape[1:]
     given = f"\nin the units of the scene: {_parameters(result)}" if result.parameters else ""
     figure.suptitle(

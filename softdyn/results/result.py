@@ -35,6 +35,12 @@ class Result:
         there = ", ".join(self.arrays) if name != "arrays" else ""
         raise AttributeError(f"the result has no {name!r}; its arrays are {there}")
 
+    @property
+    def units(self) -> str | None:
+        """The units of all numbers, "SI", where the scene tells: by ``units``, or by a number with one."""
+        scene = None if self.origin is None else self.origin.scene
+        return scene.get("units") if isinstance(scene, Mapping) else getattr(scene, "units", None)
+
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.arrays})
 

@@ -21,7 +21,7 @@ from inspect import get_annotations
 from typing import Any, TypeVar, get_type_hints, is_typeddict
 
 from softdyn.errors import SceneError
-from softdyn.scene.kinds import Kind
+from softdyn.scene.kinds import Kind, choice
 from softdyn.scene.units import plain, powers_of
 from softdyn.words import suggestion
 
@@ -246,6 +246,14 @@ def value_faults(key: Key, value: Any, where: str) -> list[str]:
     return [] if fault is None else [where + fault]
 
 
+#: The key that says so of a scene.
+UNITS = Key(
+    "units",
+    choice("units", ("SI",)),
+    'In which units all numbers are, as pictures tell it; a number with a unit, as "50 um", says so, too.',
+)
+
+
 def in_numbers(key: Key, value: Any, where: str) -> Any:
     """The value of a key, with a number in SI units in the place of a quantity, as "50 um".
 
@@ -297,6 +305,8 @@ def with_keys(cls: type[T]) -> type[T]:
         numbers = {name: _of_field(of[name], value) if name in of else value for name, value in given.items()}
         if {"law", "parameters"} <= set(given):
             numbers["parameters"] = _parameters_of_law(given["law"], given["parameters"])
+        if "units" in order and given.get("units") is None and _had_units(given, numbers):
+            numbers["units"] = "SI"
         made(self, **numbers)
 
     # what help() shows of each keyword: its type, without what is known of the key
@@ -304,6 +314,15 @@ def with_keys(cls: type[T]) -> type[T]:
     cls.__init__ = init  # type: ignore[assignment, method-assign]
     cls.__doc__ = f"{(cls.__doc__ or '').rstrip()}\n\n    Parameters\n    ----------\n{_parameters(cls)}    "
     return cls
+
+
+def _had_units(given: Any, numbers: Any) -> bool:
+    """Whether a number of what was given had a unit."""
+    if isinstance(given, Mapping) and isinstance(numbers, Mapping):
+        return any(_had_units(value, numbers[name]) for name, value in given.items() if name in numbers)
+    if isinstance(given, (list, tuple)) and isinstance(numbers, (list, tuple)):
+        return given is not numbers and any(map(_had_units, given, numbers))
+    return given is not numbers and (not isinstance(given, str) or not isinstance(numbers, str))
 
 
 def _bare(hint: Any) -> Any:

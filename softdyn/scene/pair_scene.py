@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
-from softdyn.scene.keys import Key, Section, key_faults, with_keys
+from softdyn.scene.keys import UNITS, Key, Section, key_faults, with_keys
 from softdyn.scene.kinds import (
     DRIVEN,
     LAW,
@@ -190,6 +190,7 @@ class Scene:
     target: Annotated[
         str, Key("target", choice("target", CHOICES), "What runs the kernel: C, numba, or C where there is a compiler.")
     ] = "auto"
+    units: Annotated[str | None, UNITS] = field(default=None, compare=False)
 
 
 def read_scene(path: str | Path) -> Scene:
