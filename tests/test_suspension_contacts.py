@@ -128,6 +128,33 @@ def test_bad_contacts_are_refused_by_name(change: dict[str, Any], words: str) ->
         simulate(pile(**change))
 
 
+LAW = {"E": 1e4, "nu": 0.3, "tau": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"mixture": "maron_pierce", "parameters": {**LAW, "phi_max": 1.5}}, SceneError, r"phi_max = 1.5 lies outside"),
+        (
+            {"mixture": "maron_pierce", "parameters": {**LAW, "phi_max": -1.0}},
+            SceneError,
+            "phi_max .* must be positive",
+        ),
+        (
+            {"mixture": "maron_pierce", "parameters": {**LAW, "phi_max": 0.3}},
+            IntegrationError,
+            r"closure maron_pierce is finite and grows .* up to 0.3\d* at most, and at t=0 there is 0.4\d* at \(",
+        ),
+        ({"width": 5.0}, SceneError, "the filter is wider than half the fluid, whose shortest side is 6"),
+        ({"positions": [[7.0, 1.0]]}, SceneError, r"grain 0 is at \(7, 1\), outside of the mesh"),
+        ({"positions": [[1.0, 1.0], [1.2, 1.0]]}, SceneError, "particle 0 and particle 1 overlap"),
+    ],
+)
+def test_what_does_not_hold_is_refused_by_name(change: dict[str, Any], error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        simulate(pile(**change))
+
+
 def test_grains_that_follow_at_once_ask_for_shorter_steps() -> None:
     with pytest.raises(IntegrationError, match=r"grain 5 follows the fluid within .*give a shorter \[steps\] dt"):
         simulate(pile(viscosity=1e6, gravity=[0.0, -1e-6]))

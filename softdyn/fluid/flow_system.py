@@ -31,6 +31,7 @@ from softdyn.fluid.numbering import Nodes, nodes_of
 from softdyn.fluid.unknowns import Unknowns, unknowns_of
 from softdyn.laws import law_or_closure_of, term_of
 from softdyn.scene.kinds import is_number, shown
+from softdyn.scene.numbers import range_fault
 from softdyn.words import listed, suggestion
 
 if TYPE_CHECKING:
@@ -366,6 +367,31 @@ def _closures(scene: FluidScene) -> tuple[Closure | None, Closure | None, tuple[
     return found[0], found[1], tuple(_term(one) for one in scene.terms)
 
 
+def closure_faults(closure: Closure, given: Mapping[str, Any]) -> list[str]:
+    """What is wrong with the values of a closure's parameters, each by itself: no number, or outside of its range.
+
+    Parameters
+    ----------
+    closure : Closure
+    given : mapping from str to value
+        All that are needed.
+    """
+    from softdyn.derive.closure import ranges_of
+
+    ranges, faults = ranges_of(closure), list[str | None]()
+    for symbol in closure.parameters:
+        name, value = symbol.name, given[symbol.name]
+        one = ranges.get(symbol)
+        if not is_number(value):
+            faults.append(f"[parameters] {name} must be a finite number, not {shown(value)}")
+        elif symbol.is_positive and not value > 0:
+            faults.append(f"[parameters] {name} of the closure {closure.name} must be positive, not {value:g}")
+        elif one is not None:
+            allowed = (float(one.start), float(one.end), bool(one.left_open), bool(one.right_open))
+            faults.append(range_fault(name, float(value), allowed))
+    return [fault for fault in faults if fault is not None]
+
+
 def closure_of(given: Any, key: str, gives: str = "") -> Closure:
     """The closure that a key of a scene names.
 
@@ -430,6 +456,7 @@ def _values(
         for name in numbers
         if name in given and not is_number(given[name])
     ]
+    faults = faults or [fault for one in (drag, mixture) if one is not None for fault in closure_faults(one, given)]
     if faults:
         raise SceneError(listed(faults))
     own: dict[str, tuple[FieldFunction, ...]] = {

@@ -28,7 +28,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.fluid.balances import Measures, measured, measures_of
 from softdyn.fluid.boundary_keys import periodic_pairs
 from softdyn.fluid.fields import AXES, fields_of, vectors_at
-from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_of, prepared
+from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_faults, closure_of, prepared
 from softdyn.fluid.fluid_result import HISTORY, frame_of
 from softdyn.fluid.fluid_run import fingerprint, output_times, solver_arrays, solver_from, solver_of
 from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
@@ -67,7 +67,8 @@ from softdyn.suspension.grain_contacts import (
 from softdyn.suspension.mixed import Mixing
 from softdyn.suspension.suspension_result import SuspensionFrame, SuspensionResult, gather_suspension
 from softdyn.suspension.suspension_scene import WIDTH, SuspensionScene, check_suspension, grains_of
-from softdyn.suspension.undisturbed import DragLaw, drag_law
+from softdyn.suspension.undisturbed import DragLaw, Mixture, drag_law, mixture_of, require_mixture
+from softdyn.words import listed
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, int, int, float], None]
@@ -112,6 +113,8 @@ class Suspension:
         Of grains that touch.
     grains : Grains, optional
         Their state at the start.
+    mixture : Mixture, optional
+        The viscosity of fluid and grains together, by a closure.
     """
 
     fluid: FluidSystem
@@ -126,6 +129,7 @@ class Suspension:
     times: Array
     contacts: GrainSystem | None = None
     grains: Grains | None = None
+    mixture: Mixture | None = None
 
 
 @dataclass
@@ -183,6 +187,8 @@ def made_ready(scene: SuspensionScene) -> Suspension:
     missing = [symbol.name for symbol in closure.parameters if symbol.name not in scene.parameters]
     if missing:
         raise SceneError(f"[parameters] {missing[0]} is missing: the closure {closure.name} needs it")
+    if faults := closure_faults(closure, scene.parameters):
+        raise SceneError(listed(faults))
     numbers = {**fluid.numbers, **{s.name: float(scene.parameters[s.name]) for s in closure.parameters}}
     extent = float(np.ptp(fluid.mesh.at, axis=0).min())
     law = drag_law(closure, numbers, d, one.length, extent)
@@ -203,6 +209,7 @@ def made_ready(scene: SuspensionScene) -> Suspension:
         _times(scene),
         contacts,
         None if contacts is None else grains_at_start(contacts, grains),
+        None if fluid.mixture is None else mixture_of(fluid.mixture, fluid.numbers),
     )
 
 
@@ -407,7 +414,7 @@ def _shared(system: Suspension, x: Array, t: float) -> tuple[csr_matrix, Array]:
     Raises
     ------
     IntegrationError
-        If a grain is not in the mesh, or they leave no room to the fluid.
+        If a grain is not in the mesh, or they leave no room to the fluid, or the mixture has no viscosity.
     """
     weights, lost = weights_at(system.filter, x)
     if len(lost):
@@ -417,6 +424,9 @@ def _shared(system: Suspension, x: Array, t: float) -> tuple[csr_matrix, Array]:
         )
     share = spread(system.filter, weights, system.volume)
     porosity(system.filter, share, t)
+    if system.mixture is not None and len(share):
+        k = int(np.argmax(share))
+        require_mixture(system.mixture, float(share[k]), place(system.filter.nodes.at[k]), t)
     return weights, share
 
 

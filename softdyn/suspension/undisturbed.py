@@ -24,6 +24,8 @@ SMALL, FEW = 0.5, 16
 LEAST_PHI = 1e-12
 #: Repetitions for the speed that the drag itself depends on, until it changes by less than this.
 MOST, GOOD = 60, 1e-12
+#: Fractions at which the viscosity of a mixture is looked at.
+FRACTIONS = 101
 #: Of the velocity between grain and fluid, what the grain's own flow may be.
 OWN = 0.9
 
@@ -87,6 +89,52 @@ def drag_law(closure: Closure, numbers: Mapping[str, float], dimension: int, len
     return DragLaw(dimension, function, reynolds, numbers["rho"], numbers["eta"], length, own, share, structure)
 
 
+@dataclass(frozen=True)
+class Mixture:
+    """The viscosity of fluid and grains together: by a closure of this name, a function of phi."""
+
+    name: str
+    viscosity: Callable[[Array], Array]
+
+
+def mixture_of(closure: Closure, numbers: Mapping[str, float]) -> Mixture:
+    """Viscosity of a mixture by a closure, which knows of the fraction of the grains alone."""
+    from sympy import lambdify
+
+    values = {symbol: numbers[symbol.name] for symbol in (arguments.rho, arguments.eta, *closure.parameters)}
+    expression = closure.expression.subs(values).subs(arguments.c, 1 - arguments.phi)
+    return Mixture(closure.name, lambdify(arguments.phi, expression, "numpy"))
+
+
+def require_mixture(mixture: Mixture, share: float, where: str, t: float) -> None:
+    """Refuse fractions up to which the viscosity is not finite, positive, and at least that of all lower ones.
+
+    Parameters
+    ----------
+    mixture : Mixture
+    share : float
+        The largest fraction there is.
+    where : str
+        The place that has it.
+    t : float
+
+    Raises
+    ------
+    IntegrationError
+    """
+    phi = np.linspace(0.0, share, FRACTIONS)
+    with np.errstate(all="ignore"):
+        eta = mixture.viscosity(phi) * np.ones_like(phi)
+        good = np.isfinite(eta) & (eta > 0) & (np.diff(eta, prepend=-np.inf) >= 0)
+    if not good.all():
+        k = int(np.argmin(good))
+        raise IntegrationError(
+            f"[fluid] mixture: the viscosity of the closure {mixture.name} is finite and grows with the fraction of "
+            f"the grains up to {phi[k]:.3g} at most, and at t={t:.6g} there is {share:.3g} at {where}: give a closure "
+            "that holds there, or contacts that keep grains apart"
+        )
+
+
 @cache
 def _own_flow(d: int, least: float) -> Array:
     """Integral over the wave numbers from the least on, times length, at each R of the table."""
@@ -129,7 +177,7 @@ def frictions(law: DragLaw, relative: Array, share: Array, volume: Array, radii:
     ------
     IntegrationError
         If a grain's own flow is nearly all of what the filter tells: the filter is too narrow for it; or if the drag
-        does not settle.
+        does not settle, or the closure gives none.
     """
     own_share = law.own_share * volume
     others = np.clip(share - own_share, 0.0, None)
@@ -139,7 +187,13 @@ def frictions(law: DragLaw, relative: Array, share: Array, volume: Array, radii:
     slip, friction, before = relative, np.zeros_like(relative), np.zeros_like(relative)
     for _ in range(MOST):
         number = np.maximum(law.reynolds(slip, radii), 1e-20)
-        alone = layer * law.closure(1 - phi, phi, number, slip, radii)
+        alone = np.asarray(layer * law.closure(1 - phi, phi, number, slip, radii))
+        if not (np.isfinite(alone) & (alone > 0)).all():
+            k = int(np.argmin(np.isfinite(alone) & (alone > 0)))
+            raise IntegrationError(
+                f"[closures] drag: the closure gives {alone[k]:.3g} as the drag over the slip of grain {k}, at the "
+                f"fraction {phi[k]:.3g} and the Reynolds number {number[k]:.3g}, where it does not hold: take another"
+            )
         r = np.clip(law.rho * slip * law.length / law.eta, TABLE[0], TABLE[-1])
         own = part * np.interp(np.log(r), np.log(TABLE), law.own) / (law.eta * law.length ** (law.dimension - 2))
         if (own * alone > OWN).any():
