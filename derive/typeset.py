@@ -40,7 +40,7 @@ from softdyn.derive.dominant_balance import size
 from softdyn.derive.dynamics import GenericDynamics, generic_dynamics, partials
 from softdyn.derive.forms import V, as_product, force, force_unit, kappa
 from softdyn.derive.forms import x as gap_ratio
-from softdyn.derive.law import Drag, drag_expressions, expressions, tangential_expressions
+from softdyn.derive.law import Drag, drag_expressions, expressions, rubbing_expressions, tangential_expressions
 from softdyn.derive.law_dynamics import law_jacobians, law_quantities
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.tangential import motion
@@ -481,11 +481,13 @@ def derivation(law: ContactLaw) -> Derivation:
 
 
 def tangential_sections(law: ContactLaw) -> dict[str, list[Line]]:
-    """What a law declares of tangential motion, and what follows; of drag, if it is not that of Stokes."""
+    """What a law declares of tangential motion, and what follows; of what rubs; of drag, where not that of Stokes."""
     sections: dict[str, list[Line]] = {}
     if law.tangential is not None:
         sections["tangential motion, declared"] = list(tangential_expressions(law.tangential).items())
         sections["tangential motion of any law"] = list(motion())
+    if law.rubbing is not None:
+        sections["surfaces that touch and rub, declared"] = list(rubbing_expressions(law.rubbing).items())
     if law.drag != Drag():
         declared = drag_expressions(law.drag)
         sections["drag of a particle alone, declared"] = [(f"drag_{name}", expr) for name, expr in declared.items()]

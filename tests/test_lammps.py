@@ -42,6 +42,7 @@ PARAMETERS: dict[str, dict[str, float]] = {
     "droplet": {"sigma": 1.0, "eta": 1.0},
     "equal_spheres": {"E": 1.0, "eta": 1.0, "nu": 0.5},
     "rognon_gay": {"E": 1.0, "eta": 1.0},
+    "rough_spheres": {"E": 1.0, "eta": 1.0, "nu": 0.5, "P0": 0.1, "h_r": 0.02},
     "soap_film": {"sigma": 1.0, "eta": 1.0, "Pi0": 0.1, "ell": 0.02},
     "steric": {"E": 1.0, "eta": 1.0, "nu": 0.5, "Pi0": 0.01, "L": 0.02},
 }

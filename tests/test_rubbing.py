@@ -15,8 +15,9 @@ from sympy import Integer, Max
 from softdyn.derive import E, R, Rubbing, a, delta, eta, h, slip_rate
 from softdyn.derive.checks import rubbing_signs_of
 from softdyn.derive.laws.equal_spheres import law as equal_spheres
-from softdyn.derive.rough_spheres import P0, h_r, load, slope
-from softdyn.derive.rough_spheres import law as rough_spheres
+from softdyn.derive.laws.rough_spheres import P0, h_r, load, slope
+from softdyn.derive.laws.rough_spheres import law as rough_spheres
+from softdyn.derive.limits import check_limits
 from softdyn.errors import LawError, SceneError
 from softdyn.particles import Packing, ParticleScene, Push, Wall, linear
 from softdyn.particles.force_balance import Balance, Newton, StageInput
@@ -395,3 +396,10 @@ def test_signs_of_what_rubs_are_proved(changes: dict[str, Any]) -> None:
     found = rubbing_signs_of(law)
     assert {sign.found.verdict for sign in found} == {"positive"}
     assert "rubbing load, rubbing k_t" in signs_text(law)
+
+
+@pytest.mark.slow
+def test_every_claim_of_rough_spheres_is_proved() -> None:
+    found = check_limits(rough_spheres)
+    assert len(found) == 8
+    assert {(f.limit, f.quantity): f.reason for f in found if f.verdict != "proved"} == {}

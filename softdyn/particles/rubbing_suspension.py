@@ -1,6 +1,6 @@
 """Viscosity of suspensions whose films break at a roughness, against known laws: ``softdyn reproduce rubbing``.
 
-Nearly rigid spheres of two sizes in a shear flow, with the law of :mod:`softdyn.derive.rough_spheres`: normal and
+Nearly rigid spheres of two sizes in a shear flow, with the law of :mod:`softdyn.derive.laws.rough_spheres`: normal and
 sliding films, Stokes' drag, and asperities that touch and rub below a gap of a hundredth of the smaller radius. What
 each sphere does by itself, Einstein's 5/2 phi, is added; what distant spheres do to one another is not there.
 
@@ -57,7 +57,7 @@ def scene_of(fraction: float, mu: float, count: int = COUNT, strain: float = STR
     seed : int
         Of the packing.
     """
-    from softdyn.derive.rough_spheres import law
+    from softdyn.derive.laws.rough_spheres import law
 
     return ParticleScene(
         law,

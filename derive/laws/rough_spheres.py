@@ -14,8 +14,6 @@ Where asperities touch they rub, in scenes with Coulomb friction: they bear that
 spring that is as stiff as the normal one but for Mindlin's factor 2 (1 - nu)/(2 - nu), that of one asperity and so of
 all. The film slides and rolls beside them.
 
-A scene takes it as a law (``law`` here), or by the path of a file of one's own with such a declaration.
-
 Typical: spheres of R = 20 um and E = 3 GPa with a roughness of 100 nm.
 """
 
