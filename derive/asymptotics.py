@@ -223,7 +223,16 @@ class Scale:
     found: dict[Expr, Series] = field(default_factory=dict, compare=False, repr=False)
 
     def knowing(self, symbol: Symbol, series: Series, formula: Expr | None = None) -> Scale:
-        """The same, with one symbol more; with what it is in terms of others, if that is said."""
+        """The same, with one symbol more; with what it is in terms of others, if that is said.
+
+        Parameters
+        ----------
+        symbol : Symbol
+        series : Series
+            Of the symbol.
+        formula : Expr, optional
+            The symbol in terms of others.
+        """
         found = {expr: value for expr, value in self.found.items() if symbol not in symbols_in(expr)}
         formulas = self.formulas if formula is None else {**self.formulas, symbol: formula}
         return replace(self, known={**self.known, symbol: series}, found=found, formulas=formulas)
@@ -547,7 +556,14 @@ def scaled(series: Series, factor: Expr) -> Series:
 
 
 def multiplied(left: Series, right: Series, kept: int) -> Series:
-    """Product of two series."""
+    """Product of two series.
+
+    Parameters
+    ----------
+    left, right : Series
+    kept : int
+        Terms that are kept.
+    """
     for single, other in ((left, right), (right, left)):
         if len(single.terms) == 1 and not single.remainder:
             return _shifted(other, *next(iter(single.terms.items())))
@@ -618,7 +634,17 @@ def _beyond(series: Series, remainder: Iterable[Order]) -> Series:
 
 
 def raised(base: Series, power: Expr, what: object, scale: Scale) -> Series:
-    """Power of a series."""
+    """Power of a series.
+
+    Parameters
+    ----------
+    base : Series
+    power : Expr
+        A number.
+    what : object
+        The base in words, for errors.
+    scale : Scale
+    """
     dominant, coefficient = leading(base, what)
     if not power.is_integer and not scale.imaginary and sign_of(coefficient, what, scale) < 0:
         raise UndecidedError(f"{what} is negative under a root")
@@ -675,6 +701,13 @@ def _whole(power: Fraction) -> int | Fraction:
 def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
     """Sign of a coefficient, where logarithms of what vanishes or grows count as large.
 
+    Parameters
+    ----------
+    coefficient : Expr
+    what : object
+        What it is of, for errors.
+    scale : Scale
+
     Raises
     ------
     UndecidedError
@@ -713,6 +746,13 @@ def _with_known_signs(fixed: Expr) -> Expr:
 
 def require_definite(coefficient: Expr, what: object, scale: Scale) -> None:
     """See that a coefficient vanishes nowhere, as a difference of logarithms, or of equally large terms, may.
+
+    Parameters
+    ----------
+    coefficient : Expr
+    what : object
+        What it is of, for errors.
+    scale : Scale
 
     Raises
     ------

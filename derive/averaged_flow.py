@@ -167,7 +167,16 @@ class Term:
 
 
 def fields_of(term: Term, dimension: int, order: int) -> tuple[Field, ...]:
-    """Coefficients that a term declares."""
+    """Coefficients that a term declares.
+
+    Parameters
+    ----------
+    term : Term
+    dimension : int
+        2 or 3.
+    order : int
+        Of the fields: 1, linear, or 2.
+    """
     scalars = tuple(Field(name, dimension, order=order) for name in term.coefficients)
     return scalars + tuple(Field(name, dimension, vector=True, order=order) for name in term.vectors)
 
@@ -399,6 +408,15 @@ def outlet(dimension: int, order: int, *, mixture: Closure | None = None) -> Wea
     (Bruneau & Fabrie, 1994; Braack & Mucha, 2014).
 
     Its coefficients are c, us and pressure, its parameters rho and eta, and those of the closure.
+
+    Parameters
+    ----------
+    dimension : int
+        2 or 3.
+    order : int
+        Of the velocity: 1, linear, or 2.
+    mixture : Closure, optional
+        Of the viscosity of the mixture.
     """
     parts = _Parts(dimension, order)
     u, p, c, us, n = parts.u, parts.p, parts.c, parts.us, normal(dimension)

@@ -125,7 +125,15 @@ NAMES = {one.__name__: f"_bessel_{kind}{n}" for (kind, n), one in FUNCTIONS.item
 
 
 def of_order(kind: str, n: Expr, x: Expr) -> Expr:
-    """A Bessel function as laws have it; as sympy has it, where the order is no whole number or too high."""
+    """A Bessel function as laws have it; as sympy has it, where the order is no whole number or too high.
+
+    Parameters
+    ----------
+    kind : "j", "y", "i" or "k"
+    n : Expr
+        The order.
+    x : Expr
+    """
     if not isinstance(n, Integer) or (kind in "ji" and abs(n) > HIGHEST):
         return GENERAL[kind](n, x)
     n, factor = abs(int(n)), (-1 if n < 0 and n % 2 and kind in "jy" else 1)
@@ -196,6 +204,13 @@ LARGEST = 1000
 
 def in_digits(kind: str, n: int, x: Any) -> Any:
     """A Bessel function as an mpmath number; mpmath's own takes minutes for a thousand digits.
+
+    Parameters
+    ----------
+    kind : "j", "y", "i" or "k"
+    n : int
+        The order.
+    x : number
 
     Raises
     ------

@@ -186,6 +186,13 @@ def _without_radius(expr: Expr, radius: Expr) -> Expr:
 def certificate(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
     """The certificate of a claim.
 
+    Parameters
+    ----------
+    law : ContactLaw
+    limit : Limit
+    quantity : str
+        Of its claims.
+
     Raises
     ------
     Refused
@@ -205,7 +212,15 @@ def certificate(law: ContactLaw, limit: Limit, quantity: str) -> dict[str, Any]:
 
 
 def closure_statement(closure: Closure, limit: Limit, quantity: str | Expr) -> dict[str, Any]:
-    """What is certified of a closure's claim: likewise."""
+    """What is certified of a closure's claim: likewise.
+
+    Parameters
+    ----------
+    closure : Closure
+    limit : Limit
+    quantity : str or Expr
+        Of its claims.
+    """
     order = ordered(limit)
     about = claimed_of(closure, quantity)
     claim = S(limit.claims[quantity])
@@ -267,6 +282,13 @@ def _cancelled(expr: Expr) -> Expr:
 
 def closure_certificate(closure: Closure, limit: Limit, quantity: str | Expr) -> dict[str, Any]:
     """The certificate of a closure's claim.
+
+    Parameters
+    ----------
+    closure : Closure
+    limit : Limit
+    quantity : str or Expr
+        Of its claims.
 
     Raises
     ------
@@ -370,7 +392,15 @@ def _add(given: dict[str, list[Any]], quotient: Vector, grow: Sequence[Vector], 
 def multipliers(
     quotient: Vector, grow: Sequence[Vector], bounded: Sequence[Vector]
 ) -> tuple[list[Fraction], list[Fraction]] | None:
-    """Multipliers >= 0 of what grows, and of either sign of what is bounded, that add up to a vector; None without."""
+    """Multipliers >= 0 of what grows, and of either sign of what is bounded, that add up to a vector; None without.
+
+    Parameters
+    ----------
+    quotient : vector
+        What is to be made of them.
+    grow, bounded : sequence of vectors
+        Powers of ratios that grow, and of such that are bounded.
+    """
     for count in range(0 if quotient else 1, min(len(grow), 5) + 1):
         for chosen in combinations(range(len(grow)), count):
             solved = _solved([grow[i] for i in chosen] + list(bounded), quotient, len(chosen))

@@ -165,7 +165,15 @@ def claimed_of(closure: Closure, quantity: str | Expr) -> Expr | None:
 
 
 def in_fractions(closure: Closure, expr: Expr, varying: Symbol = c) -> Expr:
-    """An expression in Re and one of the two volume fractions, c or phi, without the slip."""
+    """An expression in Re and one of the two volume fractions, c or phi, without the slip.
+
+    Parameters
+    ----------
+    closure : Closure
+    expr : Expr
+    varying : Symbol
+        The fraction that stays.
+    """
     other = phi if varying == c else c
     return expr.subs({slip: SLIP, other: 1 - varying}, simultaneous=True)
 

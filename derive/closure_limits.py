@@ -167,7 +167,19 @@ def _finding(
 def finding_of(
     known: Known, limit: Limit, order: Ordered, quantity: str, claimed: Expr, sides: tuple[Expr, Expr]
 ) -> Finding:
-    """Verdict on a claim, with what is known of it; the sides are as :func:`verdict_on` takes them."""
+    """Verdict on a claim, with what is known of it; the sides are as :func:`verdict_on` takes them.
+
+    Parameters
+    ----------
+    known : Known
+    limit : Limit
+    order : Ordered
+        Its ordering.
+    quantity : str
+        What is claimed of.
+    claimed : Expr
+    sides : (Expr, Expr)
+    """
     piece, samples = verdict_on(known, order, quantity, sides)
     return Finding(
         limit.name, ordering(limit), quantity, claimed, piece.verdict, piece.ratio, piece.reason,
@@ -209,6 +221,14 @@ def _set_of(limit: Limit, order: Ordered, sides: tuple[Expr, Expr]) -> str:
 
 def judged(known: Known, order: Ordered, quantity: str, value: Expr, claimed: Expr) -> list[Piece]:
     """Verdicts on a claim in the parts of its ordering: that value/claimed tends to 1.
+
+    Parameters
+    ----------
+    known : Known
+    order : Ordered
+    quantity : str
+        What is claimed of.
+    value, claimed : Expr
 
     Raises
     ------

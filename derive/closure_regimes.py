@@ -249,14 +249,30 @@ _SPREAD = (1 / FAR, *(Rational(10) ** Rational(k, 4) for k in range(-16, 29)), F
 
 
 def applies(closure: Closure, condition: Boolean, number: Expr, fraction: Expr) -> bool:
-    """Whether a case applies at a value of Re, and of c; the parameters being typical."""
+    """Whether a case applies at a value of Re, and of c; the parameters being typical.
+
+    Parameters
+    ----------
+    closure : Closure
+    condition : Boolean
+    number, fraction : Expr
+        Values of Re and of c.
+    """
     at = {Re: number, c: fraction}
     values = {symbol: at.get(symbol, value) for symbol, value in sample_values(closure).items()}
     return bool(condition.subs(values) == true)
 
 
 def points_on(closure: Closure, order: Ordered, path: Mapping[Symbol, Rational]) -> Iterator[tuple[Expr, Expr]]:
-    """Re and c far along a path into an ordering, at several values of a fraction that is fixed."""
+    """Re and c far along a path into an ordering, at several values of a fraction that is fixed.
+
+    Parameters
+    ----------
+    closure : Closure
+    order : Ordered
+    path : mapping from Symbol to Rational
+        Powers with which symbols vanish.
+    """
     far = {symbol: FAR**-power for symbol, power in path.items()}
     number = far.get(Re, S.One)
     if order.replaced:

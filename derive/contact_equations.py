@@ -278,6 +278,14 @@ def carried_friction(law: ContactLaw, drag: bool, unequal: bool) -> tuple[dict[S
     """The part of zeta that a contact carries, for its radii and beside drag, and the relative slope of that in h.
 
     Before them, what they are made of.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    drag : bool
+        Whether the particles have drags of their own beside the contact.
+    unequal : bool
+        Whether their radii differ.
     """
     beside: dict[Symbol, Expr] = {}
     carried, slope = S.One, S.Zero

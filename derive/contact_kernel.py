@@ -90,6 +90,12 @@ def contact_ir(law: ContactLaw, needs: ContactNeeds, rules: tuple[Rule, ...] = R
     With fewer ``rules`` than there are, the kernel computes the same, and more than it needs. A rigid or dry law has no
     gap state: its kernel is of the kind ``gapless``, see :mod:`softdyn.derive.gapless_equations`.
 
+    Parameters
+    ----------
+    law : ContactLaw
+    needs : ContactNeeds
+    rules : tuple of Rule
+
     Raises
     ------
     LawError

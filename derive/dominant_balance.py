@@ -123,6 +123,15 @@ def series_of(
 ) -> dict[str, Series | UndecidedError]:
     """Series of the quantities wanted, and of what they follow from, by name; or why there is none.
 
+    Parameters
+    ----------
+    law : ContactLaw
+    scale : Scale
+    side : int
+        1 in compression, -1 in tension.
+    wanted : iterable of str
+        Names of quantities.
+
     Raises
     ------
     SplitError

@@ -75,6 +75,15 @@ def total(expr: Expr, variable: Symbol, general: bool = True) -> Expr:
     """Total derivative of a generic expression with respect to h or delta, through a(h, delta).
 
     Of a law that is not general, without what vanishes then.
+
+    Parameters
+    ----------
+    expr : Expr
+        In a, h and delta.
+    variable : Symbol
+        h or delta.
+    general : bool
+        Whether the law is.
     """
     column = 0 if variable == h else 1
     found = sum((diff(expr, symbol) * rates[column] for symbol, rates in _TOTAL.items()), start=h * 0)

@@ -84,7 +84,15 @@ def flux_of(i: int, s: int) -> Symbol:
 
 
 def entry_of(i: int, s: int, j: int, t: int) -> Symbol:
-    """Derivative of that flux by the value or a derivative of unknown component j."""
+    """Derivative of that flux by the value or a derivative of unknown component j.
+
+    Parameters
+    ----------
+    i, s : int
+        Component, and value or derivative, of the flux.
+    j, t : int
+        Component, and value or derivative, of the unknown.
+    """
     return Symbol(f"slope{i}_{s}_by{j}_{t}", real=True)
 
 

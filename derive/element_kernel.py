@@ -69,6 +69,12 @@ def needs_faults(form: WeakForm, needs: ElementNeeds) -> list[str]:
 def element_ir(form: WeakForm, needs: ElementNeeds, rules: tuple[Rule, ...] = RULES) -> KernelIR:
     """Derive the equations at a point of an element, specialise them, and lower them to straight-line code.
 
+    Parameters
+    ----------
+    form : WeakForm
+    needs : ElementNeeds
+    rules : tuple of Rule
+
     Raises
     ------
     LawError

@@ -166,7 +166,15 @@ def relaxation_rate(law: ContactLaw) -> Expr:
 
 
 def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
-    """Solve expr = value for a positive symbol; None if it occurs more than once, or what is done cannot be undone."""
+    """Solve expr = value for a positive symbol; None if it occurs more than once, or what is done cannot be undone.
+
+    Parameters
+    ----------
+    expr : Expr
+    symbol : Symbol
+    value : Expr
+        Without the symbol.
+    """
     expr, value = _in_one_exponential(expr, symbol, value)
     while expr != symbol:
         holding = [part for part in expr.args if part.has(symbol)]

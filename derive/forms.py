@@ -121,7 +121,16 @@ def _joined(total: Expr) -> Expr:
 
 
 def plain(form: Expr, unit: Expr, rate: bool = False) -> str:
-    """Text of a form, as "3*6**(1/3)/4 R kappa^(2/3)"."""
+    """Text of a form, as "3*6**(1/3)/4 R kappa^(2/3)".
+
+    Parameters
+    ----------
+    form : Expr
+    unit : Expr
+        Of forces: kappa is a force over it.
+    rate : bool
+        Whether the form is a rate.
+    """
     product = as_product(form, unit, rate)
     if product is None or product.powers.keys() - {eta, E, R, V, kappa, x} - unit.free_symbols:
         return str(sstr(form))  # forces and lengths of the law's own are best read where they stand

@@ -351,7 +351,14 @@ def plain_ranges(law: ContactLaw) -> dict[str, list[Any]]:
 def parameters_of(
     law: ContactLaw, tangential: bool = False, drag: bool = False, rubbing: bool = False
 ) -> tuple[Symbol, ...]:
-    """Parameters that the law uses, R always among them: R, E, eta, then its own by name."""
+    """Parameters that the law uses, R always among them: R, E, eta, then its own by name.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    tangential, drag, rubbing : bool
+        Whether those of tangential motion, of the drag, and of surfaces that rub are meant, too.
+    """
     used = {R}.union(*(expr.free_symbols for expr in (*expressions(law).values(), law.dashpot)))
     if tangential and law.tangential is not None:
         used = used.union(*(expr.free_symbols for expr in tangential_expressions(law.tangential).values()))

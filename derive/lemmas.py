@@ -28,7 +28,17 @@ def theory(name: str, statements: Sequence[Mapping[str, Any]]) -> str:
 
 
 def lemma(statement: Mapping[str, Any], ray: Mapping[str, int], number: int) -> str:
-    """One lemma: the claim along a ray."""
+    """One lemma: the claim along a ray.
+
+    Parameters
+    ----------
+    statement : mapping
+        As a certificate has it.
+    ray : mapping from str to int
+        Power of x that each symbol is.
+    number : int
+        Of the lemma, for its name.
+    """
     known = {name: f"(x powr ({power}))" for name, power in ray.items()}
     for name, expression in statement["definitions"]:
         known[name] = isabelle(expression, known)

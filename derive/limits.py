@@ -391,6 +391,12 @@ def simplified(ratio: Expr) -> Expr:
 def ratio_of(found: Series, claim: Series, quantity: str, scale: Scale) -> tuple[Expr, Order]:
     """Leading term of found/claimed, and its order.
 
+    Parameters
+    ----------
+    found, claim : Series
+    quantity : str
+    scale : Scale
+
     Raises
     ------
     SplitError
@@ -414,7 +420,13 @@ def how_it_fails(tends: Expr, powers: Order) -> str:
 
 
 def rate_of(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ...], list[Order]]:
-    """Largest corrections to found/claimed, as terms in h and delta, and their orders."""
+    """Largest corrections to found/claimed, as terms in h and delta, and their orders.
+
+    Parameters
+    ----------
+    found, claim : Series
+    quantity : str
+    """
     top, bottom = relative(found, quantity), relative(claim, quantity)
     terms = dict(top.terms)
     for order, term in bottom.terms.items():

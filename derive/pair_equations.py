@@ -92,6 +92,12 @@ def pair_equations(law: ContactLaw, control: Control = "force", expression: bool
     Where the force is given, delta follows from the force balance, and the state is ln h; else it is (ln h, delta),
     dX_dt stands for the given velocity, of the centres or of the base of a spring, and F is F_ela. Where an expression
     of time is what is given, ``expression``, the integration needs a slope more.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    control : "force", "position", "velocity" or "spring"
+    expression : bool
     """
     if is_rigid(law) or is_dry(law):
         return _one_sided_equations(law, control, expression)
@@ -165,7 +171,17 @@ def outputs_of(law: ContactLaw) -> tuple[str, ...]:
 
 @lru_cache(maxsize=32)
 def with_slopes(law: ContactLaw, control: Control, expression: bool, parameters: tuple[str, ...]) -> Equations:
-    """All of :func:`pair_equations`, and how rates and outputs depend on parameters, named as in the code."""
+    """All of :func:`pair_equations`, and how rates and outputs depend on parameters, named as in the code.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    control : "force", "position", "velocity" or "spring"
+    expression : bool
+        Whether an expression of time is what is given.
+    parameters : tuple of str
+        By which slopes are wanted.
+    """
     equations = pair_equations(law, control, expression)
     if not parameters:
         return equations

@@ -87,6 +87,12 @@ def kernel_ir(law: ContactLaw, needs: Needs, rules: tuple[Rule, ...] = RULES) ->
 
     With fewer ``rules`` than there are, the kernel computes the same, and more than it needs.
 
+    Parameters
+    ----------
+    law : ContactLaw
+    needs : Needs
+    rules : tuple of Rule
+
     Raises
     ------
     LawError

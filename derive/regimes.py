@@ -404,6 +404,15 @@ def sign_within(law: ContactLaw, directions: Mapping[Symbol, Normal], cone: Cone
     """Sign of a leading form in h and delta within a cone; None if it has none, as where a logarithm changes it.
 
     A logarithm has the sign that it has along an inner ray of the cone, not that of any numbers.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    directions : mapping from Symbol to Normal
+        Logarithm of each symbol, as a direction.
+    cone : Cone
+    state : Expr
+        The form.
     """
     # most forms are products of what is positive, once the parameters that do not scale are numbers: of 50 digits, lest
     # a high power of one has a million

@@ -48,7 +48,13 @@ change, size = Symbol("change", real=True), Symbol("size", real=True)
 
 
 def entries(name: str, rows: int, columns: int) -> list[Symbol]:
-    """Symbols of a matrix, row by row: name_0_0, name_0_1, ..."""
+    """Symbols of a matrix, row by row: name_0_0, name_0_1, ...
+
+    Parameters
+    ----------
+    name : str
+    rows, columns : int
+    """
     return [Symbol(f"{name}_{a}_{b}", real=True) for a in range(rows) for b in range(columns)]
 
 

@@ -56,7 +56,14 @@ class Saving:
 
 
 def specialised(equations: Equations, needs: Any, rules: Iterable[Rule]) -> tuple[Equations, tuple[Saving, ...]]:
-    """Apply those rules that are for these needs, in order."""
+    """Apply those rules that are for these needs, in order.
+
+    Parameters
+    ----------
+    equations : Equations
+    needs : Needs, ContactNeeds, ElementNeeds or other
+    rules : iterable of Rule
+    """
     savings, before = [], cost(equations)
     for rule in rules:
         if isinstance(needs, rule.of) and rule.applies(equations, needs):

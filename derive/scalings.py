@@ -96,6 +96,13 @@ def settled(
 ) -> list[tuple[Part, Found]]:
     """Cut parts, and give them axes, until something can be found in each piece.
 
+    Parameters
+    ----------
+    parts : sequence of Part
+    find : function of a Part
+        Raises where the part must be cut, or needs an axis.
+    units : mapping from Symbol to Dimension
+
     Raises
     ------
     UndecidedError
@@ -120,7 +127,15 @@ def settled(
 
 
 def pieces_of(part: Part, normal: Normal, units: Mapping[Symbol, Dimension]) -> list[Part]:
-    """Return where a form grows, where it stays bounded, and where it falls."""
+    """Return where a form grows, where it stays bounded, and where it falls.
+
+    Parameters
+    ----------
+    part : Part
+    normal : tuple
+        Powers of the form, along the axes of the part.
+    units : mapping from Symbol to Dimension
+    """
     above, on, below = cut_by(part.region, normal)
     ratio = _ratio(part, normal, units)
     pieces = [replace(part, region=on)] if on is not None else []
@@ -153,7 +168,15 @@ def without_dimension(form: Expr, units: Mapping[Symbol, Dimension]) -> Expr:
 
 
 def with_axis(part: Part, missing: AxisError, units: Mapping[Symbol, Dimension]) -> Part:
-    """Return a part with an axis more, tied to its argument."""
+    """Return a part with an axis more, tied to its argument.
+
+    Parameters
+    ----------
+    part : Part
+    missing : AxisError
+        Which names the axis.
+    units : mapping from Symbol to Dimension
+    """
     number = len(part.of_axes)
     symbol = Symbol(f"{missing.kind} {number}", positive=True)
     directions = {x: (*normal, 0) for x, normal in part.directions.items()}

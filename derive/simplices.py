@@ -119,13 +119,33 @@ def node_count(d: int, order: int) -> int:
 
 
 def values_at(d: int, order: int, points: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
-    """Values of the shape functions at points, those of a point after those of another."""
+    """Values of the shape functions at points, those of a point after those of another.
+
+    Parameters
+    ----------
+    d : int
+        Dimensions.
+    order : int
+        1, linear, or 2.
+    points : tuple of tuple of float
+        Barycentric coordinates.
+    """
     shapes, places = shape_functions(d, order)
     return _numbers(shapes, places, points)
 
 
 def slopes_at(d: int, order: int, points: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
-    """Their derivatives by each barycentric coordinate, those of a shape function after those of another."""
+    """Their derivatives by each barycentric coordinate, those of a shape function after those of another.
+
+    Parameters
+    ----------
+    d : int
+        Dimensions.
+    order : int
+        1, linear, or 2.
+    points : tuple of tuple of float
+        Barycentric coordinates.
+    """
     shapes, places = shape_functions(d, order)
     return _numbers(tuple(diff(shape, place) for shape in shapes for place in places), places, points)
 

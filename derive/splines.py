@@ -123,7 +123,14 @@ KNOWN: dict[str, Any] = {}
 
 @lru_cache(maxsize=512)
 def spline_class(points: Coefficients, values: Coefficients, order: int = 0) -> Any:
-    """Return the class of a spline through points, or of a derivative."""
+    """Return the class of a spline through points, or of a derivative.
+
+    Parameters
+    ----------
+    points, values : tuple of Rational
+    order : int
+        Which derivative.
+    """
     digest = sha256(repr((points, values)).encode()).hexdigest()[:12]
     name = f"Spline_{digest}_{order}"
     if name not in KNOWN:
@@ -283,6 +290,11 @@ def bounds(here: Any, low: float, high: float) -> tuple[Fraction | None, Fractio
     """Exact bounds between two numbers, of which the second may be infinite; None where there is none.
 
     A polynomial on an interval is between the least and the largest of its coefficients in Bernstein's form.
+
+    Parameters
+    ----------
+    here : spline, or its class
+    low, high : float
     """
     first, last = Fraction(low), None if high == float("inf") else Fraction(high)
     found: list[Fraction] = []

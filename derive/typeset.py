@@ -427,14 +427,26 @@ def _collected(number: Expr) -> Expr:
 
 
 def condition_latex(small: Expr, large: Expr, law: ContactLaw) -> str:
-    """One inequality between sizes, h, F or kappa first."""
+    """One inequality between sizes, h, F or kappa first.
+
+    Parameters
+    ----------
+    small, large : Expr
+    law : ContactLaw
+    """
     first, other, relation = (small, large, r"\ll") if small in (force, h, size) else (large, small, r"\gg")
     left, right = line_latex(first, other, law)
     return f"{left} {relation} {right}"
 
 
 def line_latex(left: Expr, right: Expr, law: ContactLaw) -> tuple[str, str]:
-    """Two sides of a relation between forces, or between lengths: in kappa and h/R, if the law's unit is in it."""
+    """Two sides of a relation between forces, or between lengths: in kappa and h/R, if the law's unit is in it.
+
+    Parameters
+    ----------
+    left, right : Expr
+    law : ContactLaw
+    """
     unit = force_unit(law)
     if left == force and right.free_symbols & unit.free_symbols - {R}:
         return r"\kappa", form_latex(right / unit, law)
@@ -442,7 +454,18 @@ def line_latex(left: Expr, right: Expr, law: ContactLaw) -> tuple[str, str]:
 
 
 def correction_latex(corrections: Sequence[Expr], resolved: bool, law: ContactLaw, balance: Expr | None = None) -> str:
-    """The factor 1 + next terms of a leading form."""
+    """The factor 1 + next terms of a leading form.
+
+    Parameters
+    ----------
+    corrections : sequence of Expr
+        Next terms, relative to the leading form.
+    resolved : bool
+        Whether there are no more.
+    law : ContactLaw
+    balance : Expr, optional
+        As :func:`form_latex` takes it.
+    """
     text = "1"
     for term in corrections:
         written = form_latex(term, law, balance=balance)

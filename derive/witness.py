@@ -137,7 +137,18 @@ def axes_of(law: ContactLaw, limit: Limit) -> dict[Symbol, Normal]:
 
 
 def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name: str, claim: Expr) -> Witness | None:
-    """Return a path on which a quantity, over what is claimed of it, does not tend to 1; None if none is found."""
+    """Return a path on which a quantity, over what is claimed of it, does not tend to 1; None if none is found.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    limit : Limit
+    samples : sequence of Sample
+        Paths, and points on them.
+    name : str
+        Of the quantity.
+    claim : Expr
+    """
     for sample in samples:
         off = [deviation(point, name, claim) for point in sample.points]
         if not _lasts(off) or not has_its_digits(law, limit, sample, name, claim):
@@ -186,7 +197,15 @@ def _is_steady(off: Sequence[mpmath.mpf | None]) -> bool:
 
 
 def deviation(point: Point, name: str, claim: Expr) -> mpmath.mpf | None:
-    """Return abs(found/claimed - 1), if it has a value."""
+    """Return abs(found/claimed - 1), if it has a value.
+
+    Parameters
+    ----------
+    point : Point
+    name : str
+        Of the quantity.
+    claim : Expr
+    """
     expected = point.of(claim)
     return abs(point.quantity(name) / expected - 1) if expected else None
 
@@ -202,7 +221,17 @@ def _lasts(off: Sequence[mpmath.mpf | None]) -> bool:
 
 
 def told(limit: Limit, sample: Sample, name: str, claim: Expr) -> Witness:
-    """Return what there is to tell of a claim on a path."""
+    """Return what there is to tell of a claim on a path.
+
+    Parameters
+    ----------
+    limit : Limit
+    sample : Sample
+        A path, and points on it.
+    name : str
+        Of the quantity.
+    claim : Expr
+    """
     points = []
     for point in sample.points:
         varying = [delta if symbol == size else symbol for symbol in sample.path.power]
@@ -269,7 +298,14 @@ def samples_of(law: ContactLaw, limit: Limit) -> list[Sample]:
 
 
 def sample_along(law: ContactLaw, limit: Limit, path: Path) -> Sample | None:
-    """Return a path with its points, far along it; None if the ordering does not hold there, ever more sharply."""
+    """Return a path with its points, far along it; None if the ordering does not hold there, ever more sharply.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    limit : Limit
+    path : Path
+    """
     first = _point(law, limit, path, FAR_ALONG[0])
     if first is None or not _holds(limit, first):
         return None

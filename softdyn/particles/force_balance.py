@@ -500,8 +500,8 @@ def unresisted(system: System, contacts: Contacts, near: NDArray[np.int64], n: A
     contacts : Contacts
     near : array of int
         Contacts within range.
-    n : array, shape (contacts, d)
-        Directions of the contacts from i to j.
+    n : array, shape (near, d)
+        Their directions, from i to j.
     moved : array, shape (N, w)
         The motion.
     """

@@ -149,7 +149,14 @@ class Mechanism:
     made_by: tuple[str, ...] = ()
 
     def ready(self, facts: ValidatedScene, kernel: ContactKernel, p: Array) -> Mechanism:
-        """The same, once the kernel of the contacts and the values of its uniform parameters are known."""
+        """The same, once the kernel of the contacts and the values of its uniform parameters are known.
+
+        Parameters
+        ----------
+        facts : ValidatedScene
+        kernel : ContactKernel
+        p : array, shape (uniform parameters,)
+        """
         return self
 
     def driven(self) -> Iterator[tuple[TimeFunction, Callable[[Sensitivity, float], float]]]:
@@ -166,15 +173,40 @@ class Mechanism:
         return {}
 
     def begin(self, system: System, contacts: Contacts, t: float, x: Array) -> tuple[dict[str, Any], dict[str, Array]]:
-        """What it notes as a step begins, and numbers that it integrates within this step alone, as they are there."""
+        """What it notes as a step begins, and numbers that it integrates within this step alone, as they are there.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        t : float
+            Start of the step.
+        x : array, shape (N, d + rotations)
+        """
         return {}, {}
 
     def rates_of(self, system: System, given: StageInput, at: Balance) -> dict[str, Array]:
-        """Rates of all that it integrates, at the end of a stage."""
+        """Rates of all that it integrates, at the end of a stage.
+
+        Parameters
+        ----------
+        system : System
+        given : StageInput
+        at : Balance
+            At the end of the stage.
+        """
         return {}
 
     def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
-        """Errors of a step relative to what is allowed, from those that the method estimates, by names of the rates."""
+        """Errors of a step relative to what is allowed, from those that the method estimates, by names of the rates.
+
+        Parameters
+        ----------
+        system : System
+        at : Balance
+            At the end of the step.
+        errors : mapping from str to array
+        """
         return []
 
     def per_impulse(self, system: System) -> Array | None:
@@ -193,15 +225,44 @@ class Mechanism:
         """Of one mechanism of a scene: normals, distances, gaps, forces and dF/dr of the contacts at the positions x.
 
         Besides, what it gives for tangential motion. ``y`` is a guess of the gaps' state, and then the solution.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        x : array, shape (N, d)
+        cell : array, shape (d, d)
+            Lattice vectors of the box, as columns.
+        given : StageInput
+        y : array, shape (contacts,)
         """
         raise NotImplementedError
 
     def gaps_at_sight(self, system: System, apart: Array, at_start: bool) -> Array:
-        """Where it solves the contacts: gaps of pairs seen first, whose surfaces are ``apart`` undeflected."""
+        """Where it solves the contacts: gaps of pairs seen first, whose surfaces are ``apart`` undeflected.
+
+        Parameters
+        ----------
+        system : System
+        apart : array, shape (pairs,)
+            Distances of the surfaces, < 0 where they overlap.
+        at_start : bool
+            Whether the run begins with them.
+        """
         raise NotImplementedError
 
     def require(self, system: System, state: State, at: Balance, when: float) -> None:
-        """Refuse a step that ends where what it says does not hold; raises IntegrationError."""
+        """Refuse a step that ends where what it says does not hold; raises IntegrationError.
+
+        Parameters
+        ----------
+        system : System
+        state : State
+        at : Balance
+            At the end of the step.
+        when : float
+            Its time.
+        """
 
     # forces along the lines of the centres
 
@@ -210,15 +271,43 @@ class Mechanism:
         return None
 
     def central(self, system: System, contacts: Contacts, t: float, r: Array) -> tuple[Array, Array] | None:
-        """Of each listed pair a force that depends on the distance r, > 0 apart, and its slope, shape (contacts,)."""
+        """Of each listed pair a force that depends on the distance r, > 0 apart, and its slope, shape (contacts,).
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        t : float
+        r : array, shape (contacts,)
+            Distances of the centres.
+        """
         return None
 
     def central_energy(self, system: System, contacts: Contacts, t: float, r: Array) -> float:
-        """Energy of these forces."""
+        """Energy of these forces.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        t : float
+        r : array, shape (contacts,)
+            Distances of the centres.
+        """
         return 0.0
 
     def ends(self, system: System, state: State, at: Balance, when: float) -> float | None:
-        """Length of a step that would end at something that happens within one that ends here; None if nothing does."""
+        """Length of a step that would end at something that happens within one that ends here; None if nothing does.
+
+        Parameters
+        ----------
+        system : System
+        state : State
+        at : Balance
+            At its end.
+        when : float
+            The time then.
+        """
         return None
 
     def note(self, system: System, state: State) -> bool:
@@ -232,23 +321,56 @@ class Mechanism:
         return None
 
     def act(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Action | None:
-        """Forces that depend on positions and velocities, (x - x*)/s, at a stage; ``at`` has no residual yet."""
+        """Forces that depend on positions and velocities, (x - x*)/s, at a stage; ``at`` has no residual yet.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        given : StageInput
+        at : Balance
+        """
         return None
 
     def tangent(self, system: System, contacts: Contacts, given: StageInput, at: Balance) -> Array | None:
-        """Derivative of these forces by x: of each coordinate by itself, (N, w), or of each particle, (N, w, w)."""
+        """Derivative of these forces by x: of each coordinate by itself, (N, w), or of each particle, (N, w, w).
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        given : StageInput
+        at : Balance
+        """
         return None
 
     def contact_tangents(
         self, system: System, contacts: Contacts, given: StageInput, at: Balance
     ) -> Iterator[Array] | None:
-        """The same of each contact, shape (contacts, w, w): blocks ii, ij, ji, jj in turn."""
+        """The same of each contact, shape (contacts, w, w): blocks ii, ij, ji, jj in turn.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        given : StageInput
+        at : Balance
+        """
         return None
 
     def unresisted(self, system: System, contacts: Contacts, near: Integers, n: Array, moved: Array) -> Array | None:
         """Part of a motion, or of forces, shape (N, w), that nothing but drag resists.
 
         ``near`` are the contacts within range, ``n`` their normals.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        near : array of int
+        n : array, shape (near, d)
+        moved : array, shape (N, w)
+            The motion, or the forces.
         """
         return None
 
@@ -266,6 +388,17 @@ class Mechanism:
 
         ``before`` is None where something has held the particles until then. Besides, the work of the forces, and the
         kind of energy that takes what of it is not stored.
+
+        Parameters
+        ----------
+        system : System
+        newton : Newton
+        contacts : Contacts
+        x : array, shape (N, w)
+            Positions before the jump.
+        t : float
+        before, after : array, shape (N, w)
+            Forces, and torques over radii, on both sides of the jump.
         """
         return None
 
@@ -299,7 +432,24 @@ class Mechanism:
         solve: Callable[[System, Array], Balance],
         x: Array,
     ) -> tuple[Balance, System, Array, Array]:
-        """Where it leads: the balance, box and walls, dz/dt, and the rates; see the room ``stress``."""
+        """Where it leads: the balance, box and walls, dz/dt, and the rates; see the room ``stress``.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        newton : Newton
+        t, s : float
+            Time of the stage, and gamma dt.
+        z_star : array
+            Coordinates of the box and of its walls, as x* is of the positions.
+        rates : array
+            Guess of the unknown rates of the box, 1/time.
+        solve : function of a system and positions
+            Finds the balance in a box.
+        x : array, shape (N, w)
+            Guess of the positions.
+        """
         raise NotImplementedError
 
     def flux(self, system: PreparedScene, x: Array, v: Array) -> Array | float:
@@ -309,11 +459,27 @@ class Mechanism:
     # energy, and what is told
 
     def powers(self, system: System, contacts: Contacts, at: Balance, rates: Rates) -> dict[str, float]:
-        """Power of each kind that it gives or takes, at one stage, and of what it stores, ``ELASTIC``."""
+        """Power of each kind that it gives or takes, at one stage, and of what it stores, ``ELASTIC``.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        at : Balance
+        rates : Rates
+        """
         return {}
 
     def stored(self, system: System, contacts: Contacts, overlap: Array) -> float:
-        """Energy that it stores in some contacts, as they are."""
+        """Energy that it stores in some contacts, as they are.
+
+        Parameters
+        ----------
+        system : System
+        contacts : Contacts
+        overlap : array, shape (contacts,)
+            Sums of the radii less the distances of the centres.
+        """
         return 0.0
 
     def carried(self, system: System, kept: Mapping[str, Array]) -> float:
