@@ -414,6 +414,17 @@ def _unprintable(expr: Expr) -> list[Basic]:
 
 
 def dimension_faults(name: str, expr: Expr, expected: object, known: Mapping[Symbol, object]) -> list[str]:
+    """What is wrong with the dimension of an expression.
+
+    Parameters
+    ----------
+    name : str
+        Of what it is declared for.
+    expr : Expr
+    expected : Dimension
+    known : mapping from Symbol to Dimension
+        Of each symbol that it may use.
+    """
     euler = "; its E is Euler's number: import E from softdyn.derive" if expr.has(EulerNumber) else ""
     try:
         found = dimension_of(expr, known)  # type: ignore[arg-type]

@@ -75,6 +75,13 @@ def sources(laws: Iterable[str]) -> Sources:
 def with_sources(work: Callable[[Task], Found], task: Task, given: Sources) -> Found:
     """Carry out a task where it was sent to, with the laws that it was sent with.
 
+    Parameters
+    ----------
+    work : function of a task
+    task : Any
+    given : Sources
+        Of the laws that it was sent with.
+
     Raises
     ------
     SceneError

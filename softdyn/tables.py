@@ -292,6 +292,14 @@ def _starts_as_number(cell: str) -> bool:
 def headings_of(path: str | Path, kind: str, known: Sequence[Column]) -> list[str]:
     """Headings of a table, without units; none if it has none.
 
+    Parameters
+    ----------
+    path : str or Path
+    kind : str
+        What the table is, for errors.
+    known : sequence of Column
+        Columns that it may have.
+
     Raises
     ------
     SceneError

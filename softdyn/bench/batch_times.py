@@ -45,14 +45,32 @@ def reference() -> tuple[Array, Array, Array, Array]:
 
 
 def error_of(found: tuple[Array, Array], deltas: Array, gaps: Array) -> float:
-    """Largest relative error of h and of delta over the runs that are compared."""
+    """Largest relative error of h and of delta over the runs that are compared.
+
+    Parameters
+    ----------
+    found : (array, array), shape (compared runs, gaps - 1)
+        h and delta, behind the first gap.
+    deltas : array, shape (runs, gaps)
+        Deflections of the reference.
+    gaps : array, shape (gaps,)
+    """
     some = slice(None, None, RUNS // COMPARED)
     worst = max(np.max(np.abs(found[0][some] / gaps[1:] - 1)), np.max(np.abs(found[1][some] / deltas[some, 1:] - 1)))
     return float(worst) if math.isfinite(worst) else math.inf
 
 
 def integrators(forces: Array, times: Array, deltas: Array) -> Iterator[tuple[str, Callable[[], Solve], list[float]]]:
-    """Name, maker and tolerances."""
+    """Name, maker and tolerances.
+
+    Parameters
+    ----------
+    forces : array, shape (runs,)
+    times : array
+        At which gaps and deflections are told.
+    deltas : array, shape (runs, gaps)
+        Deflections of the reference.
+    """
     for target in ("c", "numba"):
         yield f"softdyn, {target}", partial(_ours, target, forces, times), [10.0**-k for k in range(5, 14)]
     for width in (4, 8):

@@ -70,7 +70,16 @@ def _words(figures: Figures) -> str:
 
 
 def measured(work: Callable[[int, str], Figures], cells: int, elements: str) -> Figures:
-    """What some work measures, in a process of its own on one thread."""
+    """What some work measures, in a process of its own on one thread.
+
+    Parameters
+    ----------
+    work : function of a number of cells and of elements
+    cells : int
+        Along an edge.
+    elements : str
+        As "P2-P1".
+    """
     threads = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
     kept = {name: os.environ.get(name) for name in threads}
     os.environ.update(dict.fromkeys(threads, "1"))

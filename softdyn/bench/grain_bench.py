@@ -74,7 +74,16 @@ def _words(figures: Figures) -> str:
 
 
 def measured(work: Callable[[int, int], Figures], cells: int, steps: int, threads: int) -> Figures:
-    """What some work measures, in a process of its own on so many threads."""
+    """What some work measures, in a process of its own on so many threads.
+
+    Parameters
+    ----------
+    work : function of a number of cells and of steps
+    cells : int
+        Of the packing, along an edge.
+    steps : int
+    threads : int
+    """
     kept = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = str(threads)
     try:

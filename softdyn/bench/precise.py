@@ -47,7 +47,17 @@ def elastic_force(h: Any, delta: Any) -> Any:
 
 
 def gap_rate(h: Any, delta: Any, F: Any, remote: Sequence[tuple[Any, Any]] = ()) -> Any:
-    """dh/dt under a force F, with a remote force that is the sum of A exp(-h/lam) over pairs (A, lam)."""
+    """dh/dt under a force F, with a remote force that is the sum of A exp(-h/lam) over pairs (A, lam).
+
+    Parameters
+    ----------
+    h, delta : number
+        Over R.
+    F : number
+        Over E R^2.
+    remote : sequence of (A, lam)
+        Over E R^2, and over R.
+    """
     bar = h / (1 + h)
     net = F - mp.fsum(A * mp.exp(-h / lam) for A, lam in remote)
     return -net / (3 * mp.pi / 2 * (2 * (bar + abs(delta))) ** 2 / bar**3)

@@ -67,7 +67,18 @@ def partial_record(folder: Path, name: str) -> Path:
 
 
 def keep(folder: Path, name: str, report: dict[str, Any], text: str) -> None:
-    """Write what there is of a report, beside one that an earlier benchmark may have left."""
+    """Write what there is of a report, beside one that an earlier benchmark may have left.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        Of the files, without the ending.
+    report : dict
+        Plain data.
+    text : str
+        The same in words.
+    """
     for suffix, content in ((".json", json.dumps(report, indent=1) + "\n"), (".txt", text)):
         with written_whole(partial_record(folder, name).with_suffix(suffix)) as temporary:
             temporary.write_text(content, encoding="utf-8")
@@ -82,7 +93,20 @@ def forget(folder: Path, name: str) -> None:
 def write_record(
     folder: Path, name: str, report: dict[str, Any], text: str, draw: Callable[[dict[str, Any]], Any]
 ) -> None:
-    """Write a report as name.json and name.txt, and then its picture as name.png, into a folder."""
+    """Write a report as name.json and name.txt, and then its picture as name.png, into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        Of the files, without the ending.
+    report : dict
+        Plain data.
+    text : str
+        The same in words.
+    draw : function of a report
+        Returns a figure.
+    """
     for file, content in ((f"{name}.json", json.dumps(report, indent=1) + "\n"), (f"{name}.txt", text)):
         with written_whole(folder / file) as temporary:
             temporary.write_text(content, encoding="utf-8")

@@ -20,6 +20,14 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
     """Variants of a scene's kernel in C: its name, the kernel, and the operations of its law.
 
     As it is, without each of the rules that apply, without all of them, and with the parameters, all 1, as numbers.
+
+    Parameters
+    ----------
+    law : str, Path or ContactLaw
+    kernel : Kernel
+        As it is.
+    needs : dict
+        Fields of :class:`softdyn.derive.pair_equations.Needs`.
     """
     from softdyn.derive.emit import write
     from softdyn.derive.kernel_form import total_operations

@@ -331,6 +331,19 @@ def static_parameters(
 ) -> tuple[list[Parameter], dict[str, tuple[int | None, str]]]:
     """The same where nothing moves: of the parameters of the law, and of the shift of each curve's gaps.
 
+    Parameters
+    ----------
+    free : sequence of str, or mapping from str to (low, high)
+        Names of what is fitted, with bounds.
+    numbers : mapping from str to float
+        Values at which the fit starts.
+    curves : int
+        How many there are.
+    positive : sequence of str
+        Parameters that must be.
+    ranges : mapping from str to sequence
+        Of those that have one: low, high, and whether these are left out.
+
     Raises
     ------
     SceneError

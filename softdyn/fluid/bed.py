@@ -64,6 +64,12 @@ def bed_faults(bed: Bed) -> list[str]:
 def porosity_at(porosity: FieldFunction, at: Array, t: float) -> tuple[Array, str]:
     """Porosity at points, and a warning where it was taken for the least, or "".
 
+    Parameters
+    ----------
+    porosity : FieldFunction
+    at : array, shape (points, d)
+    t : float
+
     Raises
     ------
     SceneError

@@ -76,7 +76,19 @@ def field_of(given: Any, d: int, constants: Mapping[str, float], where: str) -> 
 
 
 def fields_of(given: Any, d: int, constants: Mapping[str, float], where: str) -> tuple[FieldFunction, ...]:
-    """Read one quantity for each axis; see :func:`field_of`."""
+    """Read one quantity for each axis; see :func:`field_of`.
+
+    Parameters
+    ----------
+    given : sequence
+        A number or an expression for each axis.
+    d : int
+        Dimensions.
+    constants : mapping from str to float
+        What expressions may name.
+    where : str
+        Place in the scene, for errors.
+    """
     if not isinstance(given, (list, tuple)) or len(given) != d:
         raise SceneError(
             f"{where} needs {d} components, a number or an expression for each of {', '.join(AXES[:d])}, not "
@@ -87,6 +99,12 @@ def fields_of(given: Any, d: int, constants: Mapping[str, float], where: str) ->
 
 def values_at(field: FieldFunction, at: Array, t: float) -> Array:
     """Values at points, shape (points,).
+
+    Parameters
+    ----------
+    field : FieldFunction
+    at : array, shape (points, d)
+    t : float
 
     Raises
     ------
@@ -104,5 +122,13 @@ def values_at(field: FieldFunction, at: Array, t: float) -> Array:
 
 
 def vectors_at(fields: Sequence[FieldFunction], at: Array, t: float) -> Array:
-    """Values of one quantity for each axis at points, shape (points, axes)."""
+    """Values of one quantity for each axis at points, shape (points, axes).
+
+    Parameters
+    ----------
+    fields : sequence of FieldFunction
+        One for each axis.
+    at : array, shape (points, d)
+    t : float
+    """
     return np.stack([values_at(field, at, t) for field in fields], axis=1)

@@ -25,6 +25,17 @@ def run_fluid(path: Path, output: Path | None, resume: bool, as_json: bool) -> i
 
     An output in another format than .npz is written beside the .npz, which holds everything.
 
+    Parameters
+    ----------
+    path : Path
+        The scene.
+    output : Path, optional
+        File of the result.
+    resume : bool
+        Whether to go on from the checkpoint beside that.
+    as_json : bool
+        Whether to tell what came out as JSON.
+
     Raises
     ------
     SceneError, LawError, CompileError, IntegrationError

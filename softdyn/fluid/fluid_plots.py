@@ -272,7 +272,18 @@ def _plane(result: Result) -> tuple[Triangulation, Callable[[Array], Array]]:
 
 
 def draw_field(axes: Axes, picture: Picture, values: Array, colours: str, limits: tuple[float, float]) -> Any:
-    """Draw values at nodes in colours; returns what a colour bar takes."""
+    """Draw values at nodes in colours; returns what a colour bar takes.
+
+    Parameters
+    ----------
+    axes : Axes
+    picture : Picture
+    values : array, shape (nodes,)
+    colours : str
+        Name of a colour map.
+    limits : (float, float)
+        Values at its ends.
+    """
     norm = Normalize(*limits)
     shown = picture.spread(values)
     if picture.triangles is not None:
@@ -297,7 +308,15 @@ def draw_field(axes: Axes, picture: Picture, values: Array, colours: str, limits
 
 
 def draw_streamlines(axes: Axes, picture: Picture, u: Array) -> list[Artist]:
-    """Draw lines along the flow, of its components in the picture; none of a fluid at rest."""
+    """Draw lines along the flow, of its components in the picture; none of a fluid at rest.
+
+    Parameters
+    ----------
+    axes : Axes
+    picture : Picture
+    u : array, shape (nodes, d)
+        Velocities.
+    """
     flow = picture.on_grid(u)[..., list(picture.axes)]
     first, second = np.moveaxis(np.nan_to_num(flow), -1, 0)
     if not np.hypot(first, second).max() > STILL * np.abs(u).max() > 0:
@@ -320,7 +339,15 @@ def draw_streamlines(axes: Axes, picture: Picture, u: Array) -> list[Artist]:
 
 
 def draw_grains(axes: Axes, picture: Picture, result: Result, frame: int = -1) -> EllipseCollection:
-    """Draw the outlines of grains, in three dimensions of all of them, whatever the slice."""
+    """Draw the outlines of grains, in three dimensions of all of them, whatever the slice.
+
+    Parameters
+    ----------
+    axes : Axes
+    picture : Picture
+    result : Result
+    frame : int
+    """
     sizes, none = 2 * result.radii, np.zeros(len(result.radii))
     grains = EllipseCollection(
         sizes, sizes, none, units="xy", offsets=_grain_places(picture, result, frame), offset_transform=axes.transData,

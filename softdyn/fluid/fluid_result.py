@@ -57,7 +57,15 @@ class FlowFrame:
 
 
 def frame_of(system: FluidSystem, t: float, x: Array) -> FlowFrame:
-    """Frame of a solution: where the pressure has no level, its mean over the nodes is 0."""
+    """Frame of a solution: where the pressure has no level, its mean over the nodes is 0.
+
+    Parameters
+    ----------
+    system : FluidSystem
+    t : float
+    x : array, shape (unknowns,)
+        Velocities, then pressures.
+    """
     known, p = system.coefficients(t), x[system.velocities :].copy()
     for level in system.conditions.levels:
         own = level - system.velocities
@@ -191,7 +199,19 @@ def gather_flow(
     history: Sequence[Sequence[float]],
     stats: Mapping[str, Any],
 ) -> FluidResult:
-    """Put a result together from its frames and steps."""
+    """Put a result together from its frames and steps.
+
+    Parameters
+    ----------
+    system : FluidSystem
+    measures : Measures
+        What is measured of the flow.
+    frames : iterable of FlowFrame
+    history : sequence of rows of float
+        What is noted of each step.
+    stats : mapping
+        What is told of the run.
+    """
     frames, d = list(frames), system.dimension
     mesh, count = system.mesh, system.velocity.count
     arrays: dict[str, NDArray[Any]] = {

@@ -356,7 +356,16 @@ def solver_arrays(solver: LinearSolver) -> tuple[dict[str, Any], dict[str, NDArr
 
 
 def solver_from(solver: LinearSolver, told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Bring a solver to where a checkpoint tells that it was."""
+    """Bring a solver to where a checkpoint tells that it was.
+
+    Parameters
+    ----------
+    solver : LinearSolver
+    told : mapping
+        Numbers of the checkpoint.
+    arrays : mapping from str to array
+        Arrays of it.
+    """
     if told["kept"]:
         free = len(solver.kinds)
         solver.factorise(csc_matrix(tuple(arrays[f"factor_{part}"] for part in FACTOR), shape=(free, free)))

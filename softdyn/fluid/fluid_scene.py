@@ -224,6 +224,15 @@ def fluid_scene_from(data: Mapping[str, Any], folder: Path) -> FluidScene:
 def fluid_fields_from(cls: type[FluidScene], data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Fields of a scene of a fluid, or of one that has more.
 
+    Parameters
+    ----------
+    cls : type
+        Of the scene.
+    data : mapping
+        As read from TOML.
+    folder : Path
+        From which paths in it start.
+
     Raises
     ------
     SceneError

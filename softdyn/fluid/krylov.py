@@ -38,7 +38,16 @@ def is_there() -> bool:
 
 
 def block_solver(matrix: csc_matrix, kinds: Indices, motions: Array) -> BlockSolver | None:
-    """Solver of a matrix; None if its preconditioner cannot be made, as of a matrix that is singular."""
+    """Solver of a matrix; None if its preconditioner cannot be made, as of a matrix that is singular.
+
+    Parameters
+    ----------
+    matrix : csc_matrix, shape (unknowns, unknowns)
+    kinds : array of int, shape (unknowns,)
+        0 of velocities, else of pressures.
+    motions : array, shape (unknowns, axes)
+        Even motions along each axis.
+    """
     try:
         return BlockSolver(matrix, kinds, motions)
     except (ValueError, RuntimeError, np.linalg.LinAlgError):

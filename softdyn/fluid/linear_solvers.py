@@ -291,7 +291,15 @@ def scales_of(sizes: Any, x: Array, right: Array, kinds: Indices, least: float =
 
 
 def relative(residual: Array, scales: Array, kinds: Indices) -> Array:
-    """Residuals over the scale of their kind; inf where only this is 0, or where it is no number."""
+    """Residuals over the scale of their kind; inf where only this is 0, or where it is no number.
+
+    Parameters
+    ----------
+    residual : array, shape (unknowns,)
+    scales : array, shape (kinds,)
+    kinds : array of int, shape (unknowns,)
+        Kind of each.
+    """
     scale = scales[kinds]
     found = np.divide(residual, scale, out=np.where(residual != 0, np.inf, 0.0), where=scale > 0)
     found[~np.isfinite(residual)] = np.inf

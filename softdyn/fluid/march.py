@@ -45,7 +45,16 @@ class MovingFlow(Protocol):
         ...
 
     def equations(self, t: float, rate: float, past: Array) -> Equations:
-        """Equations at a time, where the derivative of the velocities is rate u + past."""
+        """Equations at a time, where the derivative of the velocities is rate u + past.
+
+        Parameters
+        ----------
+        t : float
+        rate : float
+            1/time.
+        past : array
+            Accelerations: what earlier velocities add.
+        """
         ...
 
 
@@ -127,6 +136,15 @@ class FlowStep:
 
 def begun(flow: MovingFlow, solver: LinearSolver, x: Array, until: float, stepping: Stepping) -> FlowState:
     """State at the start of a run: the nearest one to x that fits the boundaries, with its pressure.
+
+    Parameters
+    ----------
+    flow : MovingFlow
+    solver : LinearSolver
+    x : array, shape (unknowns,)
+    until : float
+        End of the run.
+    stepping : Stepping
 
     Raises
     ------

@@ -41,7 +41,15 @@ def derivative(times: Sequence[float], t: float) -> tuple[float, list[float]]:
 
 
 def predicted(times: Sequence[float], values: Sequence[Array], t: float) -> Array:
-    """Value at t of the polynomial through values at other times."""
+    """Value at t of the polynomial through values at other times.
+
+    Parameters
+    ----------
+    times : sequence of float
+    values : sequence of array
+        At these times, of one shape.
+    t : float
+    """
     total = np.zeros_like(values[0])
     for one, value in zip(times, values, strict=True):
         total += math.prod((t - other) / (one - other) for other in times if other != one) * value
@@ -49,13 +57,31 @@ def predicted(times: Sequence[float], values: Sequence[Array], t: float) -> Arra
 
 
 def error_share(times: Sequence[float], t: float, order: int) -> float:
-    """Part of the distance from the prediction that is the error of a step to t; times are one more than the order."""
+    """Part of the distance from the prediction that is the error of a step to t; times are one more than the order.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Earlier ones, the last first.
+    t : float
+        End of the step.
+    order : int
+    """
     rate, _ = derivative(times[:order], t)
     return (1 / rate) / (1 / rate + t - times[order])
 
 
 def relative_error(wrong: Array, u: Array, largest: float) -> float:
-    """Root mean square of the velocities' error over the largest velocity, now or at any time before."""
+    """Root mean square of the velocities' error over the largest velocity, now or at any time before.
+
+    Parameters
+    ----------
+    wrong : array, shape (velocities,)
+        Their errors.
+    u : array, shape (velocities,)
+    largest : float
+        Largest velocity before.
+    """
     size = max(largest, float(np.abs(u).max(initial=0.0)))
     return float(np.sqrt(np.mean(wrong**2))) / size if size else 0.0
 
@@ -75,7 +101,15 @@ def next_length(dt: float, error: float, order: int) -> float:
 
 
 def length_to(t: float, dt: float, goal: float) -> tuple[float, float]:
-    """Length of the next step, and its end, so that the goal is met and no sliver is left before it."""
+    """Length of the next step, and its end, so that the goal is met and no sliver is left before it.
+
+    Parameters
+    ----------
+    t, dt : float
+        The time, and the length that a step may have.
+    goal : float
+        A time.
+    """
     left = goal - t
     if dt >= 0.99 * left:
         return left, goal

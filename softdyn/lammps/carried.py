@@ -142,7 +142,18 @@ def crossover(ready: Prepared, dt: float, ns: float = EXPLICIT_NS, ranks: int = 
 
 
 def crossover_words(ready: Prepared, dt: float, ns: float = EXPLICIT_NS, ranks: int = 1) -> str:
-    """The same, and what it says of the scene."""
+    """The same, and what it says of the scene.
+
+    Parameters
+    ----------
+    ready : Prepared
+    dt : float
+        Length of the steps.
+    ns : float
+        Nanoseconds for a contact.
+    ranks : int
+        Processes.
+    """
     rate, at = abs(float(ready.system.scene.shear_rate)), crossover(ready, dt, ns, ranks)  # type: ignore[arg-type]
     text = (
         f"steps of {dt:.3g} (stable up to {ready.limit:.3g} at the start), {ns:.3g} ns a contact; the implicit steps "

@@ -26,6 +26,15 @@ from softdyn.scene.stock_scenes import found_scene
 def run_in_lammps(path: Path, content: Mapping[str, Any], options: Any) -> int:
     """Run a scene file by LAMMPS, and tell what came out.
 
+    Parameters
+    ----------
+    path : Path
+        The scene.
+    content : mapping
+        As read from it.
+    options : namespace
+        Of the command line.
+
     Raises
     ------
     SceneError, LawError, CompileError, IntegrationError

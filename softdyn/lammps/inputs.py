@@ -175,7 +175,20 @@ def neighbours(system: System) -> str:
 
 
 def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: str, loads: bool) -> str:
-    """The input script."""
+    """The input script.
+
+    Parameters
+    ----------
+    ready : Prepared
+    manifest : mapping
+        Of the plugin.
+    dt : float
+        Longest time step.
+    name : str
+        What the names of files begin with.
+    loads : bool
+        Whether forces are given.
+    """
     system, law = ready.system, manifest["name"]
     scene, d, reach = system.scene, system.dimension, system.reach
     largest, skin = float(system.radii.max()), SKIN * float(system.radii.min())
@@ -217,6 +230,17 @@ def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: st
 def write_inputs(ready: Prepared, manifest: Mapping[str, Any], dt: float, folder: Path, name: str) -> list[Path]:
     """Write all but the plugin's source and library; returns the files.
 
+    Parameters
+    ----------
+    ready : Prepared
+    manifest : mapping
+        Of the plugin.
+    dt : float
+        Longest time step.
+    folder : Path
+    name : str
+        What the names of files begin with.
+
     Raises
     ------
     SceneError
@@ -234,6 +258,14 @@ def write_inputs(ready: Prepared, manifest: Mapping[str, Any], dt: float, folder
 
 def write_plugin(manifest: Mapping[str, Any], folder: Path, name: str) -> list[Path]:
     """Write the plugin's source, and the line that compiles it.
+
+    Parameters
+    ----------
+    manifest : mapping
+        Of the plugin.
+    folder : Path
+    name : str
+        What the names of files begin with.
 
     Raises
     ------

@@ -157,6 +157,14 @@ def built(manifest: Mapping[str, Any]) -> Path:
 def run_lammps(folder: Path, script: str, ranks: int = 1) -> str:
     """Run a script in its folder; returns what LAMMPS says of why it has stopped, empty if it has not.
 
+    Parameters
+    ----------
+    folder : Path
+    script : str
+        Name of the file.
+    ranks : int
+        Processes.
+
     Raises
     ------
     SceneError
@@ -202,7 +210,16 @@ def _until_its_end(command: list[str], folder: Path, environment: Mapping[str, s
 
 
 def read_frames(folder: Path, count: int, name: str = NAME) -> list[Told]:
-    """Read the frames that all processes wrote, up to the first that is not whole."""
+    """Read the frames that all processes wrote, up to the first that is not whole.
+
+    Parameters
+    ----------
+    folder : Path
+    count : int
+        Particles.
+    name : str
+        What the names of files begin with.
+    """
     parts = [_read_part(path) for path in sorted(folder.glob(f"{name}.frames.*"))]
     frames = []
     for those in zip(*parts, strict=False):

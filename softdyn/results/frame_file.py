@@ -117,6 +117,16 @@ def begin(
 def go_on(path: Path, kind: type[Frame], key: str, count: int) -> FrameFile[Frame]:
     """Go on with the file of a run behind so many frames; those that follow are made again.
 
+    Parameters
+    ----------
+    path : Path
+    kind : type
+        Of the frames.
+    key : str
+        Of the scene, which the file must belong to.
+    count : int
+        Frames that stay.
+
     Raises
     ------
     SceneError

@@ -129,8 +129,14 @@ class PairResult(Result):
     ) -> Figure:
         """Draw the gap and the deflection against time, and the local exponents against the gap.
 
-        ``width`` is "column", "page" or inches; ``panels`` are some of "h", "delta", "X", "F" and "exponents"; ``ax``
-        takes a single one: see :func:`softdyn.pair.pair_plots.plot_pair`.
+        Parameters
+        ----------
+        width : "column", "page" or float
+            The latter in inches.
+        panels : sequence of str, optional
+            Some of "h", "delta", "X", "F" and "exponents".
+        ax : Axes, optional
+            Takes a single one: see :func:`softdyn.pair.pair_plots.plot_pair`.
         """
         from softdyn.pair.pair_plots import plot_pair
 

@@ -127,6 +127,13 @@ def reading_checkpoint(path: Path) -> Iterator[None]:
 def save_result(result: Result, path: Path, checkpoint: Path | None) -> None:
     """Save a result; where that fails, the checkpoint stays, and is named.
 
+    Parameters
+    ----------
+    result : Result
+    path : Path
+    checkpoint : Path, optional
+        Of the run.
+
     Raises
     ------
     SceneError

@@ -237,7 +237,15 @@ def driven_values(values: Any, cls: type | None = None) -> Iterator[Any]:
 
 
 def value_faults(key: Key, value: Any, where: str) -> list[str]:
-    """What is wrong with a value of a key: a sentence that starts with the key's name, or nothing."""
+    """What is wrong with a value of a key: a sentence that starts with the key's name, or nothing.
+
+    Parameters
+    ----------
+    key : Key
+    value : Any
+    where : str
+        Name of the key.
+    """
     try:
         value = in_numbers(key, value, where)
     except SceneError as error:
@@ -256,6 +264,13 @@ UNITS = Key(
 
 def in_numbers(key: Key, value: Any, where: str) -> Any:
     """The value of a key, with a number in SI units in the place of a quantity, as "50 um".
+
+    Parameters
+    ----------
+    key : Key
+    value : Any
+    where : str
+        Name of the key.
 
     Raises
     ------

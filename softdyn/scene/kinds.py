@@ -54,7 +54,17 @@ def is_number(value: Any) -> bool:
 
 
 def of_kind(words: str, schema: Schema, good: Callable[[Any], bool]) -> Kind:
-    """Kind of the values that a function holds for good."""
+    """Kind of the values that a function holds for good.
+
+    Parameters
+    ----------
+    words : str
+        What a value must be, after "must be".
+    schema : mapping
+        The same in JSON schema.
+    good : function of a value
+        Whether it is of the kind.
+    """
 
     def fault(value: Any) -> str | None:
         return None if good(value) else f" must be {words}, not {shown(value)}"
@@ -69,7 +79,16 @@ def shown(value: Any) -> str:
 
 
 def between(low: float, high: float, why: str = "", below: bool = False) -> Kind:
-    """Numbers from the least to the greatest, or below that; ``why`` there is a least."""
+    """Numbers from the least to the greatest, or below that; ``why`` there is a least.
+
+    Parameters
+    ----------
+    low, high : float
+    why : str
+        After the least, in words.
+    below : bool
+        Whether the greatest is left out.
+    """
 
     def fault(value: Any) -> str | None:
         if not is_number(value):

@@ -51,7 +51,16 @@ def positive_number(name: str, value: Any) -> float:
 
 
 def range_fault(name: str, value: float, allowed: Range) -> str | None:
-    """What is wrong with a parameter's value, if it is outside of its range."""
+    """What is wrong with a parameter's value, if it is outside of its range.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    value : float
+    allowed : (low, high, bool, bool)
+        From where to where, and whether low, and high, are left out.
+    """
     low, high, above, below = allowed
     if (low < value if above else low <= value) and (value < high if below else value <= high):
         return None

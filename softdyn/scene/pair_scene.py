@@ -272,6 +272,16 @@ def parameter_values(
 ) -> NDArray[Any]:
     """Values of a law's parameters, in its order.
 
+    Parameters
+    ----------
+    scene : Scene
+    names : sequence of str
+        The law's parameters, in its order.
+    positive : sequence of str
+        Those that must be.
+    ranges : mapping from str to Range
+        Of those that have one.
+
     Raises
     ------
     SceneError

@@ -304,7 +304,19 @@ def _tabled(key: Key, value: Any, folder: Path, where: str) -> Any:
 
 
 def unknown_keys(given: Iterable[str], allowed: Collection[str], where: str, above: Iterable[str] = ()) -> list[str]:
-    """Faults of the keys of a section that it does not have; ``above`` are those of the top level."""
+    """Faults of the keys of a section that it does not have.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Keys of the section.
+    allowed : collection of str
+        Keys that it may have.
+    where : str
+        The section, as each fault begins.
+    above : iterable of str
+        Keys of the top level.
+    """
     faults = []
     for key in given:
         if key in allowed:

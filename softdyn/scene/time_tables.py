@@ -87,6 +87,15 @@ def _table_of_result(path: Path, name: str, also: Sequence[str]) -> Table:
 def table_of(name: str, t: Any, F: Any) -> Table:
     """Table from a pair of arrays.
 
+    Parameters
+    ----------
+    name : str
+        Of the key, for errors.
+    t : array, shape (rows,)
+        Times.
+    F : array, shape (rows,)
+        Values.
+
     Raises
     ------
     SceneError

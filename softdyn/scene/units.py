@@ -187,6 +187,14 @@ def plain(what: str, value: Any, powers: Powers | None) -> Any:
 
     A text is a quantity if a number stands before a word, "50 um"; else it may be an expression.
 
+    Parameters
+    ----------
+    what : str
+        Name of the key, for errors.
+    value : Any
+    powers : Powers, optional
+        Of the dimension that is needed.
+
     Raises
     ------
     SceneError
@@ -213,6 +221,15 @@ def _may_hold(value: Any) -> bool:
 
 def require_powers(what: str, powers: Powers, wanted: Powers | None) -> None:
     """Refuse a unit of another dimension.
+
+    Parameters
+    ----------
+    what : str
+        What has the unit, for errors.
+    powers : Powers
+        Of its dimension.
+    wanted : Powers, optional
+        Of the dimension that is needed.
 
     Raises
     ------

@@ -233,7 +233,17 @@ def _touched(system: GrainSystem, grains: Grains) -> Flags:
 
 
 def told_of_contacts(system: GrainSystem | None, grains: Grains | None, volume: float, d: int) -> tuple[Array, Array]:
-    """Stress of the contacts in the volume of the fluid, shape (d, d), and forces on the walls, shape (walls, d)."""
+    """Stress of the contacts in the volume of the fluid, shape (d, d), and forces on the walls, shape (walls, d).
+
+    Parameters
+    ----------
+    system : GrainSystem, optional
+    grains : Grains, optional
+    volume : float
+        Of the fluid.
+    d : int
+        Dimensions.
+    """
     if system is None or grains is None:
         return np.zeros((d, d)), np.zeros((0, d))
     contacts = touching(system, grains, *walls_at(system, grains.t))

@@ -93,6 +93,14 @@ def identity() -> dict[str, Any]:
 def identity_of(command: tuple[str, ...], wanted: tuple[str, ...], language: str = "c") -> dict[str, Any]:
     """Return what a compiler of C, or of C++, makes of a text, besides the text.
 
+    Parameters
+    ----------
+    command : tuple of str
+        That calls the compiler.
+    wanted : tuple of str
+        Flags.
+    language : "c" or "c++"
+
     Raises
     ------
     CompileError
@@ -143,6 +151,16 @@ def words_of(done: subprocess.CompletedProcess[str]) -> str:
 def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequence[str] = ()) -> dict[str, bytes]:
     """Compile a kernel, and see that it loads.
 
+    Parameters
+    ----------
+    name : str
+        Of the kernel.
+    source : str
+    made_by : mapping
+        As :func:`identity` returns it.
+    functions : sequence of str
+        That the kernel must have.
+
     Raises
     ------
     CompileError
@@ -185,6 +203,15 @@ def _fault_of(library: Path, names: Sequence[str]) -> str:
 def check(folder: Path, name: str, functions: Sequence[str]) -> None:
     """See that a kernel that was not seen to load does so.
 
+    Parameters
+    ----------
+    folder : Path
+        Of the entry.
+    name : str
+        Of the kernel.
+    functions : sequence of str
+        That it must have.
+
     Raises
     ------
     LoadError
@@ -223,6 +250,13 @@ def library_of(folder: Path, name: str) -> ctypes.CDLL:
 def function_of(library: ctypes.CDLL, name: str, result: Any, *types: Any) -> Any:
     """Function of a kernel's library.
 
+    Parameters
+    ----------
+    library : ctypes.CDLL
+    name : str
+    result, types : types of ctypes
+        Of what it returns, and of its arguments.
+
     Raises
     ------
     LoadError
@@ -242,6 +276,17 @@ def function_of(library: ctypes.CDLL, name: str, result: Any, *types: Any) -> An
 
 def load(folder: Path, name: str, functions: Signatures, later: Sequence[str] = ()) -> dict[str, Callable[..., Any]]:
     """Load a compiled kernel: its functions by name; arrays are contiguous and of doubles, and are passed as they are.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the entry.
+    name : str
+        Of the kernel.
+    functions : Signatures
+        Of what is wanted, by name.
+    later : sequence of str
+        Those of which few scenes have a use.
 
     Raises
     ------

@@ -121,12 +121,29 @@ def identity() -> dict[str, Any]:
 
 
 def command_of(made_by: Mapping[str, Any], text: str, library: str) -> list[str]:
-    """The line that compiles a plugin."""
+    """The line that compiles a plugin.
+
+    Parameters
+    ----------
+    made_by : mapping
+        As :func:`identity` returns it.
+    text, library : str
+        Names of the source, and of what it becomes.
+    """
     return [*made_by["command"], *made_by["flags"], *made_by["beside"], "-o", library, text]
 
 
 def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequence[str] = ()) -> dict[str, bytes]:
     """Compile a plugin.
+
+    Parameters
+    ----------
+    name : str
+        Of the kernel.
+    source : str
+    made_by : mapping
+        As :func:`identity` returns it.
+    functions : sequence of str
 
     Raises
     ------
@@ -144,11 +161,25 @@ def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequenc
 
 
 def check(folder: Path, name: str, functions: Sequence[str]) -> None:
-    """Nothing to do: LAMMPS loads it, and says what is wrong with it."""
+    """Nothing to do: LAMMPS loads it, and says what is wrong with it.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+    functions : sequence of str
+    """
 
 
 def load(folder: Path, name: str, functions: Signatures, later: Sequence[str] = ()) -> dict[str, Callable[..., Any]]:
     """Nothing to load here: LAMMPS does.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+    functions : Signatures
+    later : sequence of str
 
     Raises
     ------

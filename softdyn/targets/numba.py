@@ -39,12 +39,28 @@ def identity() -> dict[str, Any]:
 
 
 def build(name: str, source: str, made_by: Mapping[str, Any], functions: Sequence[str] = ()) -> dict[str, bytes]:
-    """Nothing to do but to store the file, executed text cannot be cached, and a folder for what numba keeps of it."""
+    """Nothing to do but to store the file, executed text cannot be cached, and a folder for what numba keeps of it.
+
+    Parameters
+    ----------
+    name : str
+        Of the kernel.
+    source : str
+    made_by : mapping
+    functions : sequence of str
+    """
     return {f"{name}.py": source.encode(), "__pycache__/numba": b""}
 
 
 def check(folder: Path, name: str, functions: Sequence[str]) -> None:
-    """Nothing to do: what does not load fails here, too."""
+    """Nothing to do: what does not load fails here, too.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+    functions : sequence of str
+    """
 
 
 @contextmanager
@@ -85,6 +101,16 @@ def module_of(folder: Path, name: str) -> ModuleType:
 
 def load(folder: Path, name: str, functions: Signatures, later: Sequence[str] = ()) -> dict[str, Callable[..., Any]]:
     """Import a kernel and compile it, or load what numba compiled before; ``later`` is compiled at its first call.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the entry.
+    name : str
+        Of the kernel.
+    functions : Signatures
+        Of what is wanted, by name.
+    later : sequence of str
 
     Raises
     ------

@@ -71,6 +71,12 @@ def simulate(
 ) -> ParticleResult:
     """Integrate a scene with noise; see :func:`softdyn.particles.particle_run.simulate_particles`.
 
+    Parameters
+    ----------
+    facts : ValidatedScene
+    progress, checkpoint, resume, keep, on_frame
+        See :func:`softdyn.particles.particle_run.simulate_particles`.
+
     Raises
     ------
     SceneError, IntegrationError
@@ -179,7 +185,15 @@ def step_of(system: System) -> float:
 
 
 def drawn(noise: Noise, step: int, shape: tuple[int, ...]) -> Array:
-    """Normal numbers of a step, by the seed and the number of the step alone, each of the variance 1."""
+    """Normal numbers of a step, by the seed and the number of the step alone, each of the variance 1.
+
+    Parameters
+    ----------
+    noise : Noise
+    step : int
+        Its number.
+    shape : tuple of int
+    """
     source = np.random.Philox(key=int(noise.seed or 0), counter=[0, 0, step, 0])
     return np.random.Generator(source).standard_normal(shape)
 

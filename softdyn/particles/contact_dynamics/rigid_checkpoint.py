@@ -40,6 +40,13 @@ def fingerprint(system: RigidSystem) -> str:
 def save(path: Path, state: RigidState, key: str) -> None:
     """Write a checkpoint.
 
+    Parameters
+    ----------
+    path : Path
+    state : RigidState
+    key : str
+        Of the scene, which the file belongs to.
+
     Raises
     ------
     SceneError
@@ -66,6 +73,13 @@ def save(path: Path, state: RigidState, key: str) -> None:
 
 def load(path: Path, key: str, system: RigidSystem) -> RigidState:
     """Read a checkpoint.
+
+    Parameters
+    ----------
+    path : Path
+    key : str
+        Of the scene, which the file must belong to.
+    system : RigidSystem
 
     Raises
     ------

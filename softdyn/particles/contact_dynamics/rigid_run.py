@@ -159,6 +159,12 @@ def simulate(
 ) -> ParticleResult:
     """Integrate a scene of rigid grains; see :func:`softdyn.particles.particle_run.simulate_particles`.
 
+    Parameters
+    ----------
+    facts : ValidatedScene
+    progress, checkpoint, resume, keep, on_frame
+        See :func:`softdyn.particles.particle_run.simulate_particles`.
+
     Raises
     ------
     SceneError, CompileError, IntegrationError

@@ -64,6 +64,14 @@ def integrate(
 ) -> None:
     """Carry a state on to the end of the scene, in place.
 
+    Parameters
+    ----------
+    system : RigidSystem
+    state : RigidState
+    progress : function of (t, steps, Newton steps), optional
+    after_step : function, optional
+    on_frame : function of a Frame, optional
+
     Raises
     ------
     IntegrationError
@@ -92,6 +100,13 @@ def integrate(
 
 def list_contacts(system: RigidSystem, state: RigidState, skin: float) -> None:
     """List the pairs that are nearer than a skin; those already listed keep their impulses.
+
+    Parameters
+    ----------
+    system : RigidSystem
+    state : RigidState
+    skin : float
+        Distance of the surfaces, a length.
 
     Raises
     ------
@@ -153,6 +168,13 @@ class _Made:
 
 def take_step(system: RigidSystem, state: RigidState, goal: float) -> None:
     """Carry a state on by a step towards a goal.
+
+    Parameters
+    ----------
+    system : RigidSystem
+    state : RigidState
+    goal : float
+        The time at which a step must end.
 
     Raises
     ------
@@ -305,7 +327,14 @@ def _problem(
 
 
 def impulse_of(load: Driven, t: float, dt: float) -> Array:
-    """Impulse of given forces, or displacement by given velocities, from t on for dt."""
+    """Impulse of given forces, or displacement by given velocities, from t on for dt.
+
+    Parameters
+    ----------
+    load : Driven
+        Forces, or velocities.
+    t, dt : float
+    """
     if any(True for _ in load.changing()):
         return load.integral(t + dt) - load.integral(t)
     return load(t) * dt

@@ -111,6 +111,12 @@ def simulate(
 ) -> ParticleResult:
     """Integrate a scene of grains; see :func:`softdyn.particles.particle_run.simulate_particles`.
 
+    Parameters
+    ----------
+    facts : ValidatedScene
+    progress, checkpoint, resume, keep, on_frame
+        See :func:`softdyn.particles.particle_run.simulate_particles`.
+
     Raises
     ------
     SceneError, LawError, CompileError, IntegrationError

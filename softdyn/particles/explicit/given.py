@@ -90,7 +90,17 @@ class Given:
 
 
 def given_over(system: PreparedScene, groups: Groups, times: Array, tilts: Array) -> Given:
-    """Tables of what is given at some times; at the first of them what is behind a jump."""
+    """Tables of what is given at some times; at the first of them what is behind a jump.
+
+    Parameters
+    ----------
+    system : PreparedScene
+    groups : Groups
+        Of particles for which the same is given.
+    times : array, shape (steps + 1,)
+    tilts : array
+        Of the box at these times.
+    """
     steps = len(times) - 1
     force, end = np.zeros((steps + 1, *groups.shape)), np.zeros((steps + 1, *groups.shape))
     moved = np.zeros((steps, *groups.shape))

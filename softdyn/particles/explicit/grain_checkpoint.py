@@ -45,6 +45,14 @@ def told(state: Grains) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 def told_again(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], before: str = "") -> Grains:
     """State of numbers and arrays as :func:`told` gives them, the names of the arrays with something before them.
 
+    Parameters
+    ----------
+    about : mapping
+        Numbers.
+    arrays : mapping from str to array
+    before : str
+        What the names of the arrays begin with.
+
     Raises
     ------
     KeyError, TypeError, ValueError
@@ -61,6 +69,13 @@ def told_again(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], bef
 
 def save(path: Path, state: Grains, key: str) -> None:
     """Write a checkpoint.
+
+    Parameters
+    ----------
+    path : Path
+    state : Grains
+    key : str
+        Of the scene, which the file belongs to.
 
     Raises
     ------

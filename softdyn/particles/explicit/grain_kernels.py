@@ -75,7 +75,15 @@ class GrainKernel:
 
 
 def grain_manifest(reference: LawReference, target: str, needs: Mapping[str, Any]) -> dict[str, Any]:
-    """Derive a kernel of grains; imports the derivation stage."""
+    """Derive a kernel of grains; imports the derivation stage.
+
+    Parameters
+    ----------
+    reference : LawReference
+    target : str
+    needs : mapping
+        Fields of :class:`softdyn.derive.grain_kernel.GrainNeeds`.
+    """
     from softdyn.derive.emit import write
     from softdyn.derive.grain_kernel import GrainNeeds, grain_ir
     from softdyn.derive.law import parameters_of, plain_ranges

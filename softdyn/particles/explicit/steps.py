@@ -78,6 +78,15 @@ def integrate(
 ) -> None:
     """Carry a state on to the end of the scene, in place.
 
+    Parameters
+    ----------
+    system : GrainSystem
+    state : Grains
+    progress : function of (t, steps, 0), optional
+    after_stretch : function, optional
+        Called after every stretch of steps.
+    on_frame : function of a Frame, optional
+
     Raises
     ------
     IntegrationError
@@ -105,6 +114,15 @@ def integrate(
 
 def carry_to(system: GrainSystem, state: Grains, goal: float, pool: ThreadPoolExecutor) -> None:
     """Carry a state on to a time, in place, without anything told: for who has the grains in something else.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    state : Grains
+    goal : float
+        The time.
+    pool : ThreadPoolExecutor
+        Which shares the work.
 
     Raises
     ------
@@ -319,7 +337,16 @@ def _blocks(start: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def begin(system: GrainSystem, v: Array, spin: Array) -> Grains:
-    """State at the start."""
+    """State at the start.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    v : array, shape (N, d)
+        Velocities.
+    spin : array, shape (N, rotations)
+        Angular velocities, 1/time.
+    """
     count, d = system.x.shape
     kernel, none = system.kernel, np.zeros(0, dtype=np.int32)
     state = Grains(
@@ -337,6 +364,14 @@ def begin(system: GrainSystem, v: Array, spin: Array) -> Grains:
 
 def start_of(system: GrainSystem, v: Array, spin: Array) -> Grains:
     """State at the start, with the accelerations there.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    v : array, shape (N, d)
+        Velocities.
+    spin : array, shape (N, rotations)
+        Angular velocities, 1/time.
 
     Raises
     ------

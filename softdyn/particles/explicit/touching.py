@@ -78,7 +78,14 @@ def cell_at(system: GrainSystem, t: float) -> Array:
 
 
 def touching(system: GrainSystem, state: Grains, walls: Array, wall_v: Array) -> Touching:
-    """Contacts at the present positions; ``walls`` are points of these, ``wall_v`` their velocities."""
+    """Contacts at the present positions; ``walls`` are points of these, ``wall_v`` their velocities.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    state : Grains
+    walls, wall_v : array, shape (walls, d)
+    """
     kernel, (count, d) = system.kernel, state.x.shape
     radii, cell = system.radii[state.order], cell_at(system, state.t)
     i = np.repeat(np.arange(count), np.diff(state.start))
@@ -143,7 +150,18 @@ def shear_rate_at(system: GrainSystem, t: float) -> float:
 
 
 def law_of_contacts(system: GrainSystem, overlap: Array, R: Array, kind: NDArray[np.integer]) -> dict[str, Array]:
-    """What the law says of contacts: F_ela, stiffness, and dashpot and k_t where it has these."""
+    """What the law says of contacts: F_ela, stiffness, and dashpot and k_t where it has these.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    overlap : array, shape (n,)
+        Sums of the radii less the distances of the centres.
+    R : array, shape (n,)
+        Radius of each contact, as the law has it.
+    kind : array of int, shape (n,)
+        Which of the sets of parameters each has.
+    """
     kernel = system.kernel
     out = np.empty((len(kernel.outputs), len(overlap)))
     kernel.contact(
@@ -167,7 +185,16 @@ def stored_energies(system: GrainSystem, contacts: Touching) -> tuple[float, flo
 
 
 def accelerations(system: GrainSystem, state: Grains, contacts: Touching, given: Given) -> Array:
-    """Accelerations at the present positions, linear and angular, shape (N, d + rotations)."""
+    """Accelerations at the present positions, linear and angular, shape (N, d + rotations).
+
+    Parameters
+    ----------
+    system : GrainSystem
+    state : Grains
+    contacts : Touching
+    given : Given
+        Forces at the present time.
+    """
     (count, d), turning = state.x.shape, system.kernel.rotations
     force = np.zeros((count, d + turning))
     T = contacts.tangential()
@@ -221,7 +248,14 @@ def kinetic_energy(system: GrainSystem, state: Grains) -> float:
 
 
 def exchanged(system: GrainSystem, state: Grains, contacts: Touching) -> dict[str, float]:
-    """Energies exchanged since the start, by kind, and what is stored."""
+    """Energies exchanged since the start, by kind, and what is stored.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    state : Grains
+    contacts : Touching
+    """
     work = dict.fromkeys((*system.works, "stored"), 0.0)
     normal, tangential = stored_energies(system, contacts)
     rubbed, dashpot, external, box, heat = (float(value) for value in state.sums)
@@ -237,7 +271,16 @@ def exchanged(system: GrainSystem, state: Grains, contacts: Touching) -> dict[st
 
 
 def frame_of(system: GrainSystem, state: Grains, contacts: Touching, walls: Array) -> Frame:
-    """Frame of the present state, particles and contacts in the order of the particles' numbers."""
+    """Frame of the present state, particles and contacts in the order of the particles' numbers.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    state : Grains
+    contacts : Touching
+    walls : array, shape (walls, d)
+        Points of these.
+    """
     count, d = state.x.shape
     x, v, spin = (by_number(state, values) for values in (state.x, state.v, state.spin))
     T = contacts.tangential()

@@ -214,7 +214,15 @@ class Mechanism:
         return None
 
     def unfelt(self, system: System, at: Balance, stiffness: Array) -> Array | float:
-        """Errors of the force of springs of some stiffnesses, shape (n,), which the motion is allowed to have."""
+        """Errors of the force of springs of some stiffnesses, shape (n,), which the motion is allowed to have.
+
+        Parameters
+        ----------
+        system : System
+        at : Balance
+        stiffness : array, shape (n,)
+            Force over length.
+        """
         return 0.0
 
     # contacts
@@ -453,7 +461,14 @@ class Mechanism:
         raise NotImplementedError
 
     def flux(self, system: PreparedScene, x: Array, v: Array) -> Array | float:
-        """Momentum that the particles of a periodic box carry by fluctuating, times its volume, shape (d, d)."""
+        """Momentum that the particles of a periodic box carry by fluctuating, times its volume, shape (d, d).
+
+        Parameters
+        ----------
+        system : PreparedScene
+        x, v : array, shape (N, d)
+            Positions and velocities.
+        """
         return 0.0
 
     # energy, and what is told

@@ -237,7 +237,17 @@ def of_films(contacts: Contacts) -> Array:
 
 
 def starting(contacts: Contacts, radii: Array, normal: Array, force: Array) -> Known:
-    """What is known at the start of a step, with the forces there."""
+    """What is known at the start of a step, with the forces there.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    radii : array, shape (N,)
+    normal : array, shape (contacts, d)
+        Directions from i to j.
+    force : array, shape (contacts, d)
+        Tangential forces.
+    """
     wall = contacts.j >= len(radii)
     one = radii[contacts.i]
     other = radii[np.where(wall, contacts.i, contacts.j)]  # a wall, which does not turn, may have any
@@ -246,13 +256,31 @@ def starting(contacts: Contacts, radii: Array, normal: Array, force: Array) -> K
 
 
 def carry(force: Array, start: Array, end: Array) -> Array:
-    """Turn vectors normal to ``start`` by the shortest rotation that takes ``start`` to ``end``."""
+    """Turn vectors normal to ``start`` by the shortest rotation that takes ``start`` to ``end``.
+
+    Parameters
+    ----------
+    force : array, shape (n, d)
+        The vectors.
+    start, end : array, shape (n, d)
+        Of unit length.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):  # of opposite ones none is: no step ends with such a force
         return force - (dot(end, force) / (1 + dot(start, end)))[:, None] * (start + end)
 
 
 def spin(force: Array, n: Array, angle: Array) -> Array:
-    """Turn vectors normal to n about it."""
+    """Turn vectors normal to n about it.
+
+    Parameters
+    ----------
+    force : array, shape (n, 3)
+        The vectors.
+    n : array, shape (n, 3)
+        Of unit length.
+    angle : array, shape (n,)
+        In radians.
+    """
     return np.cos(angle)[:, None] * force + np.sin(angle)[:, None] * cross(n, force)
 
 
@@ -307,7 +335,17 @@ def slide(
 
 
 def turned_back(known: Known, vectors: Array, n: Array, angle: Array) -> Array:
-    """Vectors of the contacts in the frame of the step's start."""
+    """Vectors of the contacts in the frame of the step's start.
+
+    Parameters
+    ----------
+    known : Known
+    vectors : array, shape (contacts, d)
+    n : array, shape (contacts, d)
+        Directions from i to j, at the end of the step.
+    angle : array, shape (contacts,)
+        By which the contacts have turned about these, in radians.
+    """
     back = spin(vectors, n, -angle) if n.shape[1] == 3 else vectors
     return carry(back, n, known.normal)
 
@@ -318,14 +356,34 @@ def resisted(roll: Array, n: Array) -> Array:
 
 
 def rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array:
-    """Moment for each relative rotation in a stage; where no time passes none of what films resist."""
+    """Moment for each relative rotation in a stage; where no time passes none of what films resist.
+
+    Parameters
+    ----------
+    known : Known
+    values : mapping from str to array, shape (contacts,)
+        What the kernel gives of tangential motion.
+    s : float
+        gamma dt of the stage.
+    """
     if s > 0:
         return values["roll"] / s
     return np.where(values["roll"] > 0, BLOCKED * values["stiff"] * known.radii[0] ** 2, 0.0)
 
 
 def reactions(contacts: Contacts, known: Known, slid: TangentialForces, n: Array, count: int) -> Array:
-    """Force and torque/R that each particle exerts through its contacts, shape (N, d + rotations)."""
+    """Force and torque/R that each particle exerts through its contacts, shape (N, d + rotations).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    known : Known
+    slid : TangentialForces
+    n : array, shape (contacts, d)
+        Directions from i to j.
+    count : int
+        N.
+    """
     twist = torque(n, slid.force)
     pair = contacts.j < count
     every = bool(pair.all())
@@ -348,6 +406,13 @@ def unresisted(i: Integers, j: Integers, n: Array, torques: Array) -> Array:
 
     Of a particle without a contact all of it; in three dimensions, with contacts along one line, what turns it about
     that line: no film resists a twist.
+
+    Parameters
+    ----------
+    i, j : array of int, shape (contacts,)
+    n : array, shape (contacts, d)
+        Directions from i to j.
+    torques : array, shape (N, rotations)
     """
     count, m = torques.shape
     resists = np.zeros((count, m, m))
@@ -398,6 +463,21 @@ def tangents(
     """Derivatives of the forces and torques/R on i and j by the coordinates of i and j: blocks ii, ij, ji, jj in turn.
 
     Exact where n has not turned since the start of the step; what is left out is of second order in that turn.
+
+    Parameters
+    ----------
+    known : Known
+    values : mapping from str to array, shape (contacts,)
+        What the kernel gives of tangential motion.
+    slid : TangentialForces
+    n : array, shape (contacts, d)
+        Directions from i to j.
+    curvature : array, shape (contacts,)
+        1/r, or 0 of walls.
+    s : float
+        gamma dt of the stage.
+    bounded : Bounded, optional
+        Of surfaces that rub.
     """
     trial = slid.force if bounded is None else bounded.trial
     c, d = n.shape

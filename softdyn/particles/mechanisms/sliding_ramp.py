@@ -70,7 +70,15 @@ class Part:
 
 
 def holding(system: System, contacts: Contacts, x: Array, t: float) -> Array:
-    """Forces that hold particles where they are, with the contacts as they are, shape (N, d + rotations)."""
+    """Forces that hold particles where they are, with the contacts as they are, shape (N, d + rotations).
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    x : array, shape (N, d)
+    t : float
+    """
     cell, nothing, count = lattice(system.box, t), np.zeros(len(contacts)), len(x)
     (films,) = system.having["solve"]
     n, r, _, F, _, values = films.solve(system, contacts, x, cell, StageInput(t, 0.0, x, nothing), nothing.copy())

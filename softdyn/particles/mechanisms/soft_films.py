@@ -98,6 +98,22 @@ def solve_contacts(
     """Gap, force and consistent tangent of each contact at given overlaps; y is a guess, and then the solution.
 
     Besides what the kernel gives of tangential motion, by name.
+
+    Parameters
+    ----------
+    system : System
+    overlap : array, shape (contacts,)
+        Sums of the radii less the distances of the centres.
+    s : float
+        gamma dt of the stage.
+    start : array, shape (contacts,)
+        Gaps as the step began.
+    target : array, shape (contacts,)
+        Known part y* of their state.
+    y : array, shape (contacts,)
+        Their state.
+    q : array, shape (parameters, contacts)
+        Varying parameters of the law.
     """
     kernel = system.kernel
     h, F, F_r = np.empty_like(overlap), np.empty_like(overlap), np.empty_like(overlap)
@@ -111,7 +127,17 @@ def solve_contacts(
 
 
 def require_films(system: System, state: State, h: Array, when: float) -> None:
-    """No film is drained: attraction without anything at short range to stop it closes a gap within a finite time."""
+    """No film is drained: attraction without anything at short range to stop it closes a gap within a finite time.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+    h : array, shape (contacts,)
+        Gaps, lengths.
+    when : float
+        The time, for errors.
+    """
     contacts, count = state.contacts, len(state.x)
     drained = np.flatnonzero(h < DRAINED * system.radii[contacts.i])
     if len(drained):
@@ -131,6 +157,14 @@ def require_shallow(system: System, state: State, at: Balance, when: float) -> N
     surfaces that are not deflected, above the smaller radius: what matters of unequal spheres, and of walls, is not how
     unequal they are. A cap of the height delta has a^2 = 2 R delta, with R below twice the smaller radius: contacts
     that are pressed by less than SHALLOW need not be asked.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+    at : Balance
+    when : float
+        The time, for errors.
     """
     contacts, count = state.contacts, len(state.x)
     smaller = np.minimum(system.radii[contacts.i], np.append(system.radii, np.inf)[np.minimum(contacts.j, count)])

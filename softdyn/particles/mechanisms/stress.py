@@ -250,6 +250,12 @@ def stress_of(system: System, contacts: Contacts, at: Balance) -> Array:
     """Stress of the contacts of a box, shape (d, d), > 0 in tension; the fluid's is not in it.
 
     The symmetric part, which does the work: where drag resists rotations, there is another.
+
+    Parameters
+    ----------
+    system : System
+    contacts : Contacts
+    at : Balance
     """
     stress: Array = np.einsum("c,ca,cb->ab", at.F * at.r, at.n, at.n)
     if at.T is not None:
@@ -264,7 +270,16 @@ def fluid_stress(box: Box, viscosity: float) -> Array:
 
 
 def excess(imposed: ImposedStress, system: System, contacts: Contacts, at: Balance, t: float) -> Array:
-    """By how much the imposed components exceed what is imposed."""
+    """By how much the imposed components exceed what is imposed.
+
+    Parameters
+    ----------
+    imposed : ImposedStress
+    system : System
+    contacts : Contacts
+    at : Balance
+    t : float
+    """
     total = stress_of(system, contacts, at) + fluid_stress(system.box, imposed.viscosity)
     if "inertia" in at.notes:
         d = system.dimension
@@ -283,7 +298,19 @@ def _relative(imposed: ImposedStress, system: System, at: Balance, wrong: Array,
 def condensed(
     imposed: ImposedStress, system: System, contacts: Contacts, newton: Newton, at: Balance, s: float
 ) -> tuple[Array, Array]:
-    """Derivatives of the stress by the unknown rates, forces in balance: S and dx/dg, shape (names, N, d)."""
+    """Derivatives of the stress by the unknown rates, forces in balance: S and dx/dg, shape (names, N, d).
+
+    Parameters
+    ----------
+    imposed : ImposedStress
+    system : System
+    contacts : Contacts
+    newton : Newton
+        With the matrix of the balance.
+    at : Balance
+    s : float
+        gamma dt of the stage.
+    """
     d = len(system.box.lengths)
     G, E = imposed.gradients, imposed.weights
     volume = system.box.volume
