@@ -166,6 +166,18 @@ def has_its_digits(
     """Whether three times the digits leave a deviation as it is: in cosh(h/R) - 1 all of them may be lost.
 
     It is looked at where most are needed, and where that takes too many, at a point before.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    limit : Limit
+    sample : Sample
+        A path, and points on it.
+    name : str
+        Of the quantity.
+    claim : Expr
+    levels : sequence of int
+        How far along the path the points are.
     """
     for level, point in reversed(list(zip(levels, sample.points, strict=False))):
         exact = _point(law, limit, sample.path, level, 3 * _digits_at(sample.path, level))

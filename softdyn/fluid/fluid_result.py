@@ -131,9 +131,14 @@ class FluidResult(Result):
     ) -> Figure:
         """Draw the flow at the end, and the forces over time.
 
-        ``panels`` are some of "speed", "pressure", "porosity", "velocities", "force_x" and so on, in a figure whose
-        ``width`` is "column", "page" or inches; ``ax`` takes a single one: see
-        :func:`softdyn.fluid.fluid_plots.plot_fluid`.
+        Parameters
+        ----------
+        width : "column", "page" or float, optional
+            Of the figure; the latter in inches.
+        panels : sequence of str, optional
+            Some of "speed", "pressure", "porosity", "velocities", "force_x" and so on.
+        ax : Axes, optional
+            Takes a single one: see :func:`softdyn.fluid.fluid_plots.plot_fluid`.
         """
         if not len(self):
             raise SceneError("the result holds no frame to draw")

@@ -220,8 +220,14 @@ class ParticleResult(Result):
     ) -> Figure:
         """Draw the contact network at the end, and what is measured on the run.
 
-        ``panels`` are some of "network", "energy", "stress" and so on, in a figure whose ``width`` is "column", "page"
-        or inches; ``ax`` takes a single one: see :func:`softdyn.particles.particle_plots.plot_particles`.
+        Parameters
+        ----------
+        width : "column", "page" or float, optional
+            Of the figure; the latter in inches.
+        panels : sequence of str, optional
+            Some of "network", "energy", "stress" and so on.
+        ax : Axes, optional
+            Takes a single one: see :func:`softdyn.particles.particle_plots.plot_particles`.
 
         Raises
         ------

@@ -232,7 +232,18 @@ def implicit(rubbing: Rubbing, facts: ValidatedScene) -> Springs:
 
 
 def moments(contacts: Contacts, known: Known, moment: Array, count: int, d: int) -> Array:
-    """What particles exert by moments of the contacts, from i to j: torques over radii, shape (N, d + rotations)."""
+    """What particles exert by moments of the contacts, from i to j: torques over radii, shape (N, d + rotations).
+
+    Parameters
+    ----------
+    contacts : Contacts
+    known : Known
+    moment : array, shape (contacts, rotations)
+    count : int
+        N.
+    d : int
+        Dimensions.
+    """
     total = np.zeros((count, d + moment.shape[1]))
     pair = contacts.j < count
     np.add.at(total[:, d:], contacts.i, moment / known.radii[0][:, None])
