@@ -17,7 +17,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 # sympy remembers 1000 results of each of its functions unless told before it is imported: too few for a law's regimes
-os.environ.setdefault("SYMPY_CACHE_SIZE", "5000")
+os.environ.setdefault("SYMPY_CACHE_SIZE", "20000")
 
 from softdyn import particles
 from softdyn.errors import CompileError, IntegrationError, LawError, SceneError, SoftdynError
