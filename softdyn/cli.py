@@ -67,13 +67,18 @@ FORMATS = """
 of two particles:
   .json, .npz  all of it
   .csv         the arrays, one column each
+  .nc          all arrays, as netCDF
 
 of many particles:
   .npz         all of it
   .gsd         for OVITO: particles, and their contacts as bonds; time, stress and strain of each frame
   .pvd         for ParaView: particles, contacts and the periodic box, in files of their own in a folder beside it
 
-.gsd and .pvd need: pip install 'softdyn[formats]'
+of many particles, of a fluid, and of grains in one:
+  .csv         what is one number at a time: strain and stress, or forces, fluxes and powers
+  .nc          all arrays, as netCDF
+
+.gsd and .pvd need: pip install 'softdyn[formats]'; .nc, and .csv but of two: pip install 'softdyn[data]'
 """
 
 DRAWN = """

@@ -15,6 +15,7 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.particles.geometry import Wall
+from softdyn.particles.observables import strain
 from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.particle_run import simulate_particles
 from softdyn.particles.results import ParticleResult, load_particles
@@ -137,6 +138,18 @@ def test_contacts_come_and_go_in_a_gsd_trajectory(walled: ParticleResult, tmp_pa
 
 
 @pytest.mark.slow
+def test_netcdf_holds_all_arrays_and_csv_strain_and_stress(sheared: ParticleResult, tmp_path: Path) -> None:
+    xarray, pandas = pytest.importorskip("xarray"), pytest.importorskip("pandas")
+    with xarray.open_dataset(sheared.save(tmp_path / "sheared.nc"), engine="scipy") as held:
+        for name, values in sheared.arrays.items():
+            assert name in held.variables or not values.size
+            assert not values.size or np.array_equal(held[name].values, values)
+    read = pandas.read_csv(sheared.save(tmp_path / "sheared.csv"))
+    assert read["t"].to_numpy() == pytest.approx(sheared.t, rel=1e-15)
+    assert read["strain"].to_numpy() == pytest.approx(strain(sheared), rel=1e-15)
+    assert read["stress_xy"].to_numpy() == pytest.approx(sheared.stress[:, 0, 1], rel=1e-15)
+
+
 def test_what_slides_and_turns_is_in_both(sliding: ParticleResult, tmp_path: Path) -> None:
     """As vectors in space: in the plane particles turn about z."""
     d = sliding.x.shape[2]
@@ -259,9 +272,7 @@ def test_a_run_of_two_particles_is_for_neither(tmp_path: Path, capsys: pytest.Ca
         capsys.readouterr()
         assert main([*command, "-o", str(tmp_path / "a.gsd")]) == 2
         words = capsys.readouterr().err
-        assert (
-            "of a run of two particles the ending must be one of .json, .npz, .csv; .gsd and .pvd are for many" in words
-        )
+        assert "of a run of two particles the ending must be one of .json, .npz, .csv, .nc; .gsd and .pvd" in words
     assert main(["plot", str(tmp_path / "a.gsd")]) == 2
     assert ".gsd and .pvd what other programs show" in capsys.readouterr().err
 

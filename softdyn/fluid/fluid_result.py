@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.fluid.fields import AXES
 from softdyn.results.origin import Origin, about, origin_in, origin_now
-from softdyn.results.result import Result, dataset, table
+from softdyn.results.result import TABLES, Result, dataset, table, write_table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
@@ -153,7 +153,9 @@ class FluidResult(Result):
         return animate_fluid(self, Path(path))
 
     def save(self, path: str | Path) -> Path:
-        """Write to .npz, all of it; or to .pvd for ParaView, which is not read back.
+        """Write to .npz, all of it; or to .pvd for ParaView, .csv or .nc, which are not read back.
+
+        A .csv has what is one number a step, a .nc (netCDF) everything; both need ``pip install 'softdyn[data]'``.
 
         Raises
         ------
@@ -161,6 +163,9 @@ class FluidResult(Result):
             If the ending is another, or the file cannot be written.
         """
         path = Path(path)
+        if path.suffix in TABLES:
+            write_table(self, path)
+            return path
         if path.suffix != ".npz":
             from softdyn.fluid.fluid_export import write_vtk
 

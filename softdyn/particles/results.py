@@ -17,7 +17,7 @@ from softdyn.particles.portions import in_portions, portion
 from softdyn.particles.system import GIVEN, TAKEN, PreparedScene, System, contact_state, opening_rates
 from softdyn.results.origin import Origin, about, origin_in, origin_now
 from softdyn.results.registry import load_result
-from softdyn.results.result import Result, dataset, table
+from softdyn.results.result import TABLES, Result, dataset, table, write_table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
@@ -253,10 +253,11 @@ class ParticleResult(Result):
         return animate(self, Path(path))
 
     def save(self, path: str | Path) -> Path:
-        """Write to .npz, all of it (see :func:`load_particles`); or to .gsd for OVITO, or .pvd for ParaView.
+        """Write to .npz, all of it (see :func:`load_particles`); or to .gsd for OVITO, .pvd for ParaView, .csv or .nc.
 
-        The last two are to be looked at, need ``pip install 'softdyn[formats]'``, and are not read back: see
-        :mod:`softdyn.particles.export`.
+        Those for OVITO and ParaView need ``pip install 'softdyn[formats]'``: see :mod:`softdyn.particles.export`. A
+        .csv has what is one number a frame, stress and strain among it, a .nc (netCDF) everything; both need
+        ``pip install 'softdyn[data]'``. None of these is read back.
 
         Raises
         ------
@@ -265,6 +266,9 @@ class ParticleResult(Result):
             but for frames of a .pvd.
         """
         path = Path(path)
+        if path.suffix in TABLES:
+            write_table(self, path)
+            return path
         if path.suffix != ".npz":
             from softdyn.particles import export
 
@@ -312,7 +316,11 @@ class ParticleResult(Result):
         columns = {name: array for name, array in self.arrays.items() if array.shape == self.t.shape}
         axes = range(self.stress.shape[-1])
         stress = {f"stress_{'xyz'[a]}{'xyz'[b]}": self.stress[:, a, b] for a in axes for b in axes}
-        return table({"t": self.t, **stress, **{k: v for k, v in columns.items() if SHAPES.get(k, "f") == "f"}})
+        from softdyn.particles.observables import strain
+
+        strained = {"strain": strain(self)} if len(axes) > 1 else {}
+        rest = {name: values for name, values in columns.items() if SHAPES.get(name, "f") == "f"}
+        return table({"t": self.t, **strained, **stress, **rest})
 
 
 def gather(

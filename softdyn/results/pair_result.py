@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.results.origin import Origin, about, origin_in
-from softdyn.results.result import Result, dataset, table
+from softdyn.results.result import Result, dataset, table, write_table
 from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
-SUFFIXES = (".json", ".npz", ".csv")
+SUFFIXES = (".json", ".npz", ".csv", ".nc")
 ENDINGS = f"of a run of two particles the ending must be one of {', '.join(SUFFIXES)}; .gsd and .pvd are for many"
 
 
@@ -101,7 +101,7 @@ class PairResult(Result):
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write to a .json, .npz or .csv file; see :func:`softdyn.load_result`.
+        """Write to a .json, .npz, .csv or .nc file (netCDF); see :func:`softdyn.load_result`.
 
         Raises
         ------
@@ -111,6 +111,9 @@ class PairResult(Result):
         path = Path(path)
         if path.suffix not in SUFFIXES:
             raise SceneError(f"cannot save to {path}: {ENDINGS}")
+        if path.suffix == ".nc":
+            write_table(self, path)
+            return path
         with written_whole(path) as temporary:
             if path.suffix == ".json":
                 temporary.write_text(json.dumps(self.to_dict()) + "\n", encoding="utf-8")

@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.results.origin import Origin
+from softdyn.results.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
+
+#: Endings of tables that any result is written to.
+TABLES = (".csv", ".nc")
 
 
 class Result:
@@ -102,3 +106,28 @@ def table(columns: Mapping[str, NDArray[Any]]) -> DataFrame:
         raise SceneError("to_pandas needs pandas: pip install 'softdyn[data]'") from None
     index = pandas.Index(np.asarray(columns["t"]), name="t")
     return pandas.DataFrame({name: column for name, column in columns.items() if name != "t"}, index=index)
+
+
+def write_table(result: Result, path: Path) -> None:
+    """Write a .csv, what is one number at a time, or a .nc (netCDF), everything but arrays that are empty.
+
+    Parameters
+    ----------
+    result : Result
+        With ``to_pandas`` and ``to_xarray``.
+    path : Path
+
+    Raises
+    ------
+    SceneError
+        If pandas or xarray is missing, or the file cannot be written.
+    """
+    made: Any = result
+    written = made.to_xarray() if path.suffix == ".nc" else made.to_pandas()
+    with written_whole(path) as temporary:
+        if path.suffix == ".nc":
+            # a dimension of length 0 means another thing in netCDF
+            empty = [name for name, variable in written.variables.items() if 0 in variable.shape]
+            written.drop_vars(empty).to_netcdf(temporary, engine="scipy")
+        else:
+            written.to_csv(temporary)
