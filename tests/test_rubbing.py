@@ -262,13 +262,13 @@ def test_energy_of_a_sheared_suspension_that_rubs() -> None:
 
 @pytest.mark.slow
 def test_a_run_goes_on_to_the_bit(tmp_path: Any) -> None:
-    """The springs of surfaces that touch are in a checkpoint, apart from the forces of films."""
+    """The springs of surfaces that touch, of rolling too, are in a checkpoint, apart from the forces of films."""
 
     def stop(t: float, _steps: int, _iterations: int) -> None:
         if t > 0.01:
             raise KeyboardInterrupt
 
-    path, scene = tmp_path / "run.checkpoint.npz", sheared(until_t=0.03)
+    path, scene = tmp_path / "run.checkpoint.npz", sheared(until_t=0.03, friction=Friction(0.5, rolling=0.1))
     with pytest.raises(KeyboardInterrupt):
         simulate_particles(scene, stop, path)
     again: ParticleResult = simulate_particles(scene, None, path, resume=True)
@@ -403,3 +403,18 @@ def test_every_claim_of_rough_spheres_is_proved() -> None:
     found = check_limits(rough_spheres)
     assert len(found) == 8
     assert {(f.limit, f.quantity): f.reason for f in found if f.verdict != "proved"} == {}
+
+
+@pytest.mark.slow
+def test_surfaces_that_attract_rub_without_any_load() -> None:
+    """Of a sphere on a wall, pushed along it alone: |T| = mu 2 pi w R1 where it slides, less than 4/7 of the push."""
+    w, mu, push = 0.05, 0.4, 0.5
+    scene = ParticleScene(
+        "dmt", {"E": 1e4, "nu": 0.3, "w": w, "z0": 1e-3, "eta": 1.0}, positions=[[0.0, 0.999]], radii=1.0, drag=1.0,
+        wall=[Wall([0.0, 0.0], [0.0, -1.0])], push=[Push([0], [push, 0.0])],
+        friction=Friction(mu), until_t=40.0, times=[0.0, 30.0, 40.0], rtol=1e-5,
+    )  # fmt: skip
+    result = simulate_particles(scene)
+    T = mu * 2 * math.pi * w
+    assert result.v[-1, 0, 0] == pytest.approx((push - T) / DRAG, rel=1e-5)
+    np.testing.assert_allclose(result.contacts(-1)["T"][0], [T, 0.0], rtol=1e-5, atol=1e-7)
