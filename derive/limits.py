@@ -60,6 +60,7 @@ from softdyn.derive.witness import (
     axes_of,
     contradiction,
     deviation,
+    far_contradiction,
     functions,
     has_its_digits,
     inequalities,
@@ -188,6 +189,8 @@ def _check_claim(
     piece = together(pieces)
     if piece.verdict != "disproved" and samples and claimed != 0:
         witness = contradiction(law, limit, samples, NAMES.get(quantity, quantity), claimed)
+        if witness is None and piece.verdict == "undecided":
+            witness = far_contradiction(law, limit, NAMES.get(quantity, quantity), claimed)
         if witness is not None:
             piece = replace(piece, verdict="disproved", ratio=None, reason=str(witness), rate=(), witness=witness)
     return Finding(

@@ -332,11 +332,12 @@ MOST_TRIED = 48
 
 @dataclass(frozen=True)
 class Path:
-    """A symbol at the level T is factor * 10**(-power T) * T**(-slow)."""
+    """A symbol at the level T is factor * 10**(-power T) * T**(-slow) * log10(T)**(-slowest)."""
 
     power: Mapping[Symbol, Fraction]
     slow: Mapping[Symbol, Fraction]
     factor: Mapping[Symbol, Fraction]
+    slowest: Mapping[Symbol, Fraction] = field(default_factory=dict)
 
 
 def paths_into(part: Part, values: Mapping[Symbol, float]) -> Iterator[Path]:

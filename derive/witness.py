@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 from math import lcm, log10
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,9 @@ IN_VAIN = 60
 LEVELS = (10, 40, 160)
 #: Those at which a claim must still fail: what falls by a logarithm only has then fallen by 80 decades, at the slowest.
 CONFIRMED = (10**8, 10**40, 10**400)
+#: What a deviation has grown to there, where a power of log(1/eps) outgrows an exponential: no function of its own
+#: logarithm, which is 400, does by a slow rise.
+OUTGROWN = 1e30
 #: Digits of points there, besides those of the level: a sum that needs more has none.
 DIGITS_FAR = 100
 #: The same for a path that a proof leads to.
@@ -434,6 +437,48 @@ def _drawn(
     )
 
 
+def far_samples(law: ContactLaw, limit: Limit) -> list[Sample]:
+    """Paths far out on which an exponential is a power of a logarithm: exp(-h/ell) log(R/h) does not vanish there.
+
+    What is in an exponential varies as a power of log(T), all else as eps = 10^-T.
+    """
+    directions = axes_of(law, limit)
+    cones = cut(orthants(len(directions)), _monomial_normals(limit, directions))
+    found = []
+    for cone, argument in product(cones, _exponents(law, limit, directions)):
+        held = [ray for ray in cone if dot(argument, ray)]
+        if len(held) == len(cone) or not all(dot(argument, ray) < 0 for ray in held):
+            continue
+        speeds = [Fraction(-1, 2 * len(held) * dot(argument, ray)) if ray in held else Fraction(0) for ray in cone]
+        swift = [Fraction(int(not speed)) for speed in speeds]
+
+        def along(symbol: Symbol, rates: Sequence[Fraction], cone: Cone = cone) -> Fraction:
+            parts = (rate * dot(ray, directions[symbol]) for ray, rate in zip(cone, rates, strict=True))
+            return sum(parts, start=Fraction(0))
+
+        path = Path(
+            {symbol: along(symbol, swift) for symbol in directions},
+            dict.fromkeys(directions, Fraction(0)),
+            dict.fromkeys(directions, Fraction(1)),
+            {symbol: along(symbol, speeds) for symbol in directions},
+        )
+        points = [_point(law, limit, path, level, DIGITS_FAR + len(str(level))) for level in CONFIRMED]
+        known = [point for point in points if point is not None]
+        pairs = list(pairwise(known))
+        if len(known) == len(CONFIRMED) and _holds(limit, known[0]) and all(_sharper(limit, *pair) for pair in pairs):
+            found.append(Sample(path, tuple(known)))
+    return found
+
+
+def far_contradiction(law: ContactLaw, limit: Limit, name: str, claim: Expr) -> Witness | None:
+    """Return a path far out on which a claim fails, to digits that more of them leave as they are."""
+    for sample in far_samples(law, limit):
+        off = _further(law, limit, sample.path, name, claim)
+        if len(off) == len(CONFIRMED) and _lasts(off) and off[-1] > OUTGROWN:
+            return told(limit, sample, name, claim)
+    return None
+
+
 def _digits_at(path: Path, level: int) -> int:
     """Digits with which a point is computed: three times the decades by which anything has fallen."""
     return 40 + int(3 * max(abs(float(path.power[s]) * level + float(path.slow[s]) * log10(level)) for s in path.power))
@@ -454,6 +499,8 @@ def _point(law: ContactLaw, limit: Limit, path: Path, level: int, digits: int | 
             slow = path.slow[symbol]
             fallen = mpmath.mpf(10) ** (mpmath.mpf(-power.numerator * level) / power.denominator)
             values[symbol] *= fallen * mpmath.mpf(level) ** (mpmath.mpf(-slow.numerator) / slow.denominator)
+            if slowest := path.slowest.get(symbol):
+                values[symbol] *= mpmath.log10(level) ** (mpmath.mpf(-slowest.numerator) / slowest.denominator)
         values[delta] = side_of(limit) * values[size]
         try:
             for symbol, (arguments, function) in functions(law).items():

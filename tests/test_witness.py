@@ -100,6 +100,24 @@ def test_what_grows_at_first_refutes_nothing(correction: Expr) -> None:
     assert finding(pushed(A * (1 + correction)), (delta, h, R), "F_adh", A).verdict == "proved"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("correction", "holds"),
+    [(exp(-h / ell) * log(1 + R / h), False), (exp(-h / ell) * log(1 + R / h) * h / R, True)],
+    ids=str,
+)
+def test_a_logarithm_may_outgrow_an_exponential(correction: Expr, holds: bool) -> None:
+    """exp(-x) log(R/h) grows as x^2 = log10(log10(R/h)), where R/h = 10^(10^40) is no more than a point of the path."""
+    found = finding(pushed(A * (1 + correction)), ((delta, h, R), (ell, h)), "F_adh", A)
+    assert found.verdict == ("proved" if holds else "disproved")
+    if found.witness is not None:
+        x = [1 / mpmath.mpf(at["(ell)/(h)"]) for at, _ in found.witness.points]
+        exact = [mpmath.exp(-y) * mpmath.mpf(10) ** (y**2) * mpmath.log(10) for y in x]
+        ratios = [mpmath.mpf(ratio) for _, ratio in found.witness.points]
+        # x is told to four digits, of which 10^(x^2) needs all
+        assert [mpmath.log(r) for r in ratios] == pytest.approx([mpmath.log(r) for r in exact], rel=1e-3)
+
+
 FADING = pushed(A * exp(-h / ell) + B)
 SWELLING = pushed(A * (1 + (a / R) ** 2 * log(1 + R / h)))
 
