@@ -122,7 +122,7 @@ class Springs(Mechanism):
         whole = given.own["rubbed"]
         resisted = resist(self.resisting, known, whole, slid, at.n, at.values["k_rub"] * radii, bounds)
         for one in resisted:
-            reaction += moments(contacts, known, radii[:, None] * one.force, count, system.dimension)
+            reaction += _moments(contacts, known, radii[:, None] * one.force, count, system.dimension)
         found = Found(kept, slid.force, size, bound, given.s, resisted)
         rubbed = np.concatenate([force, *(_kept(one, at.n) for one in resisted)], axis=1)
         stiffness = largest(at.values["k_rub"])
@@ -231,7 +231,7 @@ def implicit(rubbing: Rubbing, facts: ValidatedScene) -> Springs:
     return Springs(rubbing.mu, springs, springs[-1].columns.stop if springs else d)
 
 
-def moments(contacts: Contacts, known: Known, moment: Array, count: int, d: int) -> Array:
+def _moments(contacts: Contacts, known: Known, moment: Array, count: int, d: int) -> Array:
     """What particles exert by moments of the contacts, from i to j: torques over radii, shape (N, d + rotations).
 
     Parameters
