@@ -471,7 +471,16 @@ def far_samples(law: ContactLaw, limit: Limit) -> list[Sample]:
 
 
 def far_contradiction(law: ContactLaw, limit: Limit, name: str, claim: Expr) -> Witness | None:
-    """Return a path far out on which a claim fails, to digits that more of them leave as they are."""
+    """Return a path far out on which a claim fails, to digits that more of them leave as they are.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    limit : Limit
+    name : str
+        Of the quantity.
+    claim : Expr
+    """
     for sample in far_samples(law, limit):
         off = _further(law, limit, sample.path, name, claim)
         if len(off) == len(CONFIRMED) and _lasts(off) and off[-1] > OUTGROWN:
