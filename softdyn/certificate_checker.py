@@ -87,21 +87,7 @@ def check_certificate(certificate: Any) -> None:
 
 
 def visit(data: Any, node: Any, above: list[Vector], level: list[Vector], given: Any, depth: int) -> None:
-    """Check a case, or those that it is split into.
-
-    Parameters
-    ----------
-    data : mapping
-        The certificate.
-    node : "leaf", or mapping
-        A split, and the cases that it makes.
-    above, level : list of vectors
-        Products that grow, and that neither grow nor vanish, in this case.
-    given : Any
-        As :class:`Case` takes it.
-    depth : int
-        Of the case.
-    """
+    """Check a case, or those that it is split into."""
     if depth > MOST_DEPTH:
         raise Refused("too many cases")
     if node != "leaf":
@@ -142,14 +128,7 @@ def visit(data: Any, node: Any, above: list[Vector], level: list[Vector], given:
 
 
 def ratio(small: Any, large: Any, case: Case) -> Vector:
-    """Logarithm of large/small, two products of powers.
-
-    Parameters
-    ----------
-    small, large : expressions
-        As the certificate writes them.
-    case : Case
-    """
+    """Logarithm of large/small, two products of powers."""
     below, over = value_of(small, case), value_of(large, case)
     if len(below) != 1 or len(over) != 1:
         raise Refused("an order compares products of powers")
@@ -162,17 +141,7 @@ def require_growth(quotient: Vector, case: Case) -> None:
 
 
 def require_atom(name: str, kind: str, argument: Any, exponent: Fraction, case: Case) -> None:
-    """An exponential that vanishes is small against any power of its argument; a logarithm grows, slower than any.
-
-    Parameters
-    ----------
-    name : str
-    kind : "exp" or "log"
-    argument : expression
-        As the certificate writes it.
-    exponent : Fraction
-    case : Case
-    """
+    """An exponential that vanishes is small against any power of its argument; a logarithm grows, slower than any."""
     value = value_of(argument, case)
     vector = vector_of(next(iter(value)))
     sign = 1 if kind == "log" else -1
@@ -308,14 +277,6 @@ def vector_of(monomial: Monomial) -> Vector:
 
 
 def plus(one: Vector, other: Vector, factor: Fraction) -> Vector:
-    """Sum of a vector and a multiple of another.
-
-    Parameters
-    ----------
-    one, other : mapping from str to Fraction
-    factor : Fraction
-        Of the other.
-    """
     found = {name: one.get(name, Fraction(0)) + factor * other.get(name, Fraction(0)) for name in {*one, *other}}
     return {name: x for name, x in found.items() if x}
 
