@@ -35,7 +35,12 @@ class InPlaceFinder:
         usual = PathFinder.find_spec(name, path, target)
         if usual is None or usual.loader is not None:
             return None
-        others = (finder for finder in sys.meta_path if finder not in (cls, PathFinder))
+        # another copy of this one would ask back
+        others = (
+            finder
+            for finder in sys.meta_path
+            if finder is not PathFinder and getattr(finder, "__name__", "") != cls.__name__
+        )
         return next((found for finder in others if (found := finder.find_spec(name, path, target))), None)
 
 

@@ -148,6 +148,13 @@ class Stress(TypedDict, total=False):
     ]
 
 
+FRICTION = Section(
+    "[friction]",
+    "softdyn.particles.mechanisms.coulomb:Friction",
+    "Coulomb friction of surfaces that touch, and what resists rolling and twisting.",
+)
+
+
 @with_keys
 @dataclass(frozen=True)
 class ParticleScene:
@@ -365,14 +372,7 @@ class ParticleScene:
             "[inertia]", "softdyn.particles.mechanisms.inertia:Inertia", "The mass of the particles: they have inertia."
         ),
     ] = None
-    friction: Annotated[
-        "Friction | None",
-        Section(
-            "[friction]",
-            "softdyn.particles.mechanisms.coulomb:Friction",
-            "Coulomb friction of surfaces that touch, and what resists rolling and twisting.",
-        ),
-    ] = None
+    friction: Annotated["Friction | None", FRICTION] = None
     potential: Annotated[
         Sequence["PairPotential"],
         Section(

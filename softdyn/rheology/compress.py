@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
@@ -15,8 +14,7 @@ from softdyn.rheology.runs import planned
 from softdyn.rheology.sweep_command import (
     many_runs,
     particle_content,
-    require_picture,
-    require_table,
+    require_files,
     tell_failures,
     varied_options,
 )
@@ -31,9 +29,7 @@ def compress(options: argparse.Namespace) -> int:
     ------
     SceneError
     """
-    require_table(options.output)
-    picture: Path = options.plot or options.output.with_suffix(".png")
-    require_picture(picture)
+    picture = require_files(options)
     fractions = read_named("--fractions", options.fractions)
     if not (np.isfinite(fractions) & (fractions > 0)).all():
         raise SceneError(f"--fractions {options.fractions}: fractions must be positive")

@@ -23,8 +23,7 @@ from softdyn.rheology.runs import Content, planned
 from softdyn.rheology.sweep_command import (
     many_runs,
     particle_content,
-    require_picture,
-    require_table,
+    require_files,
     status_of,
     tell_steadiness,
     varied_options,
@@ -126,9 +125,7 @@ def flow_curve(options: argparse.Namespace) -> int:
     ------
     SceneError
     """
-    require_table(options.output)
-    picture: Path = options.plot or options.output.with_suffix(".png")
-    require_picture(picture)
+    picture = require_files(options)
     content, home = particle_content(found_scene(options.scene))
     vary = {_full(name, content): values for name, values in read_varied(options.vary).items()}
     if RATE in vary:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,7 @@ from softdyn.rheology.runs import Content, Run, planned
 from softdyn.rheology.sweep_command import (
     many_runs,
     particle_content,
-    require_picture,
-    require_table,
+    require_files,
     status_of,
     tell_failures,
     varied_options,
@@ -166,9 +164,7 @@ def oscillate(options: argparse.Namespace) -> int:
     ------
     SceneError
     """
-    require_table(options.output)
-    picture: Path = options.plot or options.output.with_suffix(".png")
-    require_picture(picture)
+    picture = require_files(options)
     if not 4 <= options.cycles <= 1000:
         raise SceneError(f"--cycles {options.cycles}: 4 to 1000, of which the second half is taken")
     content, home = particle_content(found_scene(options.scene))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,7 @@ from softdyn.rheology.runs import Content, Run, planned
 from softdyn.rheology.sweep_command import (
     many_runs,
     particle_content,
-    require_picture,
-    require_table,
+    require_files,
     tell_failures,
     varied_options,
 )
@@ -193,9 +191,7 @@ def step(options: argparse.Namespace) -> int:
     ------
     SceneError
     """
-    require_table(options.output)
-    picture: Path = options.plot or options.output.with_suffix(".png")
-    require_picture(picture)
+    picture = require_files(options)
     if (options.strain is None) == (options.stress is None):
         raise SceneError("step takes --strain, for the relaxation of stress, or --stress, for creep: one of them")
     creeps = options.stress is not None

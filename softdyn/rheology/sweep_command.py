@@ -71,15 +71,18 @@ def particle_content(file: Path) -> tuple[Content, Path]:
     return content, file.parent
 
 
-def require_picture(picture: Path) -> None:
-    """Refuse a picture of another format before any run.
+def require_files(options: argparse.Namespace) -> Path:
+    """Refuse a table or a picture of another format before any run; returns the path of the picture.
 
     Raises
     ------
     SceneError
     """
+    require_table(options.output)
+    picture: Path = options.plot or options.output.with_suffix(".png")
     if picture.suffix not in PICTURES:
         raise SceneError(f"cannot draw to {picture}: the ending must be one of {', '.join(PICTURES)}")
+    return picture
 
 
 def varied_options(options: argparse.Namespace) -> list[str]:

@@ -22,7 +22,7 @@ from softdyn.rheology.distributions import read_given, samples_of
 from softdyn.rheology.options import runs_folder
 from softdyn.rheology.run_table import RunTable, gathered, measured_run
 from softdyn.rheology.runs import MOST_RUNS, Run, putting
-from softdyn.rheology.sweep_command import many_runs, require_picture, require_table, status_of, tell_notes
+from softdyn.rheology.sweep_command import many_runs, require_files, status_of, tell_notes
 from softdyn.scene.reading import read_toml
 from softdyn.scene.stock_scenes import found_scene
 from softdyn.words import suggestion
@@ -61,9 +61,7 @@ def uncertainty(options: argparse.Namespace) -> int:
     ------
     SceneError
     """
-    require_table(options.output)
-    picture: Path = options.plot or options.output.with_suffix(".png")
-    require_picture(picture)
+    picture = require_files(options)
     file = found_scene(options.scene)
     content, given = read_toml(file), read_given(options.given)
     samples = samples_of(given, options.samples, options.seed, options.sobol)

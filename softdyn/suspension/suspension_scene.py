@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.fluid.bed import CLOSURE
 from softdyn.fluid.fluid_scene import FluidScene, check_fluid, fluid_fields_from
-from softdyn.particles.particle_keys import POSITIONS, RADII
-from softdyn.scene.keys import Key, Section, with_keys
+from softdyn.particles.particle_keys import FRICTION, POSITIONS, RADII
+from softdyn.scene.keys import Key, with_keys
 from softdyn.scene.kinds import FLAG, LAW, NAMES, POSITIVE, between, choice
 from softdyn.scene.reading import scene_of_file
 from softdyn.words import listed
@@ -100,14 +100,7 @@ class SuspensionScene(FluidScene):
         Any,
         Key("law", LAW, "The contact law of grains that touch, a dry one; its parameters stand in [parameters], too."),
     ] = None
-    friction: Annotated[
-        "Friction | None",
-        Section(
-            "[friction]",
-            "softdyn.particles.mechanisms.coulomb:Friction",
-            "Coulomb friction of surfaces that touch, and what resists rolling and twisting.",
-        ),
-    ] = None
+    friction: Annotated["Friction | None", FRICTION] = None
     walls: Annotated[
         Sequence[str],
         Key(
