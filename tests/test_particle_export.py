@@ -257,7 +257,7 @@ def test_the_command_line_writes_them_beside_the_result(
     monkeypatch.chdir(tmp_path)
     assert main(["run", "line"]) == 0
     assert main(["convert", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.xyz")]) == 2
-    assert "the ending must be one of .npz, .gsd, .pvd" in capsys.readouterr().err
+    assert "the ending must be one of .npz, .gsd, .pvd, .csv, .nc" in capsys.readouterr().err
 
 
 def test_a_run_of_two_particles_is_for_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

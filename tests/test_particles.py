@@ -441,7 +441,7 @@ def test_the_result_is_read_back(tmp_path: Any) -> None:
     for name in result.arrays:
         assert np.array_equal(again.arrays[name], result.arrays[name]), name
     with pytest.raises(SceneError, match="npz"):
-        result.save(tmp_path / "two.csv")
+        result.save(tmp_path / "two.txt")
 
 
 @pytest.mark.parametrize(

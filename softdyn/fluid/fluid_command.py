@@ -17,7 +17,7 @@ from softdyn.scene.reading import is_suspension_scene, read_toml
 from softdyn.terminal import as_it_is
 
 #: Formats that results of a fluid are saved in.
-ENDINGS = (".npz", ".pvd")
+ENDINGS = (".npz", ".pvd", ".csv", ".nc")
 
 
 def run_fluid(path: Path, output: Path | None, resume: bool, as_json: bool) -> int:

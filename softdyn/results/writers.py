@@ -8,9 +8,11 @@ from types import ModuleType
 
 from softdyn.errors import SceneError
 
-#: Package that writes files of each ending, in ``softdyn[formats]``. gsd is the format's own; of the packages that
-#: write VTK's XML, pyevtk is kept up and needs numpy alone.
-WRITERS = {".gsd": "gsd.hoomd", ".pvd": "pyevtk.hl"}
+#: Package that writes files of each ending. gsd is the format's own; of the packages that write VTK's XML, pyevtk is
+#: kept up and needs numpy alone.
+WRITERS = {".gsd": "gsd.hoomd", ".pvd": "pyevtk.hl", ".csv": "pandas", ".nc": "xarray"}
+#: What installs a package.
+EXTRAS = {"gsd": "formats", "pyevtk": "formats", "pandas": "data", "xarray": "data"}
 
 
 def require_writer(path: Path) -> ModuleType:
@@ -29,5 +31,5 @@ def require_writer(path: Path) -> ModuleType:
     except ImportError:
         package = name.partition(".")[0]
         raise SceneError(
-            f"writing {path} needs the package {package}: pip install 'softdyn[formats]' (.npz needs nothing)"
+            f"writing {path} needs the package {package}: pip install 'softdyn[{EXTRAS[package]}]' (.npz needs nothing)"
         ) from None
