@@ -266,8 +266,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         type=Path,
         help="save the result, in the format of FILE's ending. Two particles: .json or .npz, which plot and convert "
-        "read, .csv or .nc (netCDF). Many: .npz, which they read, or .gsd (OVITO), .pvd (ParaView), .csv or .nc, with an "
-        ".npz beside it. A fluid: .npz, or .pvd, .csv or .nc likewise",
+        "read, .csv or .nc (netCDF). Many: .npz, which they read, or .gsd (OVITO), .pvd (ParaView), .csv or .nc, with "
+        "an .npz beside it. A fluid: .npz, or .pvd, .csv or .nc likewise",
     )
     run.add_argument(
         "--json", action="store_true", help="print one JSON object: the whole result; of many particles, a summary"
