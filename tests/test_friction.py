@@ -76,9 +76,10 @@ def test_an_oblique_impact_slides_as_rigid_bodies_do(d: int, method: str) -> Non
     )  # fmt: skip
     result = simulate(scene)
     allowed = rtol * (10 if method == "explicit" else result.stats["steps"])
-    assert result.contacts(-1)["h"].max(initial=1.0) > 0
+    assert not result.contacts(-1)["F"].any()
     np.testing.assert_allclose(result.v[-1, 0, -1], v_n, rtol=allowed)
-    np.testing.assert_allclose(result.v[-1, 0, 0], v_t - 2 * mu * v_n, rtol=allowed)
+    # friction takes a seventh of this velocity
+    np.testing.assert_allclose(result.v[-1, 0, 0], v_t - 2 * mu * v_n, rtol=1e-6 if method == "explicit" else allowed)
     star, mass = 1e7 / (1 - 0.3**2), RHO * 4 / 3 * math.pi * R**3
     deepest = (15 * mass * v_n**2 / (16 * star * math.sqrt(R))) ** 0.4
     beta = math.gamma(1.4) * math.gamma(0.5) / math.gamma(1.9)
