@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import math
 import re
@@ -132,8 +131,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = argparse.Namespace()
 
     def run() -> int:
-        # a derivation makes millions of small objects and few cycles of them: to look for these takes a tenth of it
-        gc.set_threshold(100_000, 20, 50)
         parser = _parser()
         complete(parser)
         parser.parse_args(given, options)

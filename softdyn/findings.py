@@ -7,10 +7,11 @@ is kept.
 
 from __future__ import annotations
 
+import gc
 import pickle
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -58,10 +59,25 @@ def _kept(what: str, law: ContactLaw, find: Callable[[], Any]) -> Any:
         entry = cache.read(KIND, key)
         if entry is not None:
             return pickle.loads((entry / "found.pickle").read_bytes())
-    found = find()
+    with _few_collections():
+        found = find()
     with suppress(SceneError, OSError, RecursionError):
         cache.publish(KIND, key, {"found.pickle": pickle.dumps(found)})
     return found
+
+
+@contextmanager
+def _few_collections() -> Iterator[None]:
+    """Look for cycles of objects less often: a derivation makes millions of small ones, and few cycles of them.
+
+    To look for these takes a tenth of it. Runs keep to what is usual: theirs may hold large arrays.
+    """
+    usual = gc.get_threshold()
+    gc.set_threshold(100_000, 20, 50)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)
 
 
 def identity(law: ContactLaw) -> list[Any]:
