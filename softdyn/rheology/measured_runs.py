@@ -84,7 +84,8 @@ def measured_flow(result: FluidResult) -> Measured:
 def _is_of_steps(name: str, values: NDArray[np.generic], steps: int) -> bool:
     """Whether an array has a number, or a vector, for each step: all that does has its name from what is measured."""
     told = ("force_", "flux_", "power_", "grain_", "coupling_", "bed_force", "volume_force", "momentum_rate")
-    of_steps = name.startswith(told) or name.endswith("_imbalance") or name in ("kinetic_rate", "kinetic_energy")
+    named = ("kinetic_rate", "kinetic_energy", "contacts", "substeps")
+    of_steps = name.startswith(told) or name.endswith("_imbalance") or name in named
     return steps > 0 and len(values) == steps and values.ndim <= 2 and (of_steps or name == "dissipation")
 
 
