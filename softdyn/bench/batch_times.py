@@ -49,11 +49,12 @@ def error_of(found: tuple[Array, Array], deltas: Array, gaps: Array) -> float:
 
     Parameters
     ----------
-    found : (array, array), shape (compared runs, gaps - 1)
-        h and delta, behind the first gap.
-    deltas : array, shape (runs, gaps)
-        Deflections of the reference.
-    gaps : array, shape (gaps,)
+    found : tuple of two arrays, shape (runs, outputs)
+        h and delta, over R.
+    deltas : array, shape (runs, outputs + 1)
+        Deflections of the reference over R, with those at the start.
+    gaps : array, shape (outputs + 1,)
+        Over R, the same in all runs; the first is where they start.
     """
     some = slice(None, None, RUNS // COMPARED)
     worst = max(np.max(np.abs(found[0][some] / gaps[1:] - 1)), np.max(np.abs(found[1][some] / deltas[some, 1:] - 1)))
@@ -61,15 +62,16 @@ def error_of(found: tuple[Array, Array], deltas: Array, gaps: Array) -> float:
 
 
 def integrators(forces: Array, times: Array, deltas: Array) -> Iterator[tuple[str, Callable[[], Solve], list[float]]]:
-    """Name, maker and tolerances.
+    """Name of each integrator, what prepares it, and the tolerances at which it is measured.
 
     Parameters
     ----------
     forces : array, shape (runs,)
-    times : array
-        At which gaps and deflections are told.
-    deltas : array, shape (runs, gaps)
-        Deflections of the reference.
+        Over E R^2.
+    times : array, shape (runs, outputs)
+        Of the outputs, in units of eta/E.
+    deltas : array, shape (runs, outputs + 1)
+        Deflections of the reference over R; some integrators start from the first of them.
     """
     for target in ("c", "numba"):
         yield f"softdyn, {target}", partial(_ours, target, forces, times), [10.0**-k for k in range(5, 14)]

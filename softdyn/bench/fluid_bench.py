@@ -76,7 +76,7 @@ def measured(work: Callable[[int, str], Figures], cells: int, elements: str) -> 
     ----------
     work : function of a number of cells and of elements
     cells : int
-        Along an edge.
+        Along each edge of the square, of two triangles each.
     elements : str
         As "P2-P1".
     """

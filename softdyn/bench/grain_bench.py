@@ -80,8 +80,9 @@ def measured(work: Callable[[int, int], Figures], cells: int, steps: int, thread
     ----------
     work : function of a number of cells and of steps
     cells : int
-        Of the packing, along an edge.
+        Of the lattice along each axis, of four spheres each.
     steps : int
+        That are measured.
     threads : int
     """
     kept = os.environ.get("OMP_NUM_THREADS")

@@ -73,7 +73,7 @@ def keep(folder: Path, name: str, report: dict[str, Any], text: str) -> None:
     ----------
     folder : Path
     name : str
-        Of the files, without the ending.
+        Of the benchmark: the files are name.partial.json and name.partial.txt.
     report : dict
         Plain data.
     text : str
@@ -105,7 +105,7 @@ def write_record(
     text : str
         The same in words.
     draw : function of a report
-        Returns a figure.
+        Returns a figure of matplotlib.
     """
     for file, content in ((f"{name}.json", json.dumps(report, indent=1) + "\n"), (f"{name}.txt", text)):
         with written_whole(folder / file) as temporary:

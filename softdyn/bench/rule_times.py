@@ -25,9 +25,9 @@ def kernels_by_rule(law: Any, kernel: Kernel, needs: dict[str, Any]) -> Iterator
     ----------
     law : str, Path or ContactLaw
     kernel : Kernel
-        As it is.
+        Of the scene; the variants differ from it in their functions, and in what these take and give.
     needs : dict
-        Fields of :class:`softdyn.derive.pair_equations.Needs`.
+        What the scene needs, fields of :class:`softdyn.derive.pair_equations.Needs`.
     """
     from softdyn.derive.emit import write
     from softdyn.derive.kernel_form import total_operations

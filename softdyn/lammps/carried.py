@@ -148,11 +148,11 @@ def crossover_words(ready: Prepared, dt: float, ns: float = EXPLICIT_NS, ranks: 
     ----------
     ready : Prepared
     dt : float
-        Length of the steps.
+        Of the explicit steps.
     ns : float
-        Nanoseconds for a contact.
+        Nanoseconds of processor time of one of them, for each contact.
     ranks : int
-        Processes.
+        Processes of LAMMPS.
     """
     rate, at = abs(float(ready.system.scene.shear_rate)), crossover(ready, dt, ns, ranks)  # type: ignore[arg-type]
     text = (

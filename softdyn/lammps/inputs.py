@@ -183,11 +183,11 @@ def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: st
     manifest : mapping
         Of the plugin.
     dt : float
-        Longest time step.
+        Longest time step, in units of the scene.
     name : str
         What the names of files begin with.
     loads : bool
-        Whether forces are given.
+        Whether there is a file of external forces and torques.
     """
     system, law = ready.system, manifest["name"]
     scene, d, reach = system.scene, system.dimension, system.reach
@@ -236,7 +236,7 @@ def write_inputs(ready: Prepared, manifest: Mapping[str, Any], dt: float, folder
     manifest : mapping
         Of the plugin.
     dt : float
-        Longest time step.
+        Longest time step, in units of the scene.
     folder : Path
     name : str
         What the names of files begin with.

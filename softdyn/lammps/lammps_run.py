@@ -163,7 +163,7 @@ def run_lammps(folder: Path, script: str, ranks: int = 1) -> str:
     script : str
         Name of the file.
     ranks : int
-        Processes.
+        Processes, over which the particles are distributed.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def read_frames(folder: Path, count: int, name: str = NAME) -> list[Told]:
     ----------
     folder : Path
     count : int
-        Particles.
+        Number of all particles: a frame with fewer is not whole.
     name : str
         What the names of files begin with.
     """

@@ -98,8 +98,9 @@ def given_over(system: PreparedScene, groups: Groups, times: Array, tilts: Array
     groups : Groups
         Of particles for which the same is given.
     times : array, shape (steps + 1,)
-    tilts : array
-        Of the box at these times.
+        Increasing.
+    tilts : array, shape (steps + 1,)
+        How far the top of the box is displaced along x at these times, a length, never wrapped.
     """
     steps = len(times) - 1
     force, end = np.zeros((steps + 1, *groups.shape)), np.zeros((steps + 1, *groups.shape))

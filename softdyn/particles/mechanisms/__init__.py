@@ -181,7 +181,7 @@ class Mechanism:
         contacts : Contacts
         t : float
             Start of the step.
-        x : array, shape (N, d + rotations)
+        x : array, shape (N, d)
         """
         return {}, {}
 
@@ -243,6 +243,7 @@ class Mechanism:
             Lattice vectors of the box, as columns.
         given : StageInput
         y : array, shape (contacts,)
+            As ``y_star`` of the stage; changed in place.
         """
         raise NotImplementedError
 
@@ -402,11 +403,12 @@ class Mechanism:
         system : System
         newton : Newton
         contacts : Contacts
-        x : array, shape (N, w)
+        x : array, shape (N, d)
             Positions before the jump.
         t : float
-        before, after : array, shape (N, w)
-            Forces, and torques over radii, on both sides of the jump.
+        before : array, shape (N, w), optional
+        after : array, shape (N, w)
+            External forces, and torques over radii, on both sides of the jump.
         """
         return None
 
@@ -448,13 +450,14 @@ class Mechanism:
         contacts : Contacts
         newton : Newton
         t, s : float
-            Time of the stage, and gamma dt.
+            End of the stage, and gamma dt.
         z_star : array
-            Coordinates of the box and of its walls, as x* is of the positions.
-        rates : array
-            Guess of the unknown rates of the box, 1/time.
-        solve : function of a system and positions
-            Finds the balance in a box.
+            Known part of the coordinates of box and walls, as x* is of the positions: see
+            :func:`softdyn.particles.surroundings.coordinates`.
+        rates : array, shape (unknown rates,)
+            Guess of those of the box, 1/time.
+        solve : function of a System and positions
+            Balances the particles' forces in a given box, from a guess of the positions.
         x : array, shape (N, w)
             Guess of the positions.
         """

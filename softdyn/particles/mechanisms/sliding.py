@@ -342,9 +342,9 @@ def turned_back(known: Known, vectors: Array, n: Array, angle: Array) -> Array:
     known : Known
     vectors : array, shape (contacts, d)
     n : array, shape (contacts, d)
-        Directions from i to j, at the end of the step.
+        Directions from i to j, at the stage.
     angle : array, shape (contacts,)
-        By which the contacts have turned about these, in radians.
+        psi there, in radians.
     """
     back = spin(vectors, n, -angle) if n.shape[1] == 3 else vectors
     return carry(back, n, known.normal)
@@ -364,7 +364,7 @@ def rolling_stiffness(known: Known, values: dict[str, Array], s: float) -> Array
     values : mapping from str to array, shape (contacts,)
         What the kernel gives of tangential motion.
     s : float
-        gamma dt of the stage.
+        gamma dt of the stage; 0 where no time passes.
     """
     if s > 0:
         return values["roll"] / s
@@ -475,7 +475,7 @@ def tangents(
     curvature : array, shape (contacts,)
         1/r, or 0 of walls.
     s : float
-        gamma dt of the stage.
+        gamma dt of the stage; 0 where no time passes.
     bounded : Bounded, optional
         Of surfaces that rub.
     """

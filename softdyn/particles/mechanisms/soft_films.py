@@ -105,13 +105,13 @@ def solve_contacts(
     overlap : array, shape (contacts,)
         Sums of the radii less the distances of the centres.
     s : float
-        gamma dt of the stage.
+        gamma dt of the stage, > 0.
     start : array, shape (contacts,)
         Gaps as the step began.
     target : array, shape (contacts,)
-        Known part y* of their state.
+        Known part y* of their state, y = sinh(ln(h/g)) with the gap g as the step began.
     y : array, shape (contacts,)
-        Their state.
+        Guess of y, changed in place.
     q : array, shape (parameters, contacts)
         Varying parameters of the law.
     """

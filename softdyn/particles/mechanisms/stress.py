@@ -155,11 +155,11 @@ class ImposedStress(Mechanism):
         ----------
         system, contacts, newton, t, s, z_star
             See :func:`softdyn.particles.surroundings.placed`.
-        rates : array
-            A guess.
+        rates : array, shape (names,)
+            A guess, 1/time.
         solve : function of a System and positions
             Balances the particles' forces in a given box, from a guess of the positions.
-        x : array, shape (N, d)
+        x : array, shape (N, d + rotations)
             A guess.
 
         Returns
@@ -276,6 +276,7 @@ def excess(imposed: ImposedStress, system: System, contacts: Contacts, at: Balan
     ----------
     imposed : ImposedStress
     system : System
+        With the box at the end of the stage, which ``at`` is of.
     contacts : Contacts
     at : Balance
     t : float
@@ -298,15 +299,18 @@ def _relative(imposed: ImposedStress, system: System, at: Balance, wrong: Array,
 def condensed(
     imposed: ImposedStress, system: System, contacts: Contacts, newton: Newton, at: Balance, s: float
 ) -> tuple[Array, Array]:
-    """Derivatives of the stress by the unknown rates, forces in balance: S and dx/dg, shape (names, N, d).
+    """Derivatives of the stress by the unknown rates, forces in balance: S and dx/dg.
+
+    Of the shapes (names, names) and (names, N, d + rotations).
 
     Parameters
     ----------
     imposed : ImposedStress
     system : System
+        With the box at the end of the stage, which ``at`` is of.
     contacts : Contacts
     newton : Newton
-        With the matrix of the balance.
+        With the matrix of the balance; without one nothing moves with the box.
     at : Balance
     s : float
         gamma dt of the stage.
