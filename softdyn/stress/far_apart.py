@@ -40,7 +40,19 @@ def pair_friction(law: str, gap: float) -> float:
 
 
 def friction_of_many(law: str, gap: float, ratio: float, drag: float) -> float:
-    """The same in a scene of many, of spheres of the radii 1 and ``ratio``; ``inf``: of a sphere and a wall."""
+    """The same in a scene of many, of spheres of the radii 1 and ``ratio``; ``inf``: of a sphere and a wall.
+
+    Parameters
+    ----------
+    law : str
+        One of those in ``LAWS``.
+    gap : float
+        Distance of the surfaces, in units of the smaller radius.
+    ratio : float
+        The other radius, in the same units.
+    drag : float
+        Of each sphere by itself, in units of that of Stokes: ``drag`` of the scene.
+    """
     from softdyn.particles.geometry import Wall
     from softdyn.particles.particle_keys import ParticleScene, Push
     from softdyn.particles.particle_run import simulate_particles

@@ -49,7 +49,19 @@ class Cell:
 def judge(
     where: tuple[str, str, str], run: Callable[[], PairResult], error_of: Callable[[PairResult], float], allowed: float
 ) -> Cell:
-    """Run, and compare."""
+    """Run, and compare.
+
+    Parameters
+    ----------
+    where : tuple of str
+        Group, name and column of the cell.
+    run : function without arguments
+        Makes the result.
+    error_of : function of a PairResult
+        Largest true error of its outputs, relative.
+    allowed : float
+        What that may be.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -71,7 +83,19 @@ def judge(
 
 
 def judge_number(where: tuple[str, str, str], find: Callable[[], float], expected: float, allowed: float) -> Cell:
-    """Run what ends in one number, and compare it, relative to what is expected unless that is 0."""
+    """Run what ends in one number, and compare it, relative to what is expected unless that is 0.
+
+    Parameters
+    ----------
+    where : tuple of str
+        Group, name and column of the cell.
+    find : function without arguments
+        Finds the number.
+    expected : float
+        What it is by another way.
+    allowed : float
+        What the error may be.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -232,6 +232,15 @@ def all_cells(say: Callable[[str], None] = lambda _: None) -> list[Cell]:
 def stress(folder: Path, *, scenes: int = RANDOM_SCENES, say: Callable[[str], None] = print) -> dict[str, Any]:
     """Run everything, and write ``stress.json``, ``stress.txt`` and ``stress.png`` into a folder.
 
+    Parameters
+    ----------
+    folder : Path
+        Made, if it is not there.
+    scenes : int
+        Random scenes at default settings; a quarter as many are run again at a loose tolerance.
+    say : function of str
+        Is told a line of each cell, and of each random scene that is not right.
+
     Raises
     ------
     SceneError

@@ -64,7 +64,15 @@ class Functions:
         return side * float(found)
 
     def rate(self, h: float, delta: float, F: float) -> float:
-        """Of h."""
+        """Rate of h, in units of R E/eta.
+
+        Parameters
+        ----------
+        h, delta : float
+            In units of R.
+        F : float
+            In units of E R^2, < 0 where it pulls.
+        """
         return (self.remote(h, delta) - F) / self.friction(h, delta)
 
 
@@ -235,7 +243,16 @@ class Pull:
 
 
 def error_of(pull: Pull, expected: tuple[Array, Array], result: PairResult) -> float:
-    """Largest relative error of t at gaps, or h at times; and of delta, over a tenth of the largest at least."""
+    """Largest relative error of t at gaps, or h at times; and of delta, over a tenth of the largest at least.
+
+    Parameters
+    ----------
+    pull : Pull
+    expected : tuple of two arrays, shape (outputs,)
+        Times at the gaps, or gaps at the times, and deflections: as of :meth:`Pull.expected`.
+    result : PairResult
+        Its last rows are the outputs.
+    """
     main, delta = expected
     found = result.t if pull.by_gap else result.h
     count = len(main)

@@ -51,7 +51,16 @@ class Case:
 
 
 def values_of(law: ContactLaw, names: tuple[str, ...], tangential: bool) -> Callable[..., Any]:
-    """Function of h, delta and ``names``: F_ela, its slopes in h and delta, zeta, F_adh, and A, B, G, k_t."""
+    """Function of h, delta and ``names``: F_ela, its slopes in h and delta, zeta, F_adh, and A, B, G, k_t.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    names : tuple of str
+        Of the parameters that the law has in a contact, in the order in which the function takes them.
+    tangential : bool
+        Whether A, B, G and k_t are wanted, which the law must declare then.
+    """
     elastic = _by_cases(law.F_ela.subs(a, law.a))
     found = [elastic, diff(elastic, h), diff(elastic, delta)]
     found += [_by_cases(expr.subs(a, law.a)) for expr in (law.zeta * law.unequal, law.F_adh)]

@@ -53,7 +53,17 @@ def images(scene: ParticleScene, d: int) -> Iterator[tuple[int, int, int]]:
 
 
 def near(case: Case, x: Array, z: Array, beside: float = 0.0) -> set[Pair]:
-    """Pairs whose surfaces are within the range of one another, or by so many radii beyond it."""
+    """Pairs whose surfaces are within the range of one another, or by so many radii beyond it.
+
+    Parameters
+    ----------
+    case : Case
+    x : array, shape (N, d)
+    z : array, shape (4 + 3 walls,)
+        What surrounds the particles, as of :func:`softdyn.stress.particles.cases.first_surroundings`.
+    beside : float
+        How far beyond the range pairs are wanted, in units of the smallest radius.
+    """
     scene, (count, d) = case.scene, x.shape
     reach = math.inf if scene.range is None else float(scene.range)
     radii = np.broadcast_to(np.array(scene.radii, dtype=float), (count,))
@@ -81,6 +91,15 @@ def balanced(eq: Equations, t: float, state: Array, part: int) -> Array:
     """Without drag: positions in elastic equilibrium at the gaps of a state.
 
     Beyond their range surfaces do not press, and the gap follows the centres, until it is the range.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array
+        Its positions are a guess.
+    part : int
+        Number of the part between breaks of the drives, as of :func:`softdyn.stress.particles.cases.part_of`.
     """
     x, u, T, z = unpack(eq, state.copy())
     given = eq.given(t, part)
@@ -106,7 +125,18 @@ def balanced(eq: Equations, t: float, state: Array, part: int) -> Array:
 
 
 def settled(eq: Equations, t: float, state: Array, part: int, before: Mode | None = None) -> tuple[Array, Mode]:
-    """A state, and what its contacts are from then on; those that ride have exactly the gap that goes with it."""
+    """A state, and what its contacts are from then on; those that ride have exactly the gap that goes with it.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array
+    part : int
+        Number of the part between breaks of the drives.
+    before : array of int, shape (contacts,), optional
+        What the contacts were until then: gaps of those that rode are what goes with their centres.
+    """
     x, u, T, z = unpack(eq, state.copy())
     _, r = geometry(eq, x, z)
     gap, length = np.exp(u), float(eq.radii.min())
@@ -127,7 +157,18 @@ def settled(eq: Equations, t: float, state: Array, part: int, before: Mode | Non
 
 
 def lasting(eq: Equations, t: float, state: Array, part: int, mode: Mode) -> float:
-    """Above 0 as long as all contacts are what they were."""
+    """Above 0 as long as all contacts are what they were.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array
+    part : int
+        Number of the part between breaks of the drives.
+    mode : array of int, shape (contacts,)
+        What the contacts were: PRESSED, PULLED or RIDES.
+    """
     now = tell(eq, t, state, part, mode)
     size, margin = now.deflection / float(eq.radii.min()), 2 * NONE
     pressed = np.minimum(size + margin, 1 - now.gap / eq.reach)
@@ -137,7 +178,18 @@ def lasting(eq: Equations, t: float, state: Array, part: int, mode: Mode) -> flo
 
 
 def integrate(eq: Equations, first: Array, times: Array, rtol: float) -> Array:
-    """States at the times, the first of which is that of ``first``, shape (times, ...)."""
+    """States at the times, the first of which is that of ``first``, shape (times, ...).
+
+    Parameters
+    ----------
+    eq : Equations
+    first : array
+        State at the first of the times.
+    times : array, shape (times,)
+        Increasing.
+    rtol : float
+        Of scipy's steps.
+    """
     ends = [float(times[0]), *(t for t in eq.breaks if times[0] < t < times[-1]), float(times[-1])]
     force = max(float(np.abs(now_of(eq, t, first).F).max(initial=0.0)) for t in ends)
     stiff = float(np.abs(eq.law_of(np.exp(unpack(eq, first)[1]), 0 * eq.S, *eq.q)[2]).max()) if len(eq.pairs) else 1.0
@@ -185,14 +237,34 @@ def integrate(eq: Equations, first: Array, times: Array, rtol: float) -> Array:
 
 
 def now_of(eq: Equations, t: float, state: Array) -> Now:
-    """All that the equations say of a state by itself; at a break of the drives, before it."""
+    """All that the equations say of a state by itself; at a break of the drives, before it.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array
+    """
     part = part_of(eq, t)
     state, mode = settled(eq, t, state, part)
     return tell(eq, t, state, part, mode)
 
 
 def jumped(eq: Equations, t: float, state: Array, after: int, rtol: float) -> Array:
-    """State behind a jump of the forces, where nothing but films resists for an instant: these stay as they are."""
+    """State behind a jump of the forces, where nothing but films resists for an instant: these stay as they are.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+        Of the jump, a break of the drives.
+    state : array
+        Before it.
+    after : int
+        Number of the part of the drives behind it.
+    rtol : float
+        Of scipy's steps, where surfaces slide.
+    """
     before = eq.given(t, part_of(eq, t))["force"]
     jump = eq.given(t, after)["force"] - before
     if np.abs(jump).max() < FREE * np.abs(eq.given(t, after)["force"]).max():
@@ -205,6 +277,20 @@ def ramped(eq: Equations, t: float, state: Array, before: Array, after: int, rto
 
     That is the limit of faster and faster ramps. Of one within an instant the equations are what they always are, in
     which films and what slides have no time to move.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+        Of the jump.
+    state : array
+        Before it.
+    before : array, shape (N, 3)
+        External forces before it.
+    after : int
+        Number of the part of the drives behind it.
+    rtol : float
+        Of scipy's steps.
     """
     instant, then = INSTANT * run_end(eq.case.scene), eq.given(t, after)
     still = {name: np.zeros_like(value) for name, value in then.items()}
@@ -217,10 +303,19 @@ def ramped(eq: Equations, t: float, state: Array, before: Array, after: int, rto
 
 
 def solve(case: Case, times: Array, rtol: float, looks: int = 8) -> tuple[Equations, Array]:
-    """States of a case at the output times.
+    """States of a case at the output times, and its equations.
 
-    Contacts that come within range on the way are found by looking ``looks`` times between two outputs, and the whole
-    is integrated once more with them.
+    Contacts that come within range on the way are looked for, and the whole is integrated once more with them.
+
+    Parameters
+    ----------
+    case : Case
+    times : array, shape (times,)
+        Increasing, from 0.
+    rtol : float
+        Of scipy's steps.
+    looks : int
+        So many times between two outputs contacts are looked for.
     """
     scene = case.scene
     x = np.array(scene.positions, dtype=float)

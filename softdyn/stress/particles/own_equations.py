@@ -50,7 +50,19 @@ def unpack(eq: Equations, state: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def pack(eq: Equations, x: Array, u: Array, T: Array, z: Array) -> Array:
-    """State, or its rates."""
+    """State, or its rates; of many states at once, too.
+
+    Parameters
+    ----------
+    eq : Equations
+    x : array, shape (..., N, 3)
+    u : array, shape (..., contacts)
+        ln h.
+    T : array, shape (..., contacts, 3)
+        Tangential forces, from i to j; left out where nothing slides.
+    z : array, shape (..., 4 + 3 walls)
+        Logarithms of the lengths of the box, its tilt, points of the walls.
+    """
     lead = x.shape[:-2]
     parts = [x[..., : eq.d].reshape(*lead, -1), u, T.reshape(*lead, -1) if eq.slides else np.zeros((*lead, 0)), z]
     return np.concatenate(parts, axis=-1)
@@ -79,7 +91,15 @@ def _times(matrix: Array, v: Array) -> Array:
 
 
 def geometry(eq: Equations, x: Array, z: Array) -> tuple[Array, Array]:
-    """Normals and distances."""
+    """Normals, shape (..., contacts, 3), and distances of the centres, or from the walls, shape (..., contacts).
+
+    Parameters
+    ----------
+    eq : Equations
+    x : array, shape (..., N, 3)
+    z : array, shape (..., 4 + 3 walls)
+        Logarithms of the lengths of the box, its tilt, points of the walls.
+    """
     points = z[..., 4:].reshape(*z.shape[:-1], -1, 3)
     pair = eq.j < eq.count
     every = np.concatenate([x, points], axis=-2)
@@ -98,6 +118,13 @@ def weights(eq: Equations, gap: Array, mode: Mode) -> tuple[Array, Array, Array,
     """Weight w, falling from 1 to 0 between half of the range and the range; film, grip, and the slope of grip in h.
 
     Of pressed surfaces the film fades, of pulled ones the force.
+
+    Parameters
+    ----------
+    eq : Equations
+    gap : array, shape (..., contacts)
+    mode : array of int, shape (contacts,)
+        PRESSED, PULLED or RIDES.
     """
     if math.isinf(eq.reach):
         one = np.ones_like(gap)
@@ -186,7 +213,19 @@ class Sliding:
 
 
 def tell(eq: Equations, t: float, state: Array, part: int, mode: Mode) -> Now:
-    """Forces, velocities and rates of a state, or of many at once; ``part``: between which breaks of the drives."""
+    """Forces, velocities and rates of a state, or of many at once.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array, shape (..., numbers)
+        As of :func:`pack`; real or complex.
+    part : int
+        Number of the part between breaks of the drives, as of :func:`softdyn.stress.particles.cases.part_of`.
+    mode : array of int, shape (contacts,)
+        PRESSED, PULLED or RIDES.
+    """
     x, u, T, z = unpack(eq, state)
     given, cell = eq.given(t, part), cell_of(eq, z)
     n, r = geometry(eq, x, z)
@@ -237,7 +276,16 @@ def tell(eq: Equations, t: float, state: Array, part: int, mode: Mode) -> Now:
 
 
 def box_gradient(eq: Equations, given: Mapping[str, Array], stress: Array) -> Array:
-    """Velocity gradient: given, or such that 2 eta D and the stress of the contacts are the imposed one."""
+    """Velocity gradient: given, or such that 2 eta D and the stress of the contacts are the imposed one.
+
+    Parameters
+    ----------
+    eq : Equations
+    given : mapping from str to array
+        As of ``given`` of the equations; its shear rate and stress are used.
+    stress : array, shape (..., 3, 3)
+        Of the contacts, force over area, > 0 in tension; it matters where a stress is imposed.
+    """
     stress = (stress + np.swapaxes(stress, -1, -2)) / 2
     gradient = np.zeros_like(stress)
     gradient[..., 0, 1] = given["shear"][0]
@@ -288,7 +336,14 @@ def _sliding(eq: Equations, at: Contacts, T: Array, rides: NDArray[np.bool_]) ->
 
 
 def spread(rows: Array, columns: Array, blocks: Array) -> Array:
-    """Sum of blocks of the contacts, shape (N, 3, N, 3), by the parts (contacts, N) that rows and columns have."""
+    """Sum of blocks of the contacts, shape (..., N, 3, N, 3), by the parts that rows and columns have.
+
+    Parameters
+    ----------
+    rows, columns : array, shape (contacts, N)
+        How much each particle counts in each contact: 1 or -1 at its ends, else 0.
+    blocks : array, shape (..., contacts, 3, 3)
+    """
     outer = rows[:, :, None] * columns[:, None, :]
     return np.asarray(np.einsum("...abnm->...namb", np.tensordot(blocks, outer, axes=(-3, 0))))
 
@@ -402,6 +457,18 @@ def _idle(eq: Equations, at: Contacts, slides: Sliding) -> Array:
 
 
 def jacobian(eq: Equations, t: float, state: Array, part: int, mode: Mode) -> Array:
-    """Derivatives of the rates by the state, to rounding: by an imaginary step, all columns at once."""
+    """Derivatives of the rates by the state, to rounding: by an imaginary step, all columns at once.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array, shape (numbers,)
+        One, and real.
+    part : int
+        Number of the part between breaks of the drives.
+    mode : array of int, shape (contacts,)
+        PRESSED, PULLED or RIDES.
+    """
     step = 1e-40
     return np.asarray(tell(eq, t, state + 1j * step * np.eye(len(state)), part, mode).rates.imag.T / step)

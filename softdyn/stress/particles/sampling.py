@@ -64,13 +64,27 @@ class Draft:
         return bool(self.random.random() < odds)
 
     def scale(self, length: int, force: int, time: int) -> float:
-        """Size of a unit that is a product of powers."""
+        """Size of a unit that is a product of powers of those of length, force and time.
+
+        Parameters
+        ----------
+        length, force, time : int
+            The powers.
+        """
         return float(self.unit[0] ** length * self.unit[1] ** force * self.unit[2] ** time)
 
     def drive(self, size: float, until: float, plain: bool = False, most: float = 20.0) -> Any:
-        """A number, an expression of t or a table, of that size; all in the units of the scene.
+        """A number, an expression of t or a table, of some size; all in the units of the scene.
 
-        ``plain``: from 0 on, and without jumps. ``most``: of a pulse, in units of the size.
+        Parameters
+        ----------
+        size : float
+        until : float
+            Duration of the run.
+        plain : bool
+            Whether it begins at 0, or near it, and has no jumps.
+        most : float
+            Largest height of a pulse, in units of the size.
         """
         if not plain and self.chance(0.3):
             return size

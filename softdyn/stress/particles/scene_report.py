@@ -32,6 +32,14 @@ SHOWN = 10
 def stress_particles(folder: Path, scenes: int = SCENES, say: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
     """Judge so many scenes, and write particles.json, particles.txt and particles.png into the folder.
 
+    Parameters
+    ----------
+    folder : Path
+        Made, if it is not there.
+    scenes : int
+    say : function of str
+        Is told a line of each scene that is neither right nor refused, and how many are done.
+
     Raises
     ------
     SceneError

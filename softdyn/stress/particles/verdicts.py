@@ -78,7 +78,15 @@ Frame = dict[str, Array]
 
 
 def of_reference(eq: Equations, t: float, state: Array) -> tuple[Frame, dict[tuple[int, int], int]]:
-    """What the reference says at t, and the rows of the contacts within their range."""
+    """What the reference says at t, and the rows of the contacts within their range.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array
+        As of :func:`softdyn.stress.particles.own_equations.pack`.
+    """
     now = now_of(eq, t, state)
     x, *_ = unpack(eq, state)
     d = eq.d
@@ -98,7 +106,14 @@ def of_reference(eq: Equations, t: float, state: Array) -> tuple[Frame, dict[tup
 
 
 def of_engine(eq: Equations, result: ParticleResult, k: int) -> tuple[Frame, dict[tuple[int, int], int]]:
-    """The same of frame k of a result."""
+    """The same of frame k of a result.
+
+    Parameters
+    ----------
+    eq : Equations
+    result : ParticleResult
+    k : int
+    """
     contacts = result.contacts(k)
     frame: Frame = {name: contacts[name] for name in ("h", "F", "T") if name in contacts}
     frame |= {
@@ -114,7 +129,16 @@ def differences(
     eq: Equations, one: tuple[Frame, dict[tuple[int, int], int]], other: tuple[Frame, dict[tuple[int, int], int]],
     sizes: dict[str, float],
 ) -> dict[str, float]:  # fmt: skip
-    """By how much two frames differ, what each name stands for in units of its size."""
+    """By how much two frames differ, what each name stands for in units of its size.
+
+    Parameters
+    ----------
+    eq : Equations
+    one, other : tuple of (Frame, mapping from (i, j) to int)
+        Frames, and the rows that the contacts within their range have in them.
+    sizes : mapping from str to float
+        As of :func:`sizes_of`.
+    """
     (left, rows), (right, others) = one, other
     found = {}
     for name in left:
@@ -149,7 +173,19 @@ def sizes_of(eq: Equations, frames: list[Frame]) -> dict[str, float]:
 
 
 def kicked(eq: Equations, t: float, state: Array, size: float, random: np.random.Generator) -> Array:
-    """A state with an error as large as a step may leave, of that size instead of ``rtol``."""
+    """A state with an error as large as a step may leave, of that size instead of ``rtol``.
+
+    Parameters
+    ----------
+    eq : Equations
+    t : float
+    state : array
+    size : float
+        Of gaps relative to them, of positions in units of the radius, of tangential forces in units of the largest
+        force.
+    random : Generator
+        Draws the signs.
+    """
     x, u, T, z = unpack(eq, state)
 
     def sign(shape: int | tuple[int, ...]) -> Array:
