@@ -79,7 +79,15 @@ def in_numbers(closure: Closure, expr: Any) -> Any:
 
 
 def margins(closure: Closure, regime: ClosureRegime, numbers: Array, grains: Array) -> Array:
-    """Decades by which a regime's conditions hold; -inf where its case does not apply, inf without conditions."""
+    """Decades by which a regime's conditions hold; -inf where its case does not apply, inf without conditions.
+
+    Parameters
+    ----------
+    closure : Closure
+    regime : ClosureRegime
+    numbers, grains : array, of one shape
+        Re, and volume fractions of the grains.
+    """
     inside = in_numbers(closure, regime.case)(numbers, grains).astype(bool)
     least = np.full(numbers.shape, math.inf)
     for condition in regime.conditions:
@@ -90,7 +98,16 @@ def margins(closure: Closure, regime: ClosureRegime, numbers: Array, grains: Arr
 
 
 def errors_of(closure: Closure, regime: ClosureRegime, numbers: Array, grains: Array) -> Array:
-    """Return abs(closure/form - 1)."""
+    """Return abs(closure/form - 1).
+
+    Parameters
+    ----------
+    closure : Closure
+    regime : ClosureRegime
+        One with a form.
+    numbers, grains : array, of one shape
+        Re, and volume fractions of the grains.
+    """
     assert regime.form is not None
     exact = in_numbers(closure, closure.expression)(numbers, grains)
     with np.errstate(all="ignore"):

@@ -263,7 +263,15 @@ def force_colour(force: float, table: Mapping[str, NDArray[Any]]) -> Any:
 
 
 def draw_table(axes: Axes, diagram: Diagram, found: Sequence[Regime]) -> None:
-    """Panel (a): the leading forms of each regime, with their exact prefactors."""
+    """Panel (a): the leading forms of each regime, with their exact prefactors.
+
+    Parameters
+    ----------
+    axes : Axes
+    diagram : Diagram
+    found : sequence of Regime
+        Those that have a row, from the top.
+    """
     axes.set_axis_off()
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_title("(a) limits of the law")
@@ -299,7 +307,17 @@ def draw_table(axes: Axes, diagram: Diagram, found: Sequence[Regime]) -> None:
 
 
 def scaled_text(form: Expr, unit: Expr, edge: Expr) -> str:
-    """Mathtext of a dimensionless form in h/R and kappa = F/unit over its value at the edge of the model."""
+    """Mathtext of a dimensionless form in h/R and kappa = F/unit over its value at the edge of the model.
+
+    Parameters
+    ----------
+    form : Expr
+        A product of powers of h, F and the parameters.
+    unit : Expr
+        Of forces: kappa = F/unit.
+    edge : Expr
+        Value of kappa at the edge of the model, kappa*; 1 to write kappa itself.
+    """
     number, gap_power, power = monomial(form, unit)
     number = (number * edge**power).simplify()
     kappa = r"\kappa" if edge == 1 else r"\kappa/\kappa_\ast"
@@ -313,13 +331,31 @@ def _quotient_power(base: str, power: Expr) -> str:
 
 
 def window(diagram: Diagram, xlim: Interval, ylim: Interval) -> Plane:
-    """Return the plane of a law, seen through a window of log10(h/R) and log10(kappa)."""
+    """Return the plane of a law, seen through a window of log10(h/R) and log10(kappa).
+
+    Parameters
+    ----------
+    diagram : Diagram
+        Of a law with typical values of all of its own parameters.
+    xlim, ylim : (low, high)
+        Of log10(h/R) and log10(kappa).
+    """
     values = parameter_values(diagram.law)
     return Plane(diagram.law, values, float(force_unit(diagram.law).subs(values)), xlim, ylim)
 
 
 def draw_phases(axes: Axes, diagram: Diagram, found: Sequence[Regime], table: Mapping[str, NDArray[Any]]) -> None:
-    """Panel (b): where each regime is, and the way of each run through them, from the right to the left."""
+    """Panel (b): where each regime is, and the way of each run through them, from the right to the left.
+
+    Parameters
+    ----------
+    axes : Axes
+    diagram : Diagram
+    found : sequence of Regime
+        Those that are drawn.
+    table : mapping from str to array, shape (forces, gaps)
+        With ``h/R`` and ``kappa`` of the runs; see :func:`figure3`.
+    """
     X, Y = np.log10(table["h/R"]), np.log10(table["kappa"])
     xlim, ylim = (float(X.min()), float(X.max())), (float(Y.min()) - 0.4, 0.4)
     plane = window(diagram, xlim, ylim)
@@ -353,7 +389,16 @@ def draw_phases(axes: Axes, diagram: Diagram, found: Sequence[Regime], table: Ma
 
 
 def label_line(axes: Axes, X: Array, Y: Array, text: str) -> None:
-    """Set a formula along a straight line."""
+    """Set a formula along a straight line.
+
+    Parameters
+    ----------
+    axes : Axes
+    X, Y : array, shape (points,)
+        Of the line, in the coordinates of the axes.
+    text : str
+        Mathtext, without the dollars.
+    """
     along = np.array([X[-1] - X[0], Y[-1] - Y[0]])
     across = np.array([-along[1], along[0]]) / np.hypot(*along)
     axes.text(
@@ -364,7 +409,16 @@ def label_line(axes: Axes, X: Array, Y: Array, text: str) -> None:
 
 
 def crossover_text(crossover: Crossover, unit: Expr, edge: Expr) -> str:
-    """Mathtext of a crossover, as h = R or kappa = kappa* (h/R)^power."""
+    """Mathtext of a crossover, as h = R or kappa = kappa* (h/R)^power.
+
+    Parameters
+    ----------
+    crossover : Crossover
+    unit : Expr
+        Of forces: kappa = F/unit.
+    edge : Expr
+        Value of kappa at the edge of the model, kappa*; 1 to write kappa itself.
+    """
     if crossover.line.lhs == h:
         return f"h = {product_text(crossover.line.rhs)}"
     parts = [] if edge == 1 else [r"\kappa_\ast"]
@@ -384,7 +438,21 @@ def draw_over_phases(
 ) -> None:
     """Panels (c) to (f): one quantity along each run, above the phase diagram.
 
-    ``quantity`` names the leading forms, "delta" or "dh_dt"; ``is_log`` tells its logarithm from its exponent.
+    Parameters
+    ----------
+    axes : Axes3D
+    title : str
+    values : array, shape (forces, gaps)
+        log10 of delta/R, or of the rate over V, or the exponent of either.
+    quantity : "delta" or "dh_dt"
+        Of whose leading forms it is.
+    is_log : bool
+        Whether values are logarithms, beside which leading forms are drawn, and not exponents.
+    diagram : Diagram
+    found : sequence of Regime
+        Those that are drawn.
+    table : mapping from str to array, shape (forces, gaps)
+        With ``h/R`` and ``kappa`` of the runs; see :func:`figure3`.
     """
     X, Y = np.log10(table["h/R"]), np.log10(table["kappa"])
     xlim, ylim = (float(X.min()), float(X.max())), (float(Y.min()), 0.0)
@@ -425,7 +493,17 @@ def draw_over_phases(
 
 
 def draw_floor(axes: Axes3D, z: float, diagram: Diagram, found: Sequence[Regime], plane: Plane) -> None:
-    """Replot the phase diagram at the height z."""
+    """Replot the phase diagram at the height z.
+
+    Parameters
+    ----------
+    axes : Axes3D
+    z : float
+    diagram : Diagram
+    found : sequence of Regime
+        Those that are drawn.
+    plane : Plane
+    """
     for regime, colour in zip(found, COLOURS, strict=False):
         for corners in region(regime, plane):
             flat = [[(px, py, z) for px, py in corners]]
@@ -439,7 +517,18 @@ def draw_floor(axes: Axes3D, z: float, diagram: Diagram, found: Sequence[Regime]
 
 
 def draw_leading_form(axes: Axes3D, form: Expr, regime: Regime, plane: Plane, X: Array, Y: Array) -> None:
-    """Leading form of a quantity along one run, where it is inside the regime."""
+    """Leading form of a quantity along one run, where it is inside the regime.
+
+    Parameters
+    ----------
+    axes : Axes3D
+    form : Expr
+        Dimensionless, in h, F and the parameters.
+    regime : Regime
+    plane : Plane
+    X, Y : array, shape (gaps,)
+        log10(h/R) and log10(kappa) of the run.
+    """
     inside = holds(regime, plane, X, Y)
     Z = logarithm(form, plane)(X, Y)
     axes.plot(X[inside], Y[inside], Z[inside], color=INK, lw=0.7, ls=(0, (1, 1.5)), zorder=5, clip_on=False)
@@ -507,7 +596,24 @@ def box(
     columns: int = 1,
     beside: bool = False,
 ) -> None:
-    """Draw a box (left, bottom, width, height) with a title and, below or beside it, formulas that fit into it."""
+    """Draw a box (left, bottom, width, height) with a title and, below or beside it, formulas that fit into it.
+
+    Parameters
+    ----------
+    axes : Axes
+        Whose coordinates are points.
+    frame : tuple of float
+        Left, bottom, width and height, in points.
+    title : str
+    formulas : sequence of str
+        Mathtext, without the dollars.
+    colour : str
+        Of the area.
+    columns : int
+        In which the formulas stand.
+    beside : bool
+        Whether they stand beside the title.
+    """
     left, bottom, width, height = frame
     axes.add_patch(FancyBboxPatch(
         (left + 4, bottom + 4), width - 8, height - 8, boxstyle="round,pad=4", facecolor=colour, edgecolor=INK, lw=0.8
@@ -530,7 +636,15 @@ def box(
 
 
 def fitting_size(text: str, width: float, height: float) -> float:
-    """Return the font size, in points, at which mathtext fits into a box in points; at most LARGEST."""
+    """Return the font size, in points, at which mathtext fits into a box in points; at most LARGEST.
+
+    Parameters
+    ----------
+    text : str
+        Mathtext, without the dollars.
+    width, height : float
+        Of the box, in points.
+    """
     parsed = MathTextParser("path").parse(f"${text}$", dpi=72, prop=FontProperties(size=LARGEST))
     # the height of what is parsed includes its depth
     return float(LARGEST * min(1.0, width / parsed.width, height / parsed.height))
@@ -539,7 +653,20 @@ def fitting_size(text: str, width: float, height: float) -> float:
 def arrow(
     axes: Axes, points: Sequence[tuple[float, float]], label: str = "", at: tuple[float, float] = (0, 0), **text: Any
 ) -> None:
-    """Arrow along straight pieces, with a label."""
+    """Arrow along straight pieces, with a label.
+
+    Parameters
+    ----------
+    axes : Axes
+    points : sequence of (x, y)
+        Corners of the line, the first and the last its ends.
+    label : str
+        Text, with dollars around formulas.
+    at : (x, y)
+        Where the label is.
+    **text
+        What ``Axes.text`` takes besides, for the label.
+    """
     path = Path2D([*points])
     axes.add_patch(
         FancyArrowPatch(path=path, arrowstyle="-|>", mutation_scale=10, color=INK, lw=1.1, shrinkA=0, shrinkB=0)

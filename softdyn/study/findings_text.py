@@ -324,6 +324,16 @@ def regimes_data(
 
     With real values, ``at`` holds these, in SI units, and what R, E and eta are units of; ``numbers`` holds the leading
     forms with numbers in their place, as text.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    films : Films, optional
+        Of the diagram's law, if it has any.
+    found : mapping, optional
+        Of :func:`softdyn.study.presence.presence_of`.
+    real : RealValues, optional
+        Of the diagram's law.
     """
     words = None if real is None else Numbers(real)
     regimes = [

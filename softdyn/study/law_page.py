@@ -189,12 +189,31 @@ def environment() -> Environment:
 
 
 def shown(glyphs: dict[str, str], latex: str, text: object) -> Markup:
-    """A formula, whose outlines are added to those of the page."""
+    """A formula, whose outlines are added to those of the page.
+
+    Parameters
+    ----------
+    glyphs : dict from str to str
+        Outlines by identifier; those that the formula needs are added.
+    latex : str
+        As of :mod:`softdyn.derive.typeset`.
+    text : object
+        The same in plain text: a str, or an expression.
+    """
     return Markup(formula(latex, text if isinstance(text, str) else sstr(text), glyphs))
 
 
 def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) -> list[str]:
-    """What was found, in sentences."""
+    """What was found, in sentences.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Of all claimed limits.
+    diagram : Diagram
+    films : Films or None
+        None of a law without remote forces, or without a fluid.
+    """
     lines = []
     counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in ("proved", "disproved", "undecided")}
     if findings:
@@ -318,7 +337,17 @@ def tangential(law: ContactLaw, show: Show) -> list[dict[str, Any]]:
 
 
 def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, show: Show) -> dict[str, Any]:
-    """One claimed limit and the verdicts on what it claims."""
+    """One claimed limit and the verdicts on what it claims.
+
+    Parameters
+    ----------
+    limit : Limit
+    findings : sequence of Finding
+        Of all limits; those of this one are taken.
+    diagram : Diagram
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    """
     law = diagram.law
     side: Side = "compression" if side_of(limit) > 0 else "tension"
     regime = next((r for r in diagram.regimes if r.side == side and limit.name in r.name.split(" / ")), None)
@@ -358,7 +387,16 @@ def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, sho
 
 
 def ratio(finding: Finding, law: ContactLaw, show: Show) -> Markup:
-    """Found over claimed, and how fast it gets there."""
+    """Found over claimed, and how fast it gets there.
+
+    Parameters
+    ----------
+    finding : Finding
+        One with a ratio.
+    law : ContactLaw
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    """
     assert finding.ratio is not None
     number = to_latex(finding.ratio)
     latex, text = number, sstr(finding.ratio)
@@ -393,7 +431,16 @@ def units(law: ContactLaw, show: Show) -> list[Markup]:
 
 
 def regimes(diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
-    """Regimes of both sides, those in tension where they differ; crossovers and points."""
+    """Regimes of both sides, those in tension where they differ; crossovers and points.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    found : mapping
+        Of :func:`softdyn.study.presence.presence_of`.
+    """
     twins = {(r.side, r.name): twin(diagram, r) for r in diagram.regimes}
     same = all(twins[r.side, r.name] is not None for r in diagram.regimes if r.side == "tension")
     tension = [r for r in diagram.regimes if r.side == "tension"]
@@ -437,7 +484,17 @@ def regimes(diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
 
 
 def regime_entry(regime: Regime, diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
-    """One regime: where it is, whether it is there at typical values, and the forms of all quantities."""
+    """One regime: where it is, whether it is there at typical values, and the forms of all quantities.
+
+    Parameters
+    ----------
+    regime : Regime
+    diagram : Diagram
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    found : mapping
+        Of :func:`softdyn.study.presence.presence_of`; regimes that are not in it are told without their presence.
+    """
     law = diagram.law
     presence = found.get((regime.side, regime.name))
     return {
@@ -475,7 +532,17 @@ def _leading(name: str, regime: Regime, law: ContactLaw, show: Show) -> Markup |
 
 
 def form_rows(regime: Regime, names: Sequence[str], diagram: Diagram, show: Show) -> list[dict[str, Any]]:
-    """Leading forms of some quantities, with the next corrections."""
+    """Leading forms of some quantities, with the next corrections.
+
+    Parameters
+    ----------
+    regime : Regime
+    names : sequence of str
+        Of quantities of which the regime has forms.
+    diagram : Diagram
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    """
     law = diagram.law
 
     def corrections(form: Form) -> Markup | None:
@@ -499,7 +566,15 @@ def form_rows(regime: Regime, names: Sequence[str], diagram: Diagram, show: Show
 
 
 def crossover_entry(crossover: Crossover, diagram: Diagram, show: Show) -> dict[str, Any]:
-    """One crossover: the line, and where else quantities other than its own would put it."""
+    """One crossover: the line, and where else quantities other than its own would put it.
+
+    Parameters
+    ----------
+    crossover : Crossover
+    diagram : Diagram
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    """
     line = crossover.line
     return {
         "first": crossover.first,
@@ -536,7 +611,16 @@ def energy(show: Show) -> list[Markup]:
 
 
 def film_entries(films: Films, diagram: Diagram, show: Show) -> dict[str, Any]:
-    """Equilibrium films: in closed form, between regimes, and in numbers."""
+    """Equilibrium films: in closed form, between regimes, and in numbers.
+
+    Parameters
+    ----------
+    films : Films
+    diagram : Diagram
+        Of the same law.
+    show : Show
+        Sets a formula, as :func:`shown` does.
+    """
     law = diagram.law
 
     def leading(film: Film) -> Markup | None:

@@ -237,7 +237,19 @@ def force_colour(kappa: float, plane: Plane) -> Any:
 
 
 def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool, found: Presences) -> None:
-    """Regions, crossovers, points where several meet, the edge of the model, films; with no text over another."""
+    """Regions, crossovers, points where several meet, the edge of the model, films; with no text over another.
+
+    Parameters
+    ----------
+    axes : Axes
+    diagram : Diagram
+    plane : Plane
+    side : "compression" or "tension"
+    alone : bool
+        Whether it is the only side that is drawn: then tension, if there is any, is said to be the same.
+    found : mapping
+        Of :func:`softdyn.study.presence.presence_of`.
+    """
     axes.set(xlim=plane.xlim, ylim=plane.ylim)
     mirrored = alone and any(regime.side == "tension" for regime in diagram.regimes)
     title = "compression; in tension the same" if mirrored else TITLES[side]
@@ -263,7 +275,7 @@ def draw_map(axes: Axes, diagram: Diagram, plane: Plane, side: Side, alone: bool
             axes.add_patch(
                 Polygon(corners, facecolor=colour, alpha=strength, edgecolor="none", zorder=0.6005 + i / 1000)
             )
-    doubts = hatch_doubts(axes, diagram, plane, side, shown)
+    doubts = hatch_doubts(axes, diagram, plane, side)
     lines = list(boundaries(diagram, side, plane))
     for crossover, X, Y in lines:
         axes.plot(X, Y, color=INK, lw=1.1 if crossover is not None else 2.0, zorder=2)
@@ -301,8 +313,16 @@ class Doubts:
     undecided: Array
 
 
-def hatch_doubts(axes: Axes, diagram: Diagram, plane: Plane, side: Side, shown: dict[str, list[Array]]) -> Doubts:
-    """Hatch where a regime's forms are off by more than their own size, and where nothing, or not all, is decided."""
+def hatch_doubts(axes: Axes, diagram: Diagram, plane: Plane, side: Side) -> Doubts:
+    """Hatch where a regime's forms are off by more than their own size, and where nothing, or not all, is decided.
+
+    Parameters
+    ----------
+    axes : Axes
+    diagram : Diagram
+    plane : Plane
+    side : "compression" or "tension"
+    """
     X, Y = np.meshgrid(np.linspace(*plane.xlim, HATCHED), np.linspace(*plane.ylim, HATCHED))
     regimes = [regime for regime in diagram.regimes if regime.side == side]
     exact = {} if is_dry(diagram.law) else states(diagram.law, side, 10**X, plane.unit * 10**Y)
@@ -363,7 +383,16 @@ def _gap_label(plane: Plane) -> str:
 
 
 def decade_ticks(axis: Any, limits: tuple[float, float], shift: float = 0.0) -> None:
-    """Ticks at powers of ten on an axis of logarithms, of what is greater by ``shift`` than the axis' own numbers."""
+    """Ticks at powers of ten on an axis of logarithms.
+
+    Parameters
+    ----------
+    axis : Axis
+    limits : (low, high)
+        Of the axis.
+    shift : float
+        What is added to the axis' own numbers to have log10 of what is written.
+    """
     first, last = math.ceil(limits[0] + shift - 1e-9), math.floor(limits[1] + shift + 1e-9)
     step = max(1, math.ceil((last - first) / 8))
     at = [n for n in range(first, last + 1) if n % step == 0]
@@ -375,6 +404,13 @@ def line_text(crossover: Crossover, diagram: Diagram, real: RealValues | None = 
     """Mathtext of a crossover, on one line: kappa = c (h/R)^p, or F = ... where c would not be a pure number.
 
     In numbers, with real values: F = 3e-7 N (h/R)^p.
+
+    Parameters
+    ----------
+    crossover : Crossover
+    diagram : Diagram
+    real : RealValues, optional
+        Of the diagram's law.
     """
     law, value, sign = diagram.law, crossover.line.rhs, "-" if crossover.side == "tension" else ""
     if real is not None and (said := _line_in_numbers(value, real, crossover.line.lhs == h)):
@@ -409,7 +445,20 @@ def _inline(expr: Expr) -> str:
 
 
 def draw_films(axes: Axes, diagram: Diagram, plane: Plane, side: Side) -> tuple[Array, Array] | None:
-    """Films of one side, stable ones solid and unstable ones dashed; returns the longest piece."""
+    """Films of one side, stable ones solid and unstable ones dashed.
+
+    Parameters
+    ----------
+    axes : Axes
+    diagram : Diagram
+    plane : Plane
+    side : "compression" or "tension"
+
+    Returns
+    -------
+    tuple of two arrays, shape (points,), or None
+        log10(h/R) and log10(kappa) of the longest piece within the window; None if there is none.
+    """
     pieces = []
     for branch in branches(diagram.law):
         if branch.force[0] * SIGN[side] > 0:
@@ -440,7 +489,16 @@ class Labels:
         self.taken: list[Array] = []
 
     def place(self, text: Text, within: Sequence[Array] | None = None, spare: float = 2.0) -> bool:
-        """Keep a text if it overlaps none, and lies in the frame and in one of some polygons; else remove it."""
+        """Keep a text if it overlaps none, and lies in the frame and in one of some polygons; else remove it.
+
+        Parameters
+        ----------
+        text : Text
+        within : sequence of array, shape (corners, 2), optional
+            Convex polygons, in the coordinates of the axes.
+        spare : float
+            What is kept free around the text, in pixels.
+        """
         box = corners_of(text, self.renderer, spare)
         frame = self.axes.get_window_extent(self.renderer)
         fits = bool(np.all(box >= [frame.x0 + 1, frame.y0 + 1]) and np.all(box <= [frame.x1 - 1, frame.y1 - 1]))
@@ -454,7 +512,18 @@ class Labels:
         return fits
 
     def along(self, X: Array, Y: Array, label: str, colour: str, distance: float = 1.0) -> bool:
-        """Set a label along a line, close beside it, where there is room; leave it out if there is none."""
+        """Set a label along a line, close beside it; whether there was room: it is left out if there is none.
+
+        Parameters
+        ----------
+        X, Y : array, shape (points,)
+            Of the line, in the coordinates of the axes.
+        label : str
+            With dollars around formulas.
+        colour : str
+        distance : float
+            From the line to the middle of the label, in units of one at which it is just beside.
+        """
         pixels = self.axes.transData.transform(np.c_[X, Y])
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))])
         for size in (9.5, 8, 7):
@@ -487,7 +556,16 @@ class Labels:
 
 
 def corners_of(text: Text, renderer: Any, spare: float) -> Array:
-    """Corners of a text's box in pixels, turned with it, wider by ``spare``."""
+    """Corners of a text's box in pixels, turned with it, shape (4, 2).
+
+    Parameters
+    ----------
+    text : Text
+    renderer : Renderer
+        That of the figure.
+    spare : float
+        By which the box is wider on each side, in pixels.
+    """
     turn = text.get_rotation()
     text.set_rotation(0)
     box = text.get_window_extent(renderer)
@@ -591,7 +669,18 @@ def _beyond(regime: Regime, plane: Plane) -> list[Array]:
 def draw_curves(
     panels: Sequence[Axes], diagram: Diagram, plane: Plane, side: Side, measured: Measurement | None
 ) -> None:
-    """Deflection, gap rate and exponents against h/R: exact, leading forms dotted; measured exponents as circles."""
+    """Deflection, gap rate and exponents against h/R: exact, leading forms dotted; measured exponents as circles.
+
+    Parameters
+    ----------
+    panels : sequence of Axes
+        Four: of the deflection, of the gap rate, and of the exponents of both.
+    diagram : Diagram
+    plane : Plane
+    side : "compression" or "tension"
+    measured : Measurement or None
+        Of :func:`softdyn.study.exponents.measure`.
+    """
     X = np.linspace(*plane.xlim, round(DENSITY * (plane.xlim[1] - plane.xlim[0])) + 1)
     kappas = shown_forces(diagram, plane)
     exact = states(diagram.law, side, 10 ** X[None], plane.unit * kappas[:, None])
@@ -636,7 +725,14 @@ def _one_sided(law: ContactLaw) -> str:
 
 
 def force_key(figure: Figure, diagram: Diagram, plane: Plane) -> None:
-    """Colours of the forces, in the upper right corner of a figure."""
+    """Colours of the forces, in the upper right corner of a figure.
+
+    Parameters
+    ----------
+    figure : Figure
+    diagram : Diagram
+    plane : Plane
+    """
     handles = [
         Line2D(
             [],

@@ -237,7 +237,16 @@ def _logarithm(form: Expr, values: tuple[tuple[Symbol, float], ...], unit: float
 
 
 def evaluate(form: Expr, plane: Plane, X: Array, Y: Array) -> Array:
-    """Value of a form in h, F and the parameters, at points given by log10(h/R) and log10(kappa)."""
+    """Value of a form at points of the plane, R = E = eta = 1.
+
+    Parameters
+    ----------
+    form : Expr
+        In h, F and the parameters.
+    plane : Plane
+    X, Y : array
+        log10(h/R) and log10(kappa) of the points; they broadcast.
+    """
     function = _function(form, tuple(plane.values.items()))
     with np.errstate(all="ignore"):
         return np.broadcast_to(function(10.0**X, plane.unit * 10.0**Y), np.broadcast(X, Y).shape).astype(float)
@@ -338,12 +347,30 @@ def region(regime: Regime, plane: Plane, within_model: bool = True) -> list[Arra
 
 
 def holds(regime: Regime, plane: Plane, X: Array, Y: Array) -> NDArray[np.bool_]:
-    """Whether points of the window are in a regime, within the model."""
+    """Whether points of the window are in a regime, within the model.
+
+    Parameters
+    ----------
+    regime : Regime
+    plane : Plane
+    X, Y : array, of one shape
+        log10(h/R) and log10(kappa) of the points.
+    """
     return _bounds(regime, plane, True).holds(X, Y)
 
 
 def margins(regime: Regime, plane: Plane, X: Array, Y: Array, within_model: bool = True) -> Array:
-    """By how many decades the regime's conditions hold at points, and delta < R if ``within_model``; < 0 where not."""
+    """By how many decades the regime's conditions hold at points; < 0 where not.
+
+    Parameters
+    ----------
+    regime : Regime
+    plane : Plane
+    X, Y : array, of one shape
+        log10(h/R) and log10(kappa) of the points.
+    within_model : bool
+        Whether delta < R is one of the conditions.
+    """
     bounds = _bounds(regime, plane, within_model)
     found = np.full(np.broadcast(X, Y).shape, np.inf)
     # a window's edge is no condition
@@ -360,7 +387,15 @@ def margins(regime: Regime, plane: Plane, X: Array, Y: Array, within_model: bool
 
 
 def line_points(crossover: Crossover, diagram: Diagram, plane: Plane) -> tuple[Array, Array]:
-    """Where a crossover bounds its regimes, within the model and the window: log10(h/R) and log10(kappa)."""
+    """Where a crossover bounds its regimes, within the model and the window: log10(h/R) and log10(kappa).
+
+    Parameters
+    ----------
+    crossover : Crossover
+    diagram : Diagram
+        With its regimes.
+    plane : Plane
+    """
     regimes = [diagram.regime(name, crossover.side) for name in (crossover.first, crossover.second)]
     bounds = [_bounds(regime, plane, regime.inside) for regime in regimes]
     if not any(regime.inside for regime in regimes):
@@ -385,7 +420,21 @@ def edge_points(regime: Regime, plane: Plane) -> tuple[Array, Array]:
 
 
 def boundaries(diagram: Diagram, side: Side, plane: Plane) -> Iterator[tuple[Crossover | None, Array, Array]]:
-    """Lines between the regimes of one side, with their points; those where the model ends, without a crossover."""
+    """Lines between the regimes of one side, with their points; those where the model ends, without a crossover.
+
+    Parameters
+    ----------
+    diagram : Diagram
+    side : "compression" or "tension"
+    plane : Plane
+
+    Yields
+    ------
+    crossover : Crossover or None
+        None where the model ends.
+    X, Y : array, shape (points,)
+        log10(h/R) and log10(kappa) along the line.
+    """
     for crossover in diagram.crossovers:
         if crossover.side == side:
             X, Y = line_points(crossover, diagram, plane)
@@ -513,14 +562,30 @@ def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
 
 
 def largest_forces(law: ContactLaw, gaps: Array, side: Side = "compression") -> Array:
-    """Size of the force that makes delta = R, the edge of the model, at each gap."""
+    """Size of the force that makes delta = R, the edge of the model, at each gap, in units of E R^2.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    gaps : array
+        In units of R.
+    side : "compression" or "tension"
+    """
     equations, sign = _equations(law), SIGN[side]
     with np.errstate(all="ignore"):
         return np.broadcast_to(np.abs(equations["elastic"](equations["radius"](gaps, sign), sign, gaps)), gaps.shape)
 
 
 def deflections(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> Array:
-    """Size of delta at which F_ela = F, by bisection of ln delta; nan where it is beyond R."""
+    """Size of delta at which F_ela = F, in units of R, by bisection of ln delta; nan where it is beyond R.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    side : "compression" or "tension"
+    gaps, forces : arrays that broadcast
+        In units of R and of E R^2; forces are sizes.
+    """
     equations, sign = _equations(law), SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
     low, high = np.full(gaps.shape, -90.0), np.zeros(gaps.shape)

@@ -94,7 +94,17 @@ def presence_of(diagram: Diagram) -> Presences:
 
 
 def errors_at(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array, Y: Array) -> dict[str, Array]:
-    """Return exact/leading - 1 of each form of a regime at points of the plane, exact values being given."""
+    """Return exact/leading - 1 of each form of a regime at points of the plane.
+
+    Parameters
+    ----------
+    regime : Regime
+    plane : Plane
+    exact : mapping from str to array
+        As of :func:`softdyn.study.plane.states`, at the points.
+    X, Y : array, of one shape
+        log10(h/R) and log10(kappa) of the points.
+    """
     values = tuple(plane.values.items())
     errors = {}
     for name in COMPARED:
@@ -106,7 +116,17 @@ def errors_at(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array
 
 
 def misfit(regime: Regime, plane: Plane, exact: Mapping[str, Array], X: Array, Y: Array) -> Array:
-    """Return the largest error of a form at points of the plane; nan outside of the regime, and of the model."""
+    """Return the largest error of a form at points of the plane; nan outside of the regime, and of the model.
+
+    Parameters
+    ----------
+    regime : Regime
+    plane : Plane
+    exact : mapping from str to array
+        As of :func:`softdyn.study.plane.states`, at the points.
+    X, Y : array, of one shape
+        log10(h/R) and log10(kappa) of the points.
+    """
     sizes = _sizes(errors_at(regime, plane, exact, X, Y))
     worst = np.max(list(sizes.values()), axis=0) if sizes else np.zeros(X.shape)
     return np.where((margins(regime, plane, X, Y) >= 0) & np.isfinite(exact["delta"]), worst, np.nan)

@@ -224,7 +224,17 @@ def _row(result: PairResult, exact: PairResult, force: float) -> dict[str, NDArr
 
 
 def depth(regime: Regime, gap: Array, force: Array | float) -> Array:
-    """How far inside a regime each point lies: decades to its nearest crossover, as ratios of lengths; < 0 outside."""
+    """How far inside a regime each point lies: decades to its nearest crossover, as ratios of lengths; < 0 outside.
+
+    Parameters
+    ----------
+    regime : Regime
+        Of the paper's law.
+    gap : array
+        h/R.
+    force : float or array of the same shape
+        kappa.
+    """
     # R = E = 1
     ratios = [lambdify((h, F), ratio.subs({R: 1, E: 1}))(gap, force) for ratio in length_ratios(regime)]
     return np.asarray(np.min([-np.log10(np.broadcast_to(ratio, np.shape(gap))) for ratio in ratios], axis=0))
