@@ -23,6 +23,7 @@ from softdyn.particles import step_times as bench
 from softdyn.particles.contact_kernels import energies
 from softdyn.particles.force_balance import Newton, StageInput, balance, contact_forces
 from softdyn.particles.geometry import Wall, directions, lattice
+from softdyn.particles.integrate import _shorten
 from softdyn.particles.observables import swap_time
 from softdyn.particles.particle_keys import Hold, ParticleScene, Push
 from softdyn.particles.particle_run import prepare, simulate_particles
@@ -432,6 +433,17 @@ def test_forces_that_start_from_none_are_found() -> None:
     )
     assert result.stats["rejected"] == 0
     assert np.all(result.v[-1, :, 1] > 0)
+
+
+def test_a_step_that_no_length_makes_good_names_what_changes_fastest() -> None:
+    system = prepare(scene())
+    state = start(system, Newton())
+    state.y_rate = np.array([3.0])
+    with pytest.raises(IntegrationError, match="rtol=1e-05 cannot be met; the contact of particles 0 and 1 changes"):
+        _shorten(system, state, 1e4, dt=1e-13, error=5.0, failure=None)
+    state.v[1] = 4.0
+    with pytest.raises(IntegrationError, match="particle 1 moves fastest"):
+        _shorten(system, state, 1e4, dt=1e-13, error=5.0, failure=None)
 
 
 def test_the_result_is_read_back(tmp_path: Any) -> None:

@@ -117,6 +117,16 @@ def _twisted(system: System, state: State) -> NDArray[np.int64]:
     return np.flatnonzero(np.abs(left[:, system.dimension :]).max(axis=1) > UNBALANCED * np.abs(torques).max())
 
 
+def fastest(system: System, state: State) -> str:
+    """Words for where a state changes fastest: a gap, by how much of itself, or a particle, over its radius."""
+    within = state.contacts.h < system.reach
+    closing = np.where(within, np.abs(state.y_rate), 0.0)
+    speed = np.linalg.norm(state.v[:, : system.dimension], axis=1) / system.radii
+    if closing.max(initial=0.0) > speed.max(initial=0.0):
+        return f"{pair_named(state.contacts, int(np.argmax(closing)), len(state.x))} changes fastest"
+    return f"particle {int(np.argmax(speed))} moves fastest"
+
+
 def why(system: System, state: State, error: Exception) -> str:
     """Words for what a step failed of.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
 from softdyn.particles import linear
-from softdyn.particles.faults import require_balanced, why
+from softdyn.particles.faults import fastest, require_balanced, why
 from softdyn.particles.force_balance import Balance, Newton, StepFailed, pair_named
 from softdyn.particles.geometry import Box, lattice
 from softdyn.particles.in_tables import require_in_tables
@@ -218,7 +218,7 @@ def _shorten(system: System, state: State, until: float, dt: float, error: float
     # after a failure nothing is known but that the step was too long
     state.dt = dt * (max(0.2, SAFETY * error ** (-1 / ORDER)) if math.isfinite(error) else 0.5)
     if state.dt < SMALLEST_STEP * until or state.t + 0.1 * state.dt == state.t:
-        tolerance = f"the tolerance rtol={system.rtol:g} cannot be met"
+        tolerance = f"the tolerance rtol={system.rtol:g} cannot be met; {fastest(system, state)}"
         cause = tolerance if failure is None else why(system, state, failure)
         raise IntegrationError(f"the run cannot go on at t={state.t:.6g}, however short the step: {cause}")
     if failure is not None:
