@@ -669,7 +669,9 @@ def _beyond(regime: Regime, plane: Plane) -> list[Array]:
 def draw_curves(
     panels: Sequence[Axes], diagram: Diagram, plane: Plane, side: Side, measured: Measurement | None
 ) -> None:
-    """Deflection, gap rate and exponents against h/R: exact, leading forms dotted; measured exponents as circles.
+    """Deflection, gap rate and exponents over the gap: exact, leading forms dotted; measured exponents as circles.
+
+    Gaps are in units of R, but for real values.
 
     Parameters
     ----------
