@@ -10,7 +10,7 @@ from sympy import Float, Piecewise, Rational, Symbol, pi, sqrt
 
 from softdyn.certificate_checker import Refused, check_certificate
 from softdyn.cli import main
-from softdyn.derive.certificate import closure_certificate
+from softdyn.derive.closure_certificate import closure_certificate
 from softdyn.derive.closure import ARGUMENTS, Closure, Re, c, eta, phi, r, rho, settling, slip, viscosity
 from softdyn.derive.closure_limits import check_closure_limits, jumps_of
 from softdyn.derive.dimensions import DIMENSIONLESS
