@@ -17,7 +17,7 @@ from sympy.core.relational import Ge, Gt, Le, Lt
 from softdyn.certificate_checker import FORMAT, Case, Refused, Vector, plus, ratio
 from softdyn.derive.certificate_cases import UnknownSizeError, certificate_of, constant_sums, multipliers, prefix
 from softdyn.derive.closure import Closure
-from softdyn.derive.closure_certificate import closure_certificate
+from softdyn.derive.closure_certificate import closure_certificates
 from softdyn.derive.dominant_balance import definitions, size
 from softdyn.derive.law import parameters_of
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta
@@ -193,10 +193,10 @@ def certificates(
             if claims is not None and (limit.name, str(quantity)) not in claims:
                 continue
             try:
-                made.append(
-                    closure_certificate(law, limit, quantity)
+                made += (
+                    closure_certificates(law, limit, quantity)
                     if isinstance(law, Closure)
-                    else certificate(law, limit, quantity)
+                    else [certificate(law, limit, quantity)]
                 )
             except (Refused, UnknownSizeError, LawError) as reason:
                 without.append((f"{limit.name}: {quantity}", str(reason) or "exponentials of unknown size"))

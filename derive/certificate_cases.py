@@ -6,9 +6,10 @@ checker asks for them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
+from math import prod
 from typing import Any
 
 from sympy import Add, Expr, Mul, Pow, Rational, Symbol, exp, log, pi
@@ -17,20 +18,30 @@ from softdyn.certificate_checker import Missing, Refused, Vector, names_in, plus
 
 #: Cases, and comparisons in one of them, that are tried.
 MOST_CASES, MOST_COMPARISONS = 60, 400
+#: Exponentials and logarithms beyond which not each choice of some is tried.
+MOST_CHOSEN = 4
 
 
 class UnknownSizeError(Exception):
     """Exponentials and logarithms must be variables of their own."""
 
 
-def prefix(expr: Expr) -> Any:
+def prefix(expr: Expr, special: Callable[[Expr], Any] | None = None) -> Any:
     """An expression in prefix notation.
+
+    Parameters
+    ----------
+    expr : Expr
+    special : callable, optional
+        Prefix notation of what has a form of its own, None of what has not.
 
     Raises
     ------
     Refused
         If it holds a function that certificates have no rule for.
     """
+    if special is not None and (text := special(expr)) is not None:
+        return text
     if isinstance(expr, Symbol):
         return expr.name
     if expr == pi:
@@ -38,51 +49,89 @@ def prefix(expr: Expr) -> Any:
     if isinstance(expr, Rational):
         return str(expr)
     if isinstance(expr, Pow) and isinstance(expr.exp, Rational):
-        return ["^", prefix(expr.base), str(expr.exp)]
-    if isinstance(expr, (Add, Mul)):
-        return ["+", *_summands(expr)] if isinstance(expr, Add) else ["*", *map(prefix, expr.args)]
+        return ["^", prefix(expr.base, special), str(expr.exp)]
+    if isinstance(expr, Add):
+        first, rest = expr.as_coeff_Add()
+        number = [str(first)] if first != 0 else []
+        return ["+", *number, *(prefix(part, special) for part in Add.make_args(rest))]
+    if isinstance(expr, Mul):
+        return ["*", *(prefix(part, special) for part in expr.args)]
     if isinstance(expr, (exp, log)):
-        return [type(expr).__name__, prefix(expr.args[0])]
+        return [type(expr).__name__, prefix(expr.args[0], special)]
     raise Refused(f"certificates have no rule for {expr}")
 
 
-def _summands(expr: Expr) -> list[Any]:
-    first, rest = expr.as_coeff_Add()
-    return [*([str(first)] if first != 0 else []), *(prefix(part) for part in Add.make_args(rest))]
-
-
 def certificate_of(data: dict[str, Any]) -> dict[str, Any]:
-    """Find the cases and the multipliers of a statement."""
-    try:
-        return _filled({**data, "atoms": []})
-    except UnknownSizeError:
-        found: dict[str, Any] = {}
-        for text in [data["order"], data.get("forces", []), *(expr for _, expr in data["definitions"]), data["claim"]]:
-            _functions(text, found)
-        # beside a logarithm that grows, an exponential may tend to 1, and the other way round
-        for kinds in (("exp", "log"), ("log",), ("exp",)):
-            atoms = [atom for atom in found.values() if atom[1][0] in kinds]
-            try:
-                return _filled({**data, "atoms": atoms})
-            except UnknownSizeError:
-                continue
-        raise
+    """Find the cases and the multipliers of a statement.
+
+    Raises
+    ------
+    Refused, UnknownSizeError
+        If none are found.
+    """
+    found: dict[str, Any] = {}
+    for text in [data["order"], data.get("forces", []), *(expr for _, expr in data["definitions"]), data["claim"]]:
+        _functions(text, {"pi", *data["fixed"]}, found)
+    reasons: list[Refused] = []
+    for atoms in _choices(list(found.values())):
+        try:
+            return _filled({**data, "atoms": atoms})
+        except Refused as reason:
+            reasons.append(reason)
+        except UnknownSizeError:
+            continue
+    raise reasons[0] if reasons else UnknownSizeError
+
+
+def _choices(found: list[Any]) -> list[list[Any]]:
+    """Which exponentials and logarithms are variables: beside some that vanish or grow, others may tend to 1."""
+    kinds: tuple[tuple[str, ...], ...] = ((), ("exp", "log"), ("log",), ("exp",))
+    chosen = [[atom for atom in found if atom[1][0] in kind] for kind in kinds]
+    if len(found) <= MOST_CHOSEN:
+        chosen += [list(some) for count in range(len(found)) for some in combinations(found, count)]
+    return [atoms for i, atoms in enumerate(chosen) if atoms not in chosen[:i]]
 
 
 def constant_sums(text: Any, given: set[str], found: dict[str, Any]) -> None:
-    """Sums of what is fixed, with terms of both signs, as 1 - nu^2: positive, as the law's ranges have it."""
+    """Sums of what is fixed, with terms of both signs, as 1 - nu^2: positive, as the law's ranges have it.
+
+    Parameters
+    ----------
+    text : prefix notation
+    given : set of str
+        What is fixed.
+    found : dict
+        They are added to it; what is in it is positive.
+    """
     if isinstance(text, list):
         for part in text[1:]:
             constant_sums(part, given, found)
-        if text[0] == "+" and names_in(text) <= given:
+        if text[0] == "+" and names_in(text) <= given and _sign_of(text, found) == 0:
             found.setdefault(str(text), text)
 
 
-def _functions(text: Any, found: dict[str, Any]) -> None:
+def _sign_of(text: Any, positive: Mapping[str, Any]) -> int:
+    """Sign of an expression of positive names; 0 if it is not told by the signs of its terms."""
+    if str(text) in positive:
+        return 1
+    if isinstance(text, str):
+        return -1 if text.startswith("-") else 1
+    signs = [_sign_of(part, positive) for part in (text[1:2] if text[0] == "^" else text[1:])]
+    if text[0] == "*":
+        return prod(signs)
+    if text[0] == "+":
+        return signs[0] if len(set(signs)) == 1 else 0
+    if text[0] == "^":
+        return signs[0] if signs[0] > 0 else signs[0] ** Fraction(text[2]).numerator
+    return 1 if text[0] == "exp" else 0
+
+
+def _functions(text: Any, given: set[str], found: dict[str, Any]) -> None:
+    """Exponentials and logarithms of what is not fixed, inner ones first."""
     if isinstance(text, list):
         for part in text:
-            _functions(part, found)
-        if text and text[0] in ("exp", "log"):
+            _functions(part, given, found)
+        if text and text[0] in ("exp", "log") and not names_in(text) <= given:
             found.setdefault(str(text), [f"~{len(found)}", text, "1/8" if text[0] == "log" else "8"])
 
 

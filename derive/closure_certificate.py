@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Add, Expr, S, Symbol, expand_mul
+from sympy import Add, Expr, S, Symbol, expand_mul, simplify
 
 from softdyn.certificate_checker import FORMAT, Refused
 from softdyn.derive.certificate_cases import certificate_of, constant_sums, prefix
-from softdyn.derive.closure import Closure, c, claimed_of, in_fractions, phi, result_of
+from softdyn.derive.certified_terms import Terms
+from softdyn.derive.closure import Closure, c, claimed_of, in_fractions, phi, ranges_of, result_of
 from softdyn.derive.closure_limits import Ordered, ordered, paths_of
-from softdyn.derive.closure_regimes import applies, cases_of, in_words, points_on
+from softdyn.derive.closure_regimes import Case, applies, cases_of, in_words, points_on
 from softdyn.derive.law import Limit
 
 
-def closure_statement(closure: Closure, limit: Limit, quantity: str | Expr) -> dict[str, Any]:
-    """What is certified of a closure's claim: likewise.
+def closure_statements(closure: Closure, limit: Limit, quantity: str | Expr) -> list[dict[str, Any]]:
+    """What is certified of a closure's claim: likewise, in each of the cases that its order lies in.
 
     Parameters
     ----------
@@ -29,13 +30,24 @@ def closure_statement(closure: Closure, limit: Limit, quantity: str | Expr) -> d
         Of its claims.
     """
     order = ordered(limit)
+    cases = _cases_in(closure, order)
+    found = []
+    for case in cases:
+        where = f", where {simplify(case.condition.subs(c, 1 - phi))}" if len(cases) > 1 else ""
+        found.append(_statement(closure, limit, quantity, order, case.expression, where))
+    return found
+
+
+def _statement(
+    closure: Closure, limit: Limit, quantity: str | Expr, order: Ordered, expression: Expr, where: str
+) -> dict[str, Any]:
     about = claimed_of(closure, quantity)
     claim = S(limit.claims[quantity])
     if about is None or about == 0 or claim == 0:
         raise Refused("nothing to certify: one of the two is 0")
     sides = [
         in_fractions(closure, x, order.fraction).xreplace(order.replaced)
-        for x in (about.subs(result_of(closure), _case_in(closure, order)), claim)
+        for x in (about.subs(result_of(closure), expression), claim)
     ]
     # a fraction that is fixed is a number c, and phi another; no more is used of them
     varies = any(size_.has(c, phi) for pair in order.pairs for size_ in pair)
@@ -45,41 +57,39 @@ def closure_statement(closure: Closure, limit: Limit, quantity: str | Expr) -> d
     value, claim = (x.xreplace(names) for x in (value, claim))
     pairs = [(small.xreplace(names), large.xreplace(names)) for small, large in order.pairs]
     varying = {symbol for pair in pairs for size_ in pair for symbol in size_.free_symbols}
-    fixed = sorted((value.free_symbols | claim.free_symbols) - varying, key=str)
-    constant: dict[str, Any] = {}
-    given = {"pi", *(symbol.name for symbol in fixed)}
-    for expr in (value, claim):
-        constant_sums(prefix(expr), given, constant)
+    terms = Terms((value.free_symbols | claim.free_symbols) - varying, _below_one(closure), pairs)
+    texts = [terms.text(x) for x in (value, claim)]
+    fixed = terms.fixed_names()
+    for text in texts:
+        constant_sums(text, {"pi", *fixed}, terms.assumed)
     return {
         "format": FORMAT,
-        "claim_of": f"{closure.name}: {limit.name}: {quantity}",
-        "fixed": [symbol.name for symbol in fixed],
-        "assumed": list(constant.values()),
+        "claim_of": f"{closure.name}: {limit.name}: {quantity}{where}",
+        "fixed": fixed,
+        "assumed": list(terms.assumed.values()),
         "order": [[prefix(small), prefix(large)] for small, large in pairs],
-        "definitions": [["found", prefix(value)]],
+        "named": [list(one) for one in terms.named.values()],
+        "definitions": [["found", texts[0]]],
         "quantity": "found",
-        "claim": prefix(claim),
+        "claim": texts[1],
     }
 
 
-def _case_in(closure: Closure, order: Ordered) -> Expr:
-    """The expression of the case of a closure that applies in an ordering.
+def _below_one(closure: Closure) -> set[Symbol]:
+    return {x for x, values in ranges_of(closure).items() if values.end < 1 or (values.end == 1 and values.right_open)}
 
-    Raises
-    ------
-    Refused
-        If it depends on what does not vary.
-    """
-    applying = {
-        case.expression
+
+def _cases_in(closure: Closure, order: Ordered) -> list[Case]:
+    """The cases of a closure that apply in an ordering: several, if that depends on what does not vary."""
+    return [
+        case
         for case in cases_of(closure)
-        for path in paths_of(order)
-        for number, fraction in points_on(closure, order, path)
-        if applies(closure, case.condition, number, fraction)
-    }
-    if len(applying) != 1:
-        raise Refused("which case (Piecewise) applies depends on the volume fraction")
-    return applying.pop()
+        if any(
+            applies(closure, case.condition, number, fraction)
+            for path in paths_of(order)
+            for number, fraction in points_on(closure, order, path)
+        )
+    ]
 
 
 def _cancelled(expr: Expr) -> Expr:
@@ -87,8 +97,8 @@ def _cancelled(expr: Expr) -> Expr:
     return expr.replace(lambda node: isinstance(node, Add) and node.is_rational_function(), lambda node: node.cancel())
 
 
-def closure_certificate(closure: Closure, limit: Limit, quantity: str | Expr) -> dict[str, Any]:
-    """The certificate of a closure's claim.
+def closure_certificates(closure: Closure, limit: Limit, quantity: str | Expr) -> list[dict[str, Any]]:
+    """The certificates of a closure's claim, one of each case that its order lies in.
 
     Parameters
     ----------
@@ -102,4 +112,4 @@ def closure_certificate(closure: Closure, limit: Limit, quantity: str | Expr) ->
     Refused
         If there is none: the claim is wrong, or it rests on what certificates have no rule for.
     """
-    return certificate_of(closure_statement(closure, limit, quantity))
+    return [certificate_of(statement) for statement in closure_statements(closure, limit, quantity)]

@@ -40,7 +40,7 @@ def lemma(statement: Mapping[str, Any], ray: Mapping[str, int], number: int) -> 
         Of the lemma, for its name.
     """
     known = {name: f"(x powr ({power}))" for name, power in ray.items()}
-    for name, expression in statement["definitions"]:
+    for name, expression in [*statement.get("named", []), *statement["definitions"]]:
         known[name] = isabelle(expression, known)
     quantity, claim = (isabelle(statement[key], known) for key in ("quantity", "claim"))
     free = sorted(set(re.findall(r"\bv_\w+", quantity + claim)))
@@ -60,12 +60,16 @@ def isabelle(expression: Any, known: Mapping[str, str]) -> str:
             return f"({expression})"
         return "pi" if expression == "pi" else known.get(expression, f"v_{expression}")
     head, *parts = expression
+    if head == "^" and not isinstance(parts[1], str):
+        return f"({isabelle(parts[0], known)} powr {isabelle(parts[1], known)})"
     if head == "^":
         return f"({isabelle(parts[0], known)} powr ({parts[1]}))" if Fraction(parts[1]).denominator > 1 else (
             f"({isabelle(parts[0], known)} ^ {parts[1]})"
             if Fraction(parts[1]) > 0
             else f"(1 / {isabelle(parts[0], known)} ^ {parts[1][1:]})"
         )  # fmt: skip
+    if head == "expm1":
+        return f"(exp {isabelle(parts[0], known)} - 1)"
     if head in ("exp", "log"):
         return f"({'ln' if head == 'log' else head} {isabelle(parts[0], known)})"
     return "(" + f" {head} ".join(isabelle(part, known) for part in parts) + ")"

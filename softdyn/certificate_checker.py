@@ -1,8 +1,8 @@
 """An independent check of certificates of limits: exact fractions, its own reading of expressions.
 
 A certificate says that quantity/claim tends to 1 as every inequality of an order sharpens, at whatever rates. It holds,
-in JSON, expressions in prefix notation, as ``["^", "h", "1/2"]``, of + * ^ exp log, numbers, pi and positive names, and
-a tree of cases.
+in JSON, expressions in prefix notation, as ``["^", "h", "1/2"]``, of + * ^ exp log and expm1, numbers, pi and positive
+names, and a tree of cases.
 
 Along any sequence on which each ratio large/small of the order grows without bound, a monomial that a case splits at
 has a subsequence on which it tends to oo ("above"), to 0 ("below"), or stays between two positive numbers ("level"): no
@@ -10,8 +10,8 @@ case is left out. In each, every sum that is met is led by some of its terms. Th
 by multipliers (Farkas): ln of their quotient is a sum of logarithms that are known to grow, with multipliers >= 0, and
 of such that stay bounded. What leads then has the same coefficients, exactly, in the quantity and in the claim.
 Exponentials that vanish and logarithms that grow are further variables ("atoms"), whose relation to their argument is
-checked. Sums of what is fixed that are "assumed" to be positive are shown beside the claim. "branches" of a law apply
-where the order tells that one side of their condition is small; "forces" compare a quantity, once it is defined.
+checked. What is fixed and "assumed" to be positive is shown beside the claim. "branches" of a law apply where the order
+tells that one side of their condition is small; "forces" compare a quantity, once it is defined.
 """
 
 from __future__ import annotations
@@ -177,13 +177,10 @@ def value_of(expression: Any, case: Case) -> Value:
         return value
     if head == "^":
         return power(value_of(parts[0], case), number(parts[1]))
-    if head == "exp" and len(parts) == 1:
-        require_growth(plus({}, vector_of(next(iter(value_of(parts[0], case)))), Fraction(-1)), case)
-        return {ONE: Fraction(1)}
-    if head == "log" and len(parts) == 1 and parts[0][0] == "+" and parts[0][1] == "1":
-        rest = value_of(["+", *parts[0][2:]], case)
-        require_growth(plus({}, vector_of(next(iter(rest))), Fraction(-1)), case)
-        return rest
+    if len(parts) == 1 and (head in ("exp", "expm1") or (head == "log" and parts[0][:2] == ["+", "1"])):
+        small = value_of(["+", *parts[0][2:]] if head == "log" else parts[0], case)
+        require_growth(plus({}, vector_of(next(iter(small))), Fraction(-1)), case)
+        return {ONE: Fraction(1)} if head == "exp" else small  # log(1 + x) and exp(x) - 1 are led by x
     raise Refused(f"what is {head!r}?")
 
 

@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 from sympy import Float, Piecewise, Rational, Symbol, pi, sqrt
 
-from softdyn.certificate_checker import Refused, check_certificate
 from softdyn.cli import main
-from softdyn.derive.closure_certificate import closure_certificate
 from softdyn.derive.closure import ARGUMENTS, Closure, Re, c, eta, phi, r, rho, settling, slip, viscosity
 from softdyn.derive.closure_limits import check_closure_limits, jumps_of
 from softdyn.derive.dimensions import DIMENSIONLESS
@@ -288,34 +286,6 @@ def test_where_a_law_is_asked_for_a_closure_is_refused(capsys):
     assert "'stokes' is a closure, and a law is asked for" in capsys.readouterr().err
     assert main(["check", "ergum"]) == 2
     assert "did you mean 'ergun'?" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", ["ergun", "carman_kozeny", "maron_pierce", "schiller_naumann"])
-def test_certificates_of_a_closures_limits_hold(name, tmp_path, capsys):
-    file = tmp_path / "certificates.json"
-    assert main(["check", name, "--certificates", str(file)]) == 0
-    claims = sum(len(limit.claims) for limit in stock(name).limits)
-    assert f"certificates of {claims} of {claims} claims" in capsys.readouterr().err
-    assert main(["verify", str(file)]) == 0
-    assert f"{claims} of {claims} certificates hold" in capsys.readouterr().out
-
-
-def test_a_certificate_of_a_wrong_claim_is_refused():
-    wrong = claiming("ergun", (Re, 1), {"drag": ERGUN * Rational(6, 5)})
-    with pytest.raises(Refused):
-        closure_certificate(wrong, wrong.limits[0], "drag")
-
-
-def test_a_certificate_with_another_claim_does_not_hold():
-    entry = closure_certificate(stock("stokes"), stock("stokes").limits[0], "drag")
-    check_certificate(entry)
-    with pytest.raises(Refused):
-        check_certificate({**entry, "claim": ["*", "7", "pi", "eta", "r"]})
-
-
-def test_which_claims_have_no_certificate_is_told_with_the_reason(tmp_path, capsys):
-    assert main(["check", "dallavalle_di_felice", "--certificates", str(tmp_path / "x.json")]) == 0
-    assert "no certificate of viscous: drag: certificates have no rule for c**" in capsys.readouterr().err
 
 
 def test_a_faulty_closure_of_a_user_is_told_its_faults(tmp_path, capsys):

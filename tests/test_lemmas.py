@@ -11,7 +11,7 @@ import pytest
 from softdyn.cli import main
 from softdyn.derive.certificate import certificates
 from softdyn.derive.lemmas import theory
-from softdyn.laws import law_of
+from softdyn.laws import law_of, law_or_closure_of
 
 LEMMA = re.compile(
     r"lemma \w+_\d:\n(?:  fixes (?P<fixes>[\w ]+) :: real\n)?(?:  assumes(?P<assumes>( \"[^\"]+ > 0\")+)\n)?"
@@ -79,8 +79,20 @@ def test_lemmas_are_terms_and_their_quotients_tend_to_1(name: str) -> None:
     text = theory("Limits", certificates(law_of(name))[0])
     assert text.startswith("theory Limits\n")
     assert text.endswith("\nend\n")
+    assert text.count("lemma ") > 3
+    quotients_tend_to_1(text)
+
+
+@pytest.mark.parametrize("name", ["krieger_dougherty", pytest.param("beetstra", marks=pytest.mark.slow)])
+def test_lemmas_of_closures_have_their_powers_and_differences_written_out(name: str) -> None:
+    text = theory("Limits", certificates(law_or_closure_of(name))[0])
+    assert "power_" not in text
+    quotients_tend_to_1(text)
+
+
+def quotients_tend_to_1(text: str) -> None:
     found = list(LEMMA.finditer(text))
-    assert len(found) == text.count("lemma ") > 3
+    assert len(found) == text.count("lemma ") > 0
     for one in found:
         fixed = {symbol: 0.3 + 0.17 * i for i, symbol in enumerate((one["fixes"] or "").split())}
         for condition in re.findall(r"\"([^\"]+) > 0\"", one["assumes"] or ""):
