@@ -52,6 +52,7 @@ from softdyn.derive.positive import knowing_ranges
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side, directions_of, is_simple, sign_within
 from softdyn.derive.soundness import tidy
 from softdyn.derive.special import IN_NUMPY
+from softdyn.derive.symbolic_powers import with_exponents
 from softdyn.derive.symbols import COMMON_PARAMETERS, F, a, delta, h
 
 if TYPE_CHECKING:
@@ -139,7 +140,8 @@ class Films:
 
 def find_films(diagram: Diagram) -> Films | None:
     """Find the films of a law; None if it has no F_adh, or no fluid between its surfaces."""
-    law = diagram.law
+    law = with_exponents(diagram.law, diagram.exponents)
+    diagram = replace(diagram, law=law)
     if law.F_adh == 0 or is_dry(law):
         return None
     closed = inverted(law.F_adh, h, F) if not law.F_adh.has(a, delta) else None

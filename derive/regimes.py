@@ -7,13 +7,14 @@ The plane of scalings h = R eps^p, |delta| = R eps^s is cut into cones until one
 (:mod:`softdyn.derive.dominant_balance`); cones with the same leading forms are one regime. In each the force balance is
 a monomial equation, solved exactly for delta(h, F). Parameters of the law's own that are not of order one, in units of
 R, E and eta, scale too, each with the power of eps that its typical value has: a third axis for all of them together.
+One that is an exponent, as n in delta^n, has its typical value.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations, count
 from typing import TYPE_CHECKING, Literal
@@ -69,6 +70,7 @@ from softdyn.derive.law import (
 )
 from softdyn.derive.patience import within
 from softdyn.derive.positive import knowing_ranges
+from softdyn.derive.symbolic_powers import exponents_of, exponents_words, with_exponents
 from softdyn.derive.symbols import COMMON_PARAMETERS, E, F, R, a, delta, eta, h
 from softdyn.derive.witness import EXPONENTIAL, inequalities, side_of
 from softdyn.words import in_columns
@@ -238,6 +240,8 @@ class Diagram:
         Whether U_h = 0 (physics: the elastic energy depends on delta alone); None if that is not known.
     scales : mapping from Symbol to int
         Powers of eps with which the law's own parameters scale.
+    exponents : mapping from Symbol to Rational
+        Typical values of parameters that are exponents, as n in delta^n: regimes are those at these values.
     """
 
     law: ContactLaw
@@ -246,6 +250,7 @@ class Diagram:
     points: tuple[Meeting, ...]
     conservative: bool | None
     scales: Mapping[Symbol, int]
+    exponents: Mapping[Symbol, Rational] = field(default_factory=dict)
 
     def regime(self, name: str, side: Side = "compression") -> Regime:
         """Return a regime by its name."""
@@ -257,7 +262,7 @@ class Diagram:
         for one in self.regimes:
             forms = (f"{name} = {one.forms[name].leading}" for name in ("delta", "dh_dt") if name in one.forms)
             rows.append((f"{one.side}: {one.name}", ", ".join(map(str, one.conditions)), ", ".join(forms)))
-        return in_columns(rows)
+        return in_columns(rows) + (f"\n{exponents_words(self.exponents)}" if self.exponents else "")
 
     def _repr_html_(self) -> str:
         from softdyn.derive.typeset import diagram_html
@@ -290,6 +295,12 @@ def discover(law: ContactLaw, effort: int = EFFORT) -> Diagram:
     Diagram
         What the method cannot decide is listed with the reason, in each regime's ``undecided``.
     """
+    exponents = exponents_of(law, _directions(law)[1])
+    found = _found(with_exponents(law, exponents), effort)
+    return replace(found, law=law, exponents=exponents) if exponents else found
+
+
+def _found(law: ContactLaw, effort: int) -> Diagram:
     directions, scales = _directions(law)
     if not is_anchored(law):
         return _nothing_found(law, directions, scales, UNANCHORED)

@@ -15,6 +15,7 @@ from softdyn.derive.forms import force, force_unit
 from softdyn.derive.law import ContactLaw, parameters_of
 from softdyn.derive.limits import Finding
 from softdyn.derive.regimes import Diagram, Form, Regime, Side
+from softdyn.derive.symbolic_powers import exponents_words
 from softdyn.derive.symbols import E, R, h
 from softdyn.study.notation import Formulas, Numbers
 from softdyn.study.presence import Presence, Presences
@@ -139,6 +140,8 @@ def regimes_text(
         own = {} if E in parameters_of(law) else {E: unit / R**2}
         scales = ", ".join(f"{symbol} = {S(law.typical[symbol]).subs(own)}" for symbol in diagram.scales)
         lines.append(f"own parameters scale as they do at {scales}")
+    if diagram.exponents and real is None:
+        lines.append(exponents_words(diagram.exponents))
     conservative = {
         True: "conservative: U_h = 0",
         False: "not conservative: the elastic energy depends on the gap; U_h is given in each regime",
@@ -380,6 +383,7 @@ def regimes_data(
         "law": diagram.law.name,
         "conservative": diagram.conservative,
         "typical": {str(symbol): str(value) for symbol, value in diagram.law.typical.items()},
+        "exponents": _plain_data(diagram.exponents),
         "regimes": regimes,
         "crossovers": crossovers,
         "points": [_plain_data(asdict(point)) for point in diagram.points],

@@ -480,6 +480,9 @@ def regimes(diagram: Diagram, show: Show, found: Presences) -> dict[str, Any]:
         ],
         "sides": sides,
         "scales": [show(rf"{to_latex(s)} = {to_latex(S(diagram.law.typical[s]))}", s) for s in diagram.scales],
+        "exponents": [
+            show(f"{to_latex(s)} = {to_latex(value)}", f"{s} = {value}") for s, value in diagram.exponents.items()
+        ],
     }
 
 
