@@ -1,9 +1,10 @@
 """Logarithms, powers and differences, written as certificates have rules for them.
 
-Input: an expression, and what is known of an order. Output: the same in prefix notation: the logarithm of what vanishes
-is minus that of its inverse, which grows; 1 - w^p is -expm1(p log(w)) where w tends to 1; a power of something fixed is
-an exponential of its exponent. Any other power whose exponent is no rational number is a positive quantity of a name
-of its own and of unknown size: what holds for any such quantity holds for the power.
+Input: an expression, and what is known of an order. Output: the same in prefix notation. The logarithm of what
+vanishes is minus that of its inverse, which grows. Where w tends to 1, 1 - w^p is -expm1(p log(w)), and w^p is exp(p
+log(w)) if p is no rational number. A power of something fixed is an exponential of its exponent. Any other power whose
+exponent is no rational number is a positive quantity of a name of its own and of unknown size: what holds for any such
+quantity holds for the power.
 """
 
 from __future__ import annotations
@@ -105,14 +106,20 @@ class Terms:
         number, rest = expr.as_coeff_Add()
         for term in Add.make_args(rest) if number != 0 else ():
             base, exponent = (-term / number).as_base_exp()
-            one, small = base.as_coeff_Add()
-            if one != 1 or small == 0 or (exponent.is_Integer and exponent > 0) or not self._vanishes(small):
+            inside = self._near_one(base)
+            if inside is None or (exponent.is_Integer and exponent > 0):
                 continue
-            inside = ["log", ["+", "1", *(self.text(part) for part in Add.make_args(small))]]
             text = ["*", str(-number), ["expm1", ["*", self.text(exponent), inside]]]
             others = rest - term
             return text if others == 0 else ["+", text, *(self.text(part) for part in Add.make_args(others))]
         return None
+
+    def _near_one(self, base: Expr) -> Any:
+        """Logarithm of a sum that tends to 1; None of any other."""
+        one, small = base.as_coeff_Add()
+        if one != 1 or small == 0 or not self._vanishes(small):
+            return None
+        return ["log", ["+", "1", *(self.text(part) for part in Add.make_args(small))]]
 
     def _power(self, base: Expr, exponent: Expr) -> Any:
         """A power whose exponent is no rational number: its base is positive, or it has no value."""
@@ -122,6 +129,8 @@ class Terms:
             sign, text = found
             first, rest = exponent.as_coeff_Add()
             return ["*", self.text(Pow(base, first)), ["exp", ["*", str(sign), self.text(rest), text]]]
+        if (inside := self._near_one(base)) is not None:
+            return ["exp", ["*", self.text(exponent), inside]]
         if is_monomial(base):  # of products, each by itself, as they may be joined otherwise elsewhere
             return ["*", *(self._named(part, power * exponent) for part, power in base.as_powers_dict().items())]
         return self._named(base, exponent)

@@ -15,6 +15,7 @@ from sympy import Rational, Symbol, atan
 from softdyn.certificate_checker import Refused, check_certificate
 from softdyn.cli import main
 from softdyn.derive.certificate import certificates
+from softdyn.derive.certificate_cases import UnknownSizeError
 from softdyn.derive.closure import Closure, Re, c, claimed_of, in_fractions, phi, result_of, sample_values
 from softdyn.derive.closure_certificate import closure_certificates
 from softdyn.derive.dimensions import DIMENSIONLESS
@@ -143,6 +144,18 @@ def test_a_power_of_unknown_size_proves_nothing_by_its_size() -> None:
     larger = viscous(1 + Re**n, n)
     with pytest.raises(Refused):
         closure_certificates(larger, larger.limits[0], "drag")
+
+
+def test_a_power_of_what_tends_to_1_does_so_too() -> None:
+    """With an exponent that is fixed, or vanishes; (1 + Re)^(1/Re) tends to e."""
+    n = Symbol("n", positive=True)
+    for factor in ((1 + Re) ** n, (1 + Re) ** -n, (1 + Re) ** (n * Re)):
+        closure = viscous(factor, n)
+        check_certificate(closure_certificates(closure, closure.limits[0], "drag")[0])
+    for factor in ((1 + Re) ** (n / Re), 2 * (1 + Re) ** n):
+        closure = viscous(factor, n)
+        with pytest.raises((Refused, UnknownSizeError)):
+            closure_certificates(closure, closure.limits[0], "drag")
 
 
 def viscous(factor: Any, *own: Symbol) -> Closure:

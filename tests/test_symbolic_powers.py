@@ -35,6 +35,7 @@ def power_law(power: Expr, remote: Expr = S.Zero, order: Any = (h, delta, R), **
     )
 
 
+@pytest.mark.slow
 def test_an_exponent_has_its_typical_value_and_the_text_says_so() -> None:
     symbolic = power_law(n, parameters={n: DIMENSIONLESS}, ranges={n: (1, 3)}, typical={n: Rational(3, 2)})
     found, numeric = discover(symbolic), discover(power_law(Rational(3, 2)))
