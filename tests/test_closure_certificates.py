@@ -184,6 +184,15 @@ def test_a_power_of_what_tends_to_1_does_so_too() -> None:
             closure_certificates(closure, closure.limits[0], "drag")
 
 
+@pytest.mark.slow
+def test_a_case_that_an_atom_shows_to_be_empty_is_left() -> None:
+    """As where log(1/phi) is bounded although it grows: nothing belongs to it, and nothing more is asked there."""
+    closure = stock("koch_hill")
+    limit = Limit("Stokes", closure.limits[0].order, {"drag": stock("stokes").expression * c**phi})
+    (one,) = closure_certificates(closure, limit, "drag")
+    check_certificate(json.loads(json.dumps(one)))
+
+
 def viscous(factor: Any, *own: Symbol) -> Closure:
     """Stokes' drag times a factor that tends to 1 as Re does to 0."""
     alone = stock("stokes").expression
