@@ -26,7 +26,8 @@ It prints values, standard errors, intervals of 95 % by profiles, and what the d
 examples:
   softdyn fit steric approach.csv --free Pi0,L,h --set R=10um,E=100kPa,nu=0.5 --set 'eta=1 mPa s' \\
                     --set Pi0=50kPa,L=10nm,h=0.3um --drive spring.stiffness=0.05N/m --drive spring.base=Z -o fit.json
-  softdyn fit dlvo surfaces.csv --free kD,Pi0,shift --set R=1cm,E=1GPa,... --drive static     forces at rest
+  softdyn fit dlvo surfaces.csv --free ell,Pi0,shift --drive static \\
+                    --set R=1cm,E=70GPa,nu=0.2,ell=8nm,Pi0=5kPa,A=1e-20J                    forces at gaps, at rest
   softdyn fit scene.toml drainage.csv --free eta -o fit.npz      law, parameters, h and drive are those of the scene
   softdyn fit herschel-bulkley curve.csv
 """
@@ -44,7 +45,8 @@ def add_fit(add: Add) -> None:
     parser.add_argument("data", metavar="DATA", nargs="+", type=Path, help="tables of what was measured")
     parser.add_argument(
         "--free", metavar="NAME,...", action="append", default=[],
-        help="what is fitted: parameters of the law, h, delta, stiffness, force, velocity, position, constants",
+        help="what is fitted: parameters of the law, h, delta, stiffness, force, velocity, position, constants; of "
+        "forces at rest, shift, which is added to the gaps",
     )  # fmt: skip
     parser.add_argument(
         "--set", metavar="NAME=VALUE,...", dest="numbers", action="append", default=[],
