@@ -365,7 +365,7 @@ def test_the_command_line_runs_and_draws(tmp_path: Path, capsys: pytest.CaptureF
     assert abs(summary["energy"]["imbalance"]) < 5e-3
     assert main(["plot", str(output)]) == 0
     assert (tmp_path / "a.png").stat().st_size > 10_000
-    assert main(["run", str(path), "-o", str(tmp_path / "a.csv")]) == 2
+    assert main(["run", str(path), "-o", str(tmp_path / "a.json")]) == 2
     assert "npz" in capsys.readouterr().err
     assert main(["run", str(path), "--resume"]) == 2
     assert "--resume" in capsys.readouterr().err
