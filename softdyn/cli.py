@@ -824,7 +824,7 @@ def _require_ending(output: Path | None, endings: Sequence[str]) -> None:
 def _run(options: argparse.Namespace) -> int:
     from softdyn.pair.pair_run import simulate_pair
     from softdyn.results.pair_result import ENDINGS, SUFFIXES
-    from softdyn.results.writers import WRITERS
+    from softdyn.results.writers import WRITERS, require_writer
     from softdyn.scene.pair_scene import read_scene
     from softdyn.scene.reading import is_fluid_scene, is_particle_scene, read_toml
 
@@ -849,6 +849,8 @@ def _run(options: argparse.Namespace) -> int:
         raise SceneError("--resume is for scenes of many particles, and of a fluid")
     if options.output is not None and options.output.suffix not in SUFFIXES:
         raise SceneError(f"cannot save to {options.output}: {ENDINGS}")
+    if options.output is not None and options.output.suffix == ".nc":
+        require_writer(options.output)  # before the run, not after it
     scene = read_scene(options.scene)
     with _progress_bar(scene) as progress:
         result = simulate_pair(scene, progress)

@@ -293,6 +293,26 @@ def test_a_missing_package_is_named_before_the_run(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(("ending", "package"), [(".nc", "xarray"), (".csv", "pandas")])
+def test_a_missing_table_package_is_named_before_any_run(
+    ending: str, package: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    output = tmp_path / f"a{ending}"
+    # of two particles .csv needs nothing
+    for scene in ["two", "darcy"] if ending == ".csv" else ["two", "darcy", "pair.toml"]:
+        if scene == "pair.toml":
+            (tmp_path / scene).write_text(
+                "law = 'rognon_gay'\nparameters = {R = 1.0, E = 1.0, eta = 1.0}\npair.h = 1.0\ndrive.force = 1e-2\n"
+                "until.h = 0.1\n"
+            )
+        assert main(["run", str(tmp_path / scene) if "." in scene else scene, "-o", str(output)]) == 2
+        words = capsys.readouterr()
+        assert f"needs the package {package}: pip install 'softdyn[data]'" in words.err
+        assert not words.out
+    assert not list(tmp_path.glob("a*"))
+
+
 def test_an_unwritable_place_is_named(sheared: ParticleResult, tmp_path: Path) -> None:
     (tmp_path / "a").write_text("a file where the folder of the frames would be")
     with pytest.raises(SceneError, match="cannot write the folder"):

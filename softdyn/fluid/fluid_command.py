@@ -13,6 +13,7 @@ from softdyn.fluid.fluid_result import FluidResult
 from softdyn.fluid.fluid_run import Progress, simulate_fluid
 from softdyn.fluid.fluid_scene import FluidScene, read_fluid_scene
 from softdyn.results.state_file import remove, save_result
+from softdyn.results.writers import require_writer
 from softdyn.scene.reading import is_suspension_scene, read_toml
 from softdyn.terminal import as_it_is
 
@@ -42,6 +43,8 @@ def run_fluid(path: Path, output: Path | None, resume: bool, as_json: bool) -> i
     """
     if output is not None and output.suffix not in ENDINGS:
         raise SceneError(f"cannot save to {output}: of a fluid the ending must be one of {', '.join(ENDINGS)}")
+    if output is not None and output.suffix != ".npz":
+        require_writer(output)  # before the run, not after it
     if resume and output is None:
         raise SceneError("--resume goes on from the checkpoint of a run with -o FILE: name that file")
     scene, simulate = _read(path)
