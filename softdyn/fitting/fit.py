@@ -240,7 +240,7 @@ def _fit_static(law: Any, data: list[Any], free: Any, given: Mapping[str, Any], 
         if missing:
             raise SceneError(f"data {curve.name}: {' and '.join(missing)} missing: where nothing moves, gap and force")
     # how fast a film drains does not matter, nor what it takes
-    needed = {str(symbol) for symbol in (law.F_ela, law.F_adh, law.a) for symbol in getattr(symbol, "free_symbols", ())}
+    needed = {symbol.name for expr in (law.F_ela, law.F_adh, law.a) for symbol in expr.free_symbols}
     symbols = [symbol for symbol in parameters_of(law) if symbol.name in needed]
     numbers = {
         **dict.fromkeys((symbol.name for symbol in parameters_of(law)), math.nan),
