@@ -141,6 +141,3 @@ def _back(at: Mapping[str, mpmath.mpf], back: Mapping[Symbol, Expr]) -> dict[str
         numbers[symbol.name] = mpmath.fsum(parts)
     new = {one.name for value in back.values() for one in value.free_symbols if isinstance(one, Dummy)}
     return {name: number for name, number in numbers.items() if name not in new}
-
-
-__all__ = ["not_negative"]

@@ -168,3 +168,12 @@ def test_panels_of_a_flow_are_drawn_by_name() -> None:
     assert figure.get_figwidth() == 3.4
     with pytest.raises(SceneError, match="panel 'porosity': the result has none"):
         plot_fluid(result, panels=["porosity"])
+
+
+def test_labels_of_a_tall_flow_are_within_the_picture(tmp_path: Path) -> None:
+    """Where a picture has proportions of its own, its first layout is not its last."""
+    figure = plot_fluid(flow(box_mesh((8, 12), (4, 6)), 1, [0.0]), panels=["speed", "pressure"], width="column")
+    figure.savefig(tmp_path / "tall.png", dpi=150)
+    labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes if axes.get_ylabel()]
+    assert len(labels) == 2
+    assert min(label.x0 for label in labels) >= 0

@@ -13,7 +13,8 @@ import pytest
 from softdyn.cli import main
 from softdyn.errors import SceneError
 from softdyn.rheology.distributions import distribution, read_given, samples_of
-from softdyn.rheology.uncertainty import sobol_indices
+from softdyn.rheology.run_table import RunTable
+from softdyn.rheology.uncertainty import observed, sobol_indices
 
 PAIR = """
 law = "rognon_gay"
@@ -197,3 +198,13 @@ def test_a_flow_in_time_tells_means_and_extremes_of_its_second_half(tmp_path: Pa
     # steps end at output times at least: the mean by trapezoids is off by dt^2 of the curvature, 4 pi^2, over 12; an
     # extreme lies half a step from a value at most, which is off by half of its square
     assert flux == pytest.approx([1, 0, 2, 1], abs=(2 * math.pi * 2 / 320) ** 2 / 8)
+
+
+def test_what_is_shown_is_a_mean_and_not_its_extremes_too() -> None:
+    ramp = np.arange(4.0)
+    columns = {"t_end": ramp, "flux": ramp, "flux_min": ramp, "flux_end": ramp, "still": np.ones(4), "drop": ramp}
+    table = RunTable({}, columns, {}, (), {}, {"sample": ramp})
+    assert observed(table, None) == ["t_end", "flux", "drop"]
+    assert observed(table, "flux_min") == ["flux_min"]
+    with pytest.raises(SceneError, match="no such column; did you mean 'flux'"):
+        observed(table, "flox")

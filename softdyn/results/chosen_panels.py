@@ -89,4 +89,6 @@ def chosen_panels(
         grid = figure.add_gridspec(len(names), 1, height_ratios=heights)
         for k, name in enumerate(names):
             known[name].draw(figure.add_subplot(grid[k]))
+        # axes whose proportions are fixed have room for their labels in the second layout only
+        figure.draw_without_rendering()
     return figure

@@ -36,7 +36,8 @@ SHOWN = 4
 CONFIDENCE, RESAMPLES, SEED = 0.95, 999, 1
 #: Relative difference that is none.
 ROUNDING = 1e-12
-#: Endings of columns that tell of others, or of how well a run went.
+#: Endings of columns beside that of a mean; and of those that tell of others, or of how well a run went.
+OF_MEANS = ("_min", "_max", "_end")
 ABOUT = ("_error", "_imbalance", "_repeats", "_change", "steady", "steady_from")
 
 
@@ -158,7 +159,9 @@ def observed(table: RunTable, asked: str | None) -> list[str]:
     SceneError
         If there is none of a name.
     """
-    names = [part.strip() for part in asked.split(",")] if asked else varying(table)[:SHOWN]
+    beside = {f"{name}{ending}" for name in table.columns for ending in OF_MEANS}
+    own = [name for name in varying(table) if name not in beside]
+    names = [part.strip() for part in asked.split(",")] if asked else own[:SHOWN]
     for name in names:
         if name not in table.columns:
             raise SceneError(f"--observe {name}: the table has no such column{suggestion(name, list(table.columns))}")
