@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -26,8 +25,7 @@ from softdyn.study.closure_pictures import draw
 from softdyn.study.closure_plane import Presences, presence_of_closure
 from softdyn.study.closure_text import WORDS, case_text, numbers_text, signs_of_closure_text, written
 from softdyn.study.findings_text import holds_text, presence_text
-from softdyn.study.formulas import definitions
-from softdyn.study.law_page import Show, data_address, environment, shown
+from softdyn.study.law_page import Show, data_address, rendered, shown
 
 MEANINGS = {
     "drag": "the force on a grain over its slip",
@@ -57,8 +55,6 @@ def write_closure_report(closure: Closure, path: Path) -> None:
 
 def closure_page(closure: Closure) -> str:
     """Return the page on a closure."""
-    glyphs: dict[str, str] = {}
-    show = partial(shown, glyphs)
     diagram = discover_closure(closure)
     findings = check_closure_limits(closure)
     found = presence_of_closure(diagram)
@@ -70,19 +66,19 @@ def closure_page(closure: Closure) -> str:
         "versions": {name: version(name) for name in ("sympy", "mpmath", "matplotlib")},
         "summary": _summary(closure, findings, diagram),
         "declared": [
-            {"name": name, "formula": show(to_latex(expr), expr)}
+            {"name": name, "formula": shown(to_latex(expr), expr)}
             for name, expr in (("expression", closure.expression), ("in the plane", closure.in_plane))
             if expr is not None
         ],
-        "parameters": _parameters(closure, show),
+        "parameters": _parameters(closure, shown),
         "derived": [
-            {"text": x.says, "formula": show(f"{x.symbol} = {to_latex(x.value)}", f"{x.name} = {written(x.value)}")}
+            {"text": x.says, "formula": shown(f"{x.symbol} = {to_latex(x.value)}", f"{x.name} = {written(x.value)}")}
             for x in derived(closure, diagram)[1:]
         ],
-        "limits": _limits(closure, findings, show),
+        "limits": _limits(closure, findings, shown),
         "figure": data_address(draw(diagram)),
         "alt": f"Regimes of {closure.name}, and what it gives with its leading forms: {names}.",
-        "regimes": [_regime(regime, show, found) for regime in diagram.regimes],
+        "regimes": [_regime(regime, shown, found) for regime in diagram.regimes],
         "crossovers": [
             {
                 "first": one.first,
@@ -90,16 +86,14 @@ def closure_page(closure: Closure) -> str:
                 "case": case_text(one.case) or "everywhere",
                 "line": "not in closed form"
                 if one.line is None
-                else show(rf"\mathrm{{Re}} = {to_latex(one.line.rhs)}", f"Re = {written(one.line.rhs)}"),
+                else shown(rf"\mathrm{{Re}} = {to_latex(one.line.rhs)}", f"Re = {written(one.line.rhs)}"),
                 "numbers": "" if one.line is None else numbers_text(closure, one.line.rhs),
             }
             for one in diagram.crossovers
         ],
         "jumps": [str(jump) for jump in diagram.jumps],
     }
-    made = environment()
-    text = made.get_template("closure.html.j2").render(**about, style=made.get_template("style.css.j2").render())
-    return text.replace("<!-- outlines -->", definitions(glyphs), 1)
+    return rendered("closure.html.j2", about)
 
 
 def _summary(closure: Closure, findings: list[Finding], diagram: ClosureDiagram) -> list[str]:

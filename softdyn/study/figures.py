@@ -32,9 +32,8 @@ from softdyn.derive.law import expressions
 from softdyn.derive.regimes import Crossover, Diagram, Regime
 from softdyn.derive.symbols import R, eta, h
 from softdyn.derive.typeset import symbol_latex
-from softdyn.mathtext import literal
+from softdyn.mathtext import displayed, literal
 from softdyn.results.whole_files import written_whole
-from softdyn.study.formulas import displayed
 from softdyn.study.plane import Plane, boundaries, holds, logarithm, monomial, ordering, parameter_values, region
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """All that is known of a law, as one web page to hand to a colleague.
 
-The page holds everything itself: formulas and figures are drawings within it, and it needs neither a network nor a
+The page holds everything itself, figures and the font of its formulas too, and needs neither a network nor a
 script. The same law and versions give the same bytes, unless something is given up for the time that it takes.
 """
 
@@ -9,9 +9,8 @@ from __future__ import annotations
 import io
 import re
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -61,7 +60,7 @@ from softdyn.findings import films_of, limits_of, regimes_of
 from softdyn.results.whole_files import written_whole
 from softdyn.stock import kinds
 from softdyn.study.findings_text import holds_text, presence_text, same_size, twin
-from softdyn.study.formulas import definitions, formula, widest
+from softdyn.study.formulas import formula, widest
 from softdyn.study.presence import ANYWHERE, Presences, presence_of
 
 if TYPE_CHECKING:
@@ -72,6 +71,8 @@ if TYPE_CHECKING:
 #: Sets LaTeX; the second argument says it in words.
 Show = Callable[[str, object], Markup]
 
+#: Few telephones have a font that knows how formulas are set.
+FONT = "math.woff2"
 TEMPLATES = ("page.html.j2", "closure.html.j2", "style.css.j2")
 MEANINGS = {R: "radius of the particles", E: "elastic modulus", eta: "viscosity of the fluid"}
 ARGUMENTS = {"a": r"(h, \delta)", "F_ela": r"(a, \delta)", "zeta": "(a, h)", "F_adh": "(a, h)"}
@@ -140,8 +141,6 @@ def write_report(law: ContactLaw, path: Path) -> None:
 
 def page(law: ContactLaw) -> str:
     """Return the page on a law."""
-    glyphs: dict[str, str] = {}
-    show = partial(shown, glyphs)
     findings = limits_of(law)
     diagram = regimes_of(law)
     films = films_of(diagram)
@@ -154,53 +153,50 @@ def page(law: ContactLaw) -> str:
         "softdyn": softdyn.__version__,
         "summary": summary(findings, diagram, films),
         "declared": [
-            {"name": WHAT[name], "formula": show(f"{name_latex(name)}{arguments[name]} = {to_latex(expr)}", expr)}
+            {"name": WHAT[name], "formula": shown(f"{name_latex(name)}{arguments[name]} = {to_latex(expr)}", expr)}
             for name, expr in expressions(law).items()
         ],
         "note": RIGID if is_rigid(law) else DRY if is_dry(law) else "",
-        "parameters": parameters(law, show),
-        "any_law": any_law(law, show),
-        "this_law": this_law(law, show),
-        "tangential": tangential(law, show),
-        "limits": [limit_entry(limit, findings, diagram, show) for limit in law.limits],
+        "parameters": parameters(law, shown),
+        "any_law": any_law(law, shown),
+        "this_law": this_law(law, shown),
+        "tangential": tangential(law, shown),
+        "limits": [limit_entry(limit, findings, diagram, shown) for limit in law.limits],
         "figures": figures(diagram),
-        "regimes": regimes(diagram, show, presence_of(diagram)),
-        "units": units(law, show),
-        "energy": energy(show),
+        "regimes": regimes(diagram, shown, presence_of(diagram)),
+        "units": units(law, shown),
+        "energy": energy(shown),
         "conservative": diagram.conservative,
         "film": film(law),
-        "films": None if films is None else film_entries(films, diagram, show),
+        "films": None if films is None else film_entries(films, diagram, shown),
         "kernels": made,
         "parts": next((list(kernel["operations"]) for kernel in made if not kernel["reason"]), []),
         "kinds": KINDS,
     }
-    template = environment().get_template("page.html.j2")
-    text = template.render(**about, style=environment().get_template("style.css.j2").render())
-    return text.replace("<!-- outlines -->", definitions(glyphs), 1)
+    return rendered("page.html.j2", about)
 
 
-def environment() -> Environment:
-    """Templates of pages."""
-    folder = files("softdyn.templates").joinpath("report")
-    texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in TEMPLATES}
-    return Environment(
-        loader=DictLoader(texts), undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-
-
-def shown(glyphs: dict[str, str], latex: str, text: object) -> Markup:
-    """A formula, whose outlines are added to those of the page.
+def rendered(name: str, about: Mapping[str, Any]) -> str:
+    """A page of a template in ``report``, with its style and the font of its formulas within it.
 
     Parameters
     ----------
-    glyphs : dict from str to str
-        Outlines by identifier; those that the formula needs are added.
-    latex : str
-        As of :mod:`softdyn.derive.typeset`.
-    text : object
-        The same in plain text: a str, or an expression.
+    name : str
+    about : Mapping from str
+        What the template asks for.
     """
-    return Markup(formula(latex, text if isinstance(text, str) else sstr(text), glyphs))
+    folder = files("softdyn.templates").joinpath("report")
+    texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in TEMPLATES}
+    made = Environment(
+        loader=DictLoader(texts), undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    font = b64encode(folder.joinpath(FONT).read_bytes()).decode()
+    return made.get_template(name).render(**about, style=made.get_template("style.css.j2").render(font=font))
+
+
+def shown(latex: str, text: object) -> Markup:
+    """A formula, from its LaTeX as of :mod:`softdyn.derive.typeset`, and the same in plain text: a str, or an Expr."""
+    return Markup(formula(latex, text if isinstance(text, str) else sstr(text)))
 
 
 def summary(findings: Sequence[Finding], diagram: Diagram, films: Films | None) -> list[str]:
