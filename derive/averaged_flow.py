@@ -17,8 +17,9 @@ Where fluid leaves, :func:`outlet` is integrated over the facets.
 
 Grains that move by themselves are known by what they do over a time step. Their share of the volume grows by dc/dt,
 which div u then makes up for, so that over each step no volume is lost. The force on them, drag that is implicit in
-their velocities at the end of the step, is friction u - pull + lent grad p: what they gain by the pressure in a step
-in which drag stops them, the fluid gives.
+their velocities at the end of the step, is friction (u - tried) - pull + lent grad p: what they gain by the pressure in
+a step in which drag stops them, the fluid gives. A grain feels a mean over its surroundings, which is no matter of one
+place: pull has it, of the flow that is tried, and where what comes out is that flow, the first term is nothing.
 
 Elements: velocity of order 2 and pressure of order 1 (Taylor & Hood, 1973), or both of order 1. Those of the first kind
 conserve volume around each corner alone: through a bed whose porosity changes within few elements the flux swings. So
@@ -83,6 +84,7 @@ UNITS: dict[str, Dimension] = {
     "rate": TIME**-1,
     "growth": TIME**-1,
     "friction": FORCE / LENGTH**3 / (LENGTH / TIME),
+    "tried": LENGTH / TIME,
     "pull": FORCE / LENGTH**3,
     "lent": DIMENSIONLESS,
     # of sizes that a number without a dimension is added to
@@ -242,8 +244,8 @@ class _Parts:
         d = self.dimension = dimension
         self.u, self.p = Field("u", d, vector=True, order=order), Field("p", d)
         self.c, self.us = Field("c", d, order=order), Field("us", d, vector=True, order=order)
-        self.force, self.past, self.pull = (
-            Field(name, d, vector=True, order=order) for name in ("force", "past", "pull")
+        self.force, self.past, self.tried, self.pull = (
+            Field(name, d, vector=True, order=order) for name in ("force", "past", "tried", "pull")
         )
         self.growth, self.friction, self.lent = (Field(name, d, order=order) for name in ("growth", "friction", "lent"))
         self.phi, self.speed = Symbol("phi", nonnegative=True), Symbol("speed", positive=True)
@@ -251,7 +253,7 @@ class _Parts:
     @property
     def of_moving(self) -> tuple[Field, ...]:
         """What is known of grains that move by themselves."""
-        return self.growth, self.friction, self.pull, self.lent
+        return self.growth, self.friction, self.tried, self.pull, self.lent
 
     def flow(self, own: Mapping[str, Field]) -> Flow:
         """What a term's force may depend on."""
@@ -300,7 +302,7 @@ def averaged_flow(
     Its fields are u and p; its coefficients c, us, force and past, of the velocity's order; its parameters rho, eta,
     rate, r if there is drag, and those of closures. What is absent leaves no term: rho in Stokes flow, rate and past in
     steady flow, us with grains at rest, force. Without grains c is one. Of grains that move by themselves also growth,
-    dc/dt, and the force on them: friction, pull and lent.
+    dc/dt, and the force on them: friction, tried, pull and lent.
 
     Parameters
     ----------
@@ -340,7 +342,7 @@ def averaged_flow(
         without["rho"] = {symbol: expr for symbol, expr in limits.items() if _is_settled(expr)}
     if moving:
         resistance = parts.friction.value
-        resisted = resistance * u.value - parts.pull.value + parts.lent.value * p.gradient
+        resisted = resistance * (u.value - parts.tried.value) - parts.pull.value + parts.lent.value * p.gradient
     quantities[parts.speed] = sqrt(dot(u.value, u.value) + LEAST_SQUARE)
     forces = {term.name: term.force(parts.flow({one.name: one for one in fields_of(term, d, order)})) for term in more}
 

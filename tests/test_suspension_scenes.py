@@ -46,12 +46,15 @@ def test_a_depot_rests_on_walls_and_the_fluid_carries_none_of_it() -> None:
     """
     result = run("depot")
     buoyant = 0.6 * -result.grain_weight[-1, 1]
-    sinking = (result.t > 4) & (result.t < 10)
     carried = -sum(result.arrays[f"contact_force_{name}"][:, 1] for name in ("left", "right", "bottom")) / buoyant
     pressure = excess(result, 8.0) / buoyant
-    # walls of the fluid rub, too, and what sinks in the middle rises at the sides
-    assert (pressure + carried)[sinking] == pytest.approx(1.0, abs=0.15)
-    assert pressure[sinking].min() > 0.6
+    # walls of the fluid rub, too, and what sinks in the middle rises at the sides; the force of a collision is told of
+    # an instant, so that where grains fall on the floor it is its mean that adds up
+    free, until_10 = (result.t >= 2) & (result.t <= 7), (result.t >= 2) & (result.t <= 10)
+    assert carried[free] == pytest.approx(0.0, abs=1e-12)
+    assert (pressure + carried)[free] == pytest.approx(1.0, abs=0.15)
+    assert (pressure + carried)[until_10].mean() == pytest.approx(1.0, abs=0.15)
+    assert pressure[until_10].min() > 0.6
     assert carried[-1] == pytest.approx(1.0, abs=0.01)
     assert pressure[-1] == pytest.approx(0.0, abs=0.01)
     assert np.abs(result.v[-1]).max() < 0.01 * np.abs(result.v).max()
@@ -131,7 +134,8 @@ def test_settling_is_hindered_as_its_closure_says() -> None:
     """At phi = 0.3, in a column with a floor and a lid: n of Richardson and Zaki is that of Di Felice, 4.8, within 0.2.
 
     Grains in the middle half, of which the volume that comes down is replaced by fluid. At the Reynolds number 0 the
-    closure is 0.96 of Stokes' drag over c^2.8, and the pressure is that of the mixture.
+    closure is 0.96 of Stokes' drag over c^2.8, and the pressure is that of the mixture. So is the viscosity: else parts
+    with more grains sink through the rest as through a clear fluid.
     """
     x, _, lengths = random_packing(count=124, dimension=3, fraction=0.3, seed=2, radii=[0.5])
     side = float(lengths[0])
@@ -144,7 +148,7 @@ def test_settling_is_hindered_as_its_closure_says() -> None:
             Boundary(["bottom", "top"], velocity=[0.0] * 3),
         ],
         gravity=[0.0, -1.0, 0.0], positions=places, radii=0.5, grain_density=1.01, drag="dallavalle_di_felice",
-        width=1.5, until_t=0.6, dt=0.1, times=2,
+        mixture="batchelor", parameters={"B": 6.2}, width=1.5, until_t=0.6, dt=0.1, times=2,
     )  # fmt: skip
     result = simulate(scene)
     middle = np.abs(places[:, 1] - side) < side / 2

@@ -130,6 +130,10 @@ class Conditions:
     given : tuple of Given
     at : array, shape (nodes, d)
         Nodes of the velocity.
+    sticking : array of int
+        Nodes whose velocity is given, not their flux alone.
+    along : array, shape (sticking, d, d)
+        Projections there on the directions along all boundaries.
     """
 
     fixed: Ints
@@ -139,6 +143,8 @@ class Conditions:
     enclosed: tuple[Enclosed, ...]
     given: tuple[Given, ...]
     at: Array
+    sticking: Ints
+    along: Array
 
     @property
     def levels(self) -> tuple[Ints, ...]:
@@ -189,7 +195,10 @@ def conditions_of(
     given = _given(mesh, velocity, said)
     nodes = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(one.nodes for one in given)]))
     slip = [name for entry in boundaries if entry.slip for name in entry.names]
-    slipping, normals = _slip(mesh, velocity, slip, nodes)
+    slipping, normals = directions_at(mesh, velocity, slip, nodes)
+    sticking = np.unique(
+        np.concatenate([np.empty(0, dtype=np.int64), *(one.nodes for one in given if not one.superficial)])
+    )
     return Conditions(
         fixed=(np.arange(d)[:, None] * count + nodes).reshape(-1),
         slipping=slipping[:, None] + np.arange(d) * count,
@@ -198,11 +207,21 @@ def conditions_of(
         enclosed=_enclosed(mesh, velocity, pressure, outlets),
         given=given,
         at=velocity.at,
+        sticking=sticking,
+        along=_along(mesh, velocity, sticking),
     )
 
 
+def _along(mesh: Mesh, velocity: Nodes, nodes: Ints) -> Array:
+    """Projections, at nodes, on the directions along all boundaries there."""
+    projections = np.tile(np.eye(mesh.dimension), (velocity.count, 1, 1))
+    node, normals = directions_at(mesh, velocity, list(velocity.facets))
+    np.subtract.at(projections, node, normals[:, :, None] * normals[:, None, :])
+    return np.asarray(projections[nodes])
+
+
 def given_values(
-    conditions: Conditions, t: float, c: Array | None = None, us: Array | None = None
+    conditions: Conditions, t: float, c: Array | None = None, us: Array | None = None, carried: Array | None = None
 ) -> tuple[Array, tuple[str, ...]]:
     """Values of what is given, at a time.
 
@@ -214,6 +233,9 @@ def given_values(
         Porosity at the nodes of the velocity; 1 without.
     us : array, shape (nodes, d), optional
         Volume fraction of the grains times their velocity; 0 without.
+    carried : array, shape (nodes, d), optional
+        The same of grains that are not on the boundaries, but at some distance: along a boundary, fluid and grains
+        together then have the velocity that is given.
 
     Returns
     -------
@@ -228,12 +250,17 @@ def given_values(
         If a value is not finite, or more flows into an enclosed part than out of it.
     """
     d = conditions.at.shape[1]
-    u = np.zeros_like(conditions.at)
+    u, mixed = np.zeros_like(conditions.at), np.zeros_like(conditions.at)
     warnings = []
     for one in conditions.given:
         found = vectors_at(one.fields, conditions.at[one.nodes], t)
         flux = found if one.superficial or c is None else c[one.nodes, None] * found
         u[one.nodes] += np.einsum("nij,nj->ni", one.parts, flux)
+        if carried is not None:
+            mixed[one.nodes] += np.einsum("nij,nj->ni", one.parts, found - flux)
+    if carried is not None:
+        own = conditions.sticking
+        u[own] += np.einsum("nij,nj->ni", conditions.along, mixed[own] - carried[own])
     for part in conditions.enclosed:
         warnings += _balance(part, u, us, t)
     fixed = conditions.fixed.reshape(d, -1)[0]
@@ -314,25 +341,41 @@ def _by_node(node: Ints, normal: Array, wanted: NDArray[np.bool_]) -> dict[int, 
     return dict(zip(nodes.tolist(), np.split(normal[taken], start[1:]), strict=True)) if len(nodes) else {}
 
 
-def _slip(mesh: Mesh, velocity: Nodes, names: Sequence[str], fixed: Ints) -> tuple[Ints, Array]:
-    """Nodes without flow along a normal, and the normals: a node as often as it has of these."""
-    node, normal = _node_normals(mesh, velocity, names, even=True)
-    free = ~np.isin(node, fixed)
+def directions_at(mesh: Mesh, nodes: Nodes, names: Sequence[str], but: Ints | None = None) -> tuple[Ints, Array]:
+    """Nodes of boundaries, and the normals there: a node as often as it has of these.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    nodes : Nodes
+    names : sequence of str
+        Of boundaries.
+    but : array of int, optional
+        Nodes that are left out.
+
+    Returns
+    -------
+    node : array of int, shape (normals,)
+    normals : array, shape (normals, d)
+        Unit vectors, those of one node at right angles to each other.
+    """
+    node, normal = _node_normals(mesh, nodes, names, even=True)
+    free = ~np.isin(node, np.empty(0, dtype=np.int64) if but is None else but)
     node, normal = node[free], normal[free]
-    nodes, group = np.unique(node, return_inverse=True)
-    mean = np.zeros((len(nodes), mesh.dimension))
+    each, group = np.unique(node, return_inverse=True)
+    mean = np.zeros((len(each), mesh.dimension))
     np.add.at(mean, group, normal)
     unit = normal / np.linalg.norm(normal, axis=1)[:, None]
-    first = np.full(len(nodes), len(node))
+    first = np.full(len(each), len(node))
     np.minimum.at(first, group, np.arange(len(node)))
-    edge = np.zeros(len(nodes), dtype=bool)
+    edge = np.zeros(len(each), dtype=bool)
     np.logical_or.at(edge, group, np.sum(unit * unit[first[group]], axis=1) < SHARP)
     smooth = ~edge
-    found = [nodes[smooth]]
+    found = [each[smooth]]
     normals = [mean[smooth] / np.linalg.norm(mean[smooth], axis=1)[:, None]]
     for k, there in _by_node(group, normal, edge).items():
         directions = _directions(there)
-        found.append(np.full(len(directions), nodes[k]))
+        found.append(np.full(len(directions), each[k]))
         normals.append(directions)
     return np.concatenate(found), np.concatenate(normals)
 

@@ -87,7 +87,7 @@ class FluidSystem:
     viscosity : closure or None
         Of the mixture.
     moving : dict or None
-        Of grains that move by themselves, at the nodes of the velocity: c, us, growth, friction, pull, lent; see
+        Of grains that move by themselves, at the nodes of the velocity: c, us, growth, friction, tried, pull, lent; see
         :mod:`softdyn.derive.averaged_flow`.
     warnings : dict
         What is to be told, each once, and the time at which it came.
@@ -158,8 +158,8 @@ class FluidSystem:
         """Values that boundaries give at a time."""
         known = self.coefficients(t)
         # what grains that move by themselves let in, their growth tells
-        us = known.get("us") if self.moving is None else None
-        values, warnings = given_values(self.conditions, t, known.get("c"), us)
+        us, carried = (known.get("us"), None) if self.moving is None else (None, known.get("us"))
+        values, warnings = given_values(self.conditions, t, known.get("c"), us, carried)
         for warning in warnings:
             self.warnings.setdefault(warning.partition(" at t = ")[0], t)
         fixed = len(self.conditions.fixed)

@@ -5,13 +5,17 @@ weight and its contacts make of the velocity before. Solved for F,
 
     F = K' (<v_f> - v*) + a V <grad p> ,    K' = K/(1 + dt K/m) ,    a = dt K'/m ,
 
-where <> is the filter. The fluid has the same force in each of its places, spread over the filter: its velocity there
-instead of the mean one, so that its matrix stays that of the mesh, in
+where <> is the filter. The fluid has spread(F) of it. <v_f> is a mean over the filter, whose matrix would be full; so
+the flow is solved for with what is local, and with the mean of a flow u_t that is tried, until that is what comes out:
 
-    friction u - pull + lent grad p ,    friction = spread(K')/c ,  pull = spread(K' v*) ,  lent = spread(a V) .
+    friction (u - u_t) - pull + lent grad p ,
+    friction = spread(K')/c ,  pull = spread(K' (v* - <v_t>)) ,  lent = spread(a V) .
 
-As filter and spreading are adjoint, and all integrals exact, forces on grains and on the fluid add up to rounding. A
-grain that is held has an infinite mass.
+Were the force in each place that of the velocity there, grains would resist each shear over the width of the filter,
+as spheres of that size would: a sheared suspension would be much more viscous than its closure says.
+
+As filter and spreading are adjoint, and all integrals exact, forces on grains and on the fluid add up to rounding,
+whatever was tried. A grain that is held has an infinite mass.
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from softdyn.errors import IntegrationError
 from softdyn.fluid.flow_system import FluidSystem
 from softdyn.fluid.mesh import place, volumes
-from softdyn.suspension.filter import Filter, gathered, gradients, spread
+from softdyn.suspension.filter import Filter, gathered, gradients, spread, spread_flux
 from softdyn.suspension.undisturbed import DragLaw, frictions
 
 Array = NDArray[np.float64]
@@ -213,25 +217,61 @@ def drags(law: DragLaw, cloud: Cloud, fluid_v: Array, v: Array, shares: Array) -
 
 
 def known_of(one: Filter, maps: Projections, cloud: Cloud, friction: Array, growth: Array) -> dict[str, Array]:
-    """What the fluid needs to know of the grains, at the nodes of the velocity.
+    """What the fluid needs to know of the grains, at the nodes of the velocity, but for what :func:`tried_of` gives.
 
     Parameters
     ----------
+    one : Filter
+    maps : Projections
+    cloud : Cloud
     friction : array, shape (grains,)
         K'.
     growth : array, shape (nodes of the filter,)
         dc/dt.
     """
-    c, d = 1 - cloud.share, cloud.x.shape[1]
+    c = 1 - cloud.share
     lent = cloud.ease * friction * cloud.volume
-    amounts = np.column_stack([friction, lent, friction[:, None] * cloud.aim, cloud.volume[:, None] * cloud.v])
-    fields = spread(one, cloud.weights, amounts)
+    fields = spread(one, cloud.weights, np.column_stack([friction, lent]))
     fields[:, 0] /= c
-    up = np.asarray(maps.up @ np.column_stack([c, growth, fields]))
-    return {
-        "c": up[:, 0], "growth": up[:, 1], "friction": up[:, 2], "lent": up[:, 3],
-        "pull": up[:, 4 : 4 + d], "us": up[:, 4 + d :],
-    }  # fmt: skip
+    us = spread_flux(one, cloud.weights, cloud.volume[:, None] * cloud.v)
+    up = np.asarray(maps.up @ np.column_stack([c, growth, fields, us]))
+    return {"c": up[:, 0], "growth": up[:, 1], "friction": up[:, 2], "lent": up[:, 3], "us": up[:, 4:]}
+
+
+def tried_of(one: Filter, maps: Projections, cloud: Cloud, friction: Array, flux: Array) -> dict[str, Array]:
+    """What more it needs: a flow that is tried, and the pull of grains that feel its mean.
+
+    Parameters
+    ----------
+    one : Filter
+    maps : Projections
+    cloud : Cloud
+    friction : array, shape (grains,)
+        K'.
+    flux : array, shape (nodes of the velocity, d)
+        That is tried.
+    """
+    seen_v = gathered(one, cloud.weights, (maps.moments @ flux) / (1 - cloud.share)[:, None])
+    pull = spread(one, cloud.weights, friction[:, None] * (cloud.aim - seen_v))
+    return {"tried": flux, "pull": np.asarray(maps.up @ pull)}
+
+
+def misfit(one: Filter, maps: Projections, cloud: Cloud, friction: Array, found: Array, tried: Array) -> float:
+    """Drag that is not where the grains are, over the drag: 0 where the flow that came out is the one that was tried.
+
+    Parameters
+    ----------
+    one : Filter
+    maps : Projections
+    cloud : Cloud
+    friction : array, shape (grains,)
+        K'.
+    found, tried : array, shape (nodes of the velocity, d)
+    """
+    local = (spread(one, cloud.weights, friction) / (1 - cloud.share))[:, None]
+    off = float(np.abs(local * (maps.moments @ (found - tried))).sum())
+    size = float(np.abs(local * (maps.moments @ found)).sum() + np.abs(friction[:, None] * cloud.aim).sum())
+    return off / size if size else 0.0
 
 
 def exchanged(one: Filter, maps: Projections, cloud: Cloud, friction: Array, flux: Array, p: Array) -> Exchange:

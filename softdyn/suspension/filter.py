@@ -9,6 +9,10 @@ walls: no volume is lost. What shape functions add to the width is taken off l, 
 without obtuse angles no share is negative. Far from walls the filter is exp(-r/l) in three dimensions, with a standard
 deviation of 2 l along each axis, which is its width; its transform is (1 + l^2 k^2)^-2. Momentum goes the same way, and
 velocities come back to a grain by the same filter, which is symmetric: so what one gains the other loses.
+
+At a boundary the share is that of the grains and of their mirror images, which move as such: along the boundary as the
+grains, and against them through it. So the flux of the grains that :func:`spread_flux` makes has no part through any
+boundary, and its divergence is what their share falls by.
 """
 
 from __future__ import annotations
@@ -20,9 +24,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
+from scipy.linalg import null_space
+from scipy.sparse import block_diag, coo_matrix, csc_matrix, csr_matrix, diags
 
 from softdyn.errors import SceneError
+from softdyn.fluid.conditions import directions_at
 from softdyn.fluid.locate import Locator, located, locator
 from softdyn.fluid.mesh import Mesh, place, volumes
 from softdyn.fluid.numbering import Nodes
@@ -57,6 +63,10 @@ class Filter:
         Integrals of the nodes' shape functions.
     factor : object
         Of mass + l^2 stiffness.
+    free : sparse matrix, shape (d nodes, free)
+        Vectors at the nodes without a part through boundaries, an axis after another: its columns are of unit size.
+    flux_factor : object
+        The same of these.
     grid : Locator
     periods : tuple of (array, array)
         A point on a periodic boundary, and the way to the other one.
@@ -66,6 +76,8 @@ class Filter:
     length: float
     mass: Array
     factor: Any
+    free: csr_matrix
+    flux_factor: Any
     grid: Locator
     periods: tuple[tuple[Array, Array], ...]
 
@@ -108,9 +120,34 @@ def filter_of(mesh: Mesh, nodes: Nodes, width: float, periodic: Sequence[tuple[s
     local = np.einsum("e,eia,eja->eij", sizes * (length**2 - HATS * _side(sizes, d) ** 2), slopes, slopes)
     rows, columns = np.repeat(nodes.of, d + 1, axis=1).ravel(), np.tile(nodes.of, (1, d + 1)).ravel()
     stiffness = csr_matrix(coo_matrix((local.ravel(), (rows, columns)), shape=(nodes.count, nodes.count)))
-    factor = splu(csc_matrix(diags(mass) + stiffness))
+    whole = csc_matrix(diags(mass) + stiffness)
+    free = _free(mesh, nodes)
+    of_vectors = csc_matrix(free.T @ block_diag([whole] * d) @ free)
     ways = tuple(_period(mesh, *pair) for pair in periodic)
-    return Filter(nodes, length, mass, factor, locator(mesh.at, mesh.corners), ways)
+    return Filter(nodes, length, mass, splu(whole), free, splu(of_vectors), locator(mesh.at, mesh.corners), ways)
+
+
+def _free(mesh: Mesh, nodes: Nodes) -> csr_matrix:
+    """Vectors at nodes without a part through boundaries; see ``Filter.free``."""
+    d, count = mesh.dimension, nodes.count
+    node, normals = directions_at(mesh, nodes, list(nodes.facets))
+    axis = np.argmax(np.abs(normals), axis=1)
+    straight = np.abs(normals[np.arange(len(node)), axis]) > 1 - ROUNDING
+    is_free = np.ones((d, count), dtype=bool)
+    is_free[axis, node] = False
+    slanted = np.unique(node[~straight])
+    is_free[:, slanted] = False
+    row, value = [np.flatnonzero(is_free)], [np.ones(int(is_free.sum()))]
+    column, size = [np.arange(len(row[0]))], len(row[0])
+    for one in slanted:
+        tangents = null_space(normals[node == one])  # shape (d, tangents)
+        axes, each = np.indices(tangents.shape)
+        row.append((one + count * axes).ravel())
+        column.append((size + each).ravel())
+        value.append(tangents.ravel())
+        size += tangents.shape[1]
+    entries = np.concatenate(value), (np.concatenate(row), np.concatenate(column))
+    return csr_matrix(coo_matrix(entries, shape=(d * count, size)))
 
 
 def _side(volume: Array, d: int) -> Array:
@@ -197,6 +234,22 @@ def spread(one: Filter, weights: csr_matrix, amounts: Array) -> Array:
     """
     flat = np.asarray(weights.T @ amounts.reshape(len(amounts), math.prod(amounts.shape[1:])))
     return smoothed(one, flat.reshape(-1, *amounts.shape[1:]))
+
+
+def spread_flux(one: Filter, weights: csr_matrix, amounts: Array) -> Array:
+    """Flux at the nodes of amounts, volumes times velocities, that grains have; none of it through a boundary.
+
+    Parameters
+    ----------
+    one : Filter
+    weights : sparse matrix, shape (grains, nodes)
+        See :func:`weights_at`.
+    amounts : array, shape (grains, d)
+    """
+    loads = one.free.T @ np.asarray(weights.T @ amounts).T.reshape(-1)
+    mass = np.tile(one.mass, amounts.shape[1])
+    once = one.free.T @ (mass * (one.free @ one.flux_factor.solve(loads)))
+    return np.asarray((one.free @ one.flux_factor.solve(once)).reshape(amounts.shape[1], -1).T)
 
 
 def gathered(one: Filter, weights: csr_matrix, loads: Array) -> Array:

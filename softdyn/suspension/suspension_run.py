@@ -49,10 +49,12 @@ from softdyn.suspension.exchange import (
     drags,
     exchanged,
     known_of,
+    misfit,
     porosity,
     projections,
     seen,
     shares_at,
+    tried_of,
 )
 from softdyn.suspension.filter import Filter, filter_of, require_inside, spread, weights_at
 from softdyn.suspension.grain_contacts import (
@@ -76,6 +78,14 @@ Progress = Callable[[float, int, int, float], None]
 #: Repetitions of a step until the drag fits; with contacts, whose collisions come sooner or later as the drag changes,
 #: so many are enough, and the result tells what is left.
 MOST, ENOUGH = 50, 12
+#: Flows that are tried in each; what does not fit then, over the drag, is in what is left, too.
+FLOWS = 20
+#: Misfit at which none is tried any more: of forces that add up to nothing, which the width of the filter spreads.
+FITS = 1e-4
+#: Friction that flows which are tried are weighed with at least, over the largest.
+SLIGHT = 1e-3
+#: Relative change of the length of a step from which sizes are told anew.
+STEADY = 1e-9
 #: What may be left then, over the largest drag, without a warning.
 LEFT = 0.05
 #: Speeds over those at which a factor was made, up and down, from which sizes are told anew.
@@ -84,6 +94,8 @@ OTHER = 2.0
 IMBALANCE = 1e-9
 #: Part of the grains' volume that may as well have moved in a step, where nothing does.
 STILL = 1e-6
+#: What is counted over a run.
+COUNTED = ("steps", "iterations", "repeats", "flows")
 #: What is told of a step behind what is told of the flow: by axes, and numbers.
 SUMS = ("grain_drag", "grain_pressure", "grain_weight", "grain_momentum", "grain_contact")
 NUMBERS = (
@@ -146,7 +158,9 @@ class State:
     scales: Array | None = None
     rate: float = 0.0
     size: float = 0.0
-    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("steps", "iterations", "repeats"), 0))
+    counts: dict[str, int] = field(
+        default_factory=lambda: dict.fromkeys(("steps", "iterations", "repeats", "flows"), 0)
+    )
 
 
 @dataclass
@@ -325,6 +339,73 @@ def _begin(system: Suspension) -> State:
     return State(0, flow, x.copy(), v.copy(), share, np.zeros_like(x), system.grains)
 
 
+@dataclass(frozen=True)
+class Stretch:
+    """The step that is to be made.
+
+    Attributes
+    ----------
+    t, dt : float
+        Its end, and its length.
+    cloud : Cloud
+        Grains at its start, as if they touched nothing.
+    shares : array, shape (grains,)
+        Share of the grains in the volume at each.
+    growth : array, shape (nodes of the filter,)
+        dc/dt over the step before, which is that of this one where nothing touches.
+    """
+
+    t: float
+    dt: float
+    cloud: Cloud
+    shares: Array
+    growth: Array
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What a repetition of a step takes from the one before.
+
+    Attributes
+    ----------
+    whole, friction : array, shape (grains,)
+        K, and its share K' where the step slows the grain down.
+    fluid_v, push : array, shape (grains, d)
+        Velocity of the fluid at the grains, and force of its pressure.
+    """
+
+    whole: Array
+    friction: Array
+    fluid_v: Array
+    push: Array
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a repetition has found.
+
+    Attributes
+    ----------
+    equations : FlowEquations
+    solution : Solution
+    cloud : Cloud
+    passage : Passage, optional
+        Through the contacts.
+    forces : Exchange
+    growth : array, shape (nodes of the filter,)
+    misfit : float
+        Of the flow that was tried last; see :func:`softdyn.suspension.exchange.misfit`.
+    """
+
+    equations: FlowEquations
+    solution: Solution
+    cloud: Cloud
+    passage: Passage | None
+    forces: Exchange
+    growth: Array
+    misfit: float
+
+
 def _step(run: Run) -> Solution:
     """A step of both phases.
 
@@ -333,79 +414,210 @@ def _step(run: Run) -> Solution:
     IntegrationError
     """
     system, state = run.system, run.state
-    one, maps, fluid = system.filter, system.maps, system.fluid
+    one = _stretch(run)
+    attempt = _first_attempt(run, one)
+    mixing, usual = Mixing(), attempt.whole[:, None]
+    flow, repeats = state.flow, 0
+    if state.rate and abs(1 / one.dt / state.rate - 1) >= STEADY:
+        state.scales = None
+    while True:
+        found = _attempted(run, one, attempt, flow)
+        flow, repeats = found.solution.x, repeats + 1
+        new, change = _drag_after(system, one, attempt, found)
+        passage = found.passage
+        if change <= system.fluid.scene.rtol or (passage is not None and repeats == ENOUGH):
+            break
+        if repeats == MOST:
+            raise IntegrationError(
+                f"the drag on the grains does not settle at t={one.t:.6g}: after {MOST} repetitions of the step it "
+                f"changes by {change:.1e}, and rtol={system.fluid.scene.rtol:g} is asked for; give a shorter [steps] dt"
+            )
+        if passage is not None:
+            fluid_v, push = found.forces.fluid_v, found.forces.pressure
+            tried = _tried_next(mixing, usual, (attempt.fluid_v, attempt.push), (fluid_v, push))
+            new = Attempt(new.whole, new.friction, *tried)
+        attempt = new
+    forces = found.forces
+    if passage is not None:
+        forces = _given_the_rest(system, passage, forces, attempt.push, one.dt)
+    _note(run, one, replace(found, forces=forces), repeats, change)
+    return found.solution
+
+
+def _stretch(run: Run) -> Stretch:
+    """The next step.
+
+    Raises
+    ------
+    IntegrationError
+    """
+    system, state = run.system, run.state
     t, before = float(system.times[state.step]), run.t
     dt = t - before
     weights, share = _shared(system, state.x, before)
     cloud = _cloud(run, weights, share, dt)
-    growth = (state.share - share) / dt
-    shares = shares_at(one, cloud)
-    fluid_v, slope = seen(one, maps, cloud, *_fields(fluid, state.flow))
-    whole, friction = drags(system.law, cloud, fluid_v, state.v, shares)
-    push, passage = -cloud.volume[:, None] * slope, None
-    rate = 1 / dt
-    past, flow, change, repeats = -rate * state.flow, state.flow, 0.0, 0
-    scales = state.scales if state.rate and abs(rate / state.rate - 1) < 1e-9 else None
-    mixing, usual = Mixing(), whole[:, None]
-    while True:
-        if state.grains is not None:
-            passage = _passage(run, t, whole, fluid_v, push)
-            cloud, friction = _met(cloud, passage, system.mass, dt, whole, fluid_v, push)
-            growth = (share - _shared(system, passage.x, t)[1]) / dt
-        fluid.moving = known_of(one, maps, cloud, friction, growth)
-        equations = fluid.equations(t, rate, past)
-        guess = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(t))
-        factors = run.solver.counts["factorisations"]
-        try:
-            solution = solve(equations, fluid.unknowns, run.solver, guess, scales)
-        except (NewtonFailed, LinearFailed) as error:
-            run.solver.forget()
-            state.scales = None
-            worst = f", at {fluid.where(error.row)}" if isinstance(error, NewtonFailed) else ""
-            raise IntegrationError(
-                f"a step of the length {dt:.4g} from t={before:.6g} fails: {error}{worst}; give a shorter [steps] dt"
-            ) from None
-        flow, scales = solution.x, solution.scales
-        size = float(np.abs(flow[: fluid.velocities]).max(initial=0.0))
-        if run.solver.counts["factorisations"] > factors:
-            state.rate, state.size = rate, size
-        state.counts["iterations"] += solution.iterations
-        repeats += 1
-        forces = exchanged(one, maps, cloud, friction, *_fields(fluid, flow))
-        v, off = forces.v, 0.0
-        if passage is not None:
-            off = float(np.sqrt(np.sum((forces.drag - passage.drag) ** 2, axis=1)).max(initial=0.0))
-            v = fluid_v - passage.drag / whole[:, None]
-        new, other = drags(system.law, cloud, forces.fluid_v, v, shares)
-        speeds = np.sqrt(np.sum((forces.fluid_v - v) ** 2, axis=1))
-        change = max(off, float(np.max(np.abs(new - whole) * speeds, initial=0.0)))
-        largest = float(np.max(new * speeds, initial=0.0))
-        change = change / largest if largest else 0.0
-        if change <= fluid.scene.rtol or (passage is not None and repeats == ENOUGH):
+    return Stretch(t, dt, cloud, shares_at(system.filter, cloud), (state.share - share) / dt)
+
+
+def _first_attempt(run: Run, one: Stretch) -> Attempt:
+    """Drag and pressure on the grains as they are at the start of a step."""
+    system, state, cloud = run.system, run.state, one.cloud
+    fluid_v, slope = seen(system.filter, system.maps, cloud, *_fields(system.fluid, state.flow))
+    whole, friction = drags(system.law, cloud, fluid_v, state.v, one.shares)
+    return Attempt(whole, friction, fluid_v, -cloud.volume[:, None] * slope)
+
+
+def _attempted(run: Run, one: Stretch, attempt: Attempt, flow: Array) -> Found:
+    """Repeat a step: carry the grains through their contacts, then solve for the flow.
+
+    Parameters
+    ----------
+    run : Run
+    one : Stretch
+    attempt : Attempt
+    flow : array, shape (unknowns,)
+        The best known.
+    """
+    system, passage, cloud = run.system, None, one.cloud
+    friction, growth = attempt.friction, one.growth
+    if run.state.grains is not None:
+        passage = _passage(run, one.t, attempt)
+        cloud, friction = _met(cloud, passage, system.mass, one.dt, attempt)
+        growth = (cloud.share - _shared(system, passage.x, one.t)[1]) / one.dt
+    equations, solution, off = _flow_among(run, one, cloud, friction, growth, flow)
+    forces = exchanged(system.filter, system.maps, cloud, friction, *_fields(system.fluid, solution.x))
+    return Found(equations, solution, cloud, passage, forces, growth, off)
+
+
+def _flow_among(
+    run: Run, one: Stretch, cloud: Cloud, friction: Array, growth: Array, flow: Array
+) -> tuple[FlowEquations, Solution, float]:
+    """The flow among grains of a friction, solved again until they feel the mean of the flow that comes out.
+
+    Parameters
+    ----------
+    run : Run
+    one : Stretch
+    cloud : Cloud
+    friction : array, shape (grains,)
+        K'.
+    growth : array, shape (nodes of the filter,)
+    flow : array, shape (unknowns,)
+        The best known.
+
+    Returns
+    -------
+    equations : FlowEquations
+    solution : Solution
+    misfit : float
+        What is left of it.
+    """
+    system, fluid, state = run.system, run.system.fluid, run.state
+    about = (system.filter, system.maps, cloud, friction)
+    known = known_of(*about, growth)
+    mixing, weight = Mixing(), known["friction"] + SLIGHT * known["friction"].max(initial=0.0)
+    tried = _fields(fluid, flow)[0]
+    for count in range(1, FLOWS + 1):
+        fluid.moving = {**known, **tried_of(*about, tried)}
+        equations = fluid.equations(one.t, 1 / one.dt, -state.flow / one.dt)
+        solution = _solved(run, one, equations, flow)
+        flow = solution.x
+        found = _fields(fluid, flow)[0]
+        off = misfit(*about, found, tried)
+        if off <= max(fluid.scene.rtol, FITS) or count == FLOWS:
             break
-        if repeats == MOST:
-            raise IntegrationError(
-                f"the drag on the grains does not settle at t={t:.6g}: after {MOST} repetitions of the step it changes "
-                f"by {change:.1e}, and rtol={fluid.scene.rtol:g} is asked for; give a shorter [steps] dt"
-            )
-        if passage is None:
-            whole, friction = new, other
-            continue
-        fluid_v, push = _tried_next(mixing, usual, (fluid_v, push), (forces.fluid_v, forces.pressure))
-        whole = new
-    forces = forces if passage is None else _given_the_rest(system, passage, forces, push, dt)
-    walls = np.zeros(fluid.dimension) if passage is None else passage.walls
-    told = _told(run, equations, solution, cloud, forces, growth, dt, walls)
+        z = mixing.next((weight[:, None] * tried).reshape(-1), (weight[:, None] * found).reshape(-1))
+        tried = z.reshape(found.shape) / weight[:, None]
+    state.counts["flows"] += count
+    return equations, solution, off
+
+
+def _solved(run: Run, one: Stretch, equations: FlowEquations, flow: Array) -> Solution:
+    """Solve for the flow, with the factor of a matrix before where that serves.
+
+    Parameters
+    ----------
+    run : Run
+    one : Stretch
+    equations : FlowEquations
+    flow : array, shape (unknowns,)
+        The best known.
+
+    Raises
+    ------
+    IntegrationError
+    """
+    fluid, state = run.system.fluid, run.state
+    guess = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(one.t))
+    factors = run.solver.counts["factorisations"]
+    try:
+        solution = solve(equations, fluid.unknowns, run.solver, guess, state.scales)
+    except (NewtonFailed, LinearFailed) as error:
+        run.solver.forget()
+        state.scales = None
+        worst = f", at {fluid.where(error.row)}" if isinstance(error, NewtonFailed) else ""
+        raise IntegrationError(
+            f"a step of the length {one.dt:.4g} from t={one.t - one.dt:.6g} fails: {error}{worst}; give a shorter "
+            "[steps] dt"
+        ) from None
+    state.scales = solution.scales
+    if run.solver.counts["factorisations"] > factors:
+        state.rate, state.size = 1 / one.dt, float(np.abs(solution.x[: fluid.velocities]).max(initial=0.0))
+    state.counts["iterations"] += solution.iterations
+    return solution
+
+
+def _drag_after(system: Suspension, one: Stretch, attempt: Attempt, found: Found) -> tuple[Attempt, float]:
+    """The drag at the velocities that a repetition has found, and its change over the largest.
+
+    Parameters
+    ----------
+    system : Suspension
+    one : Stretch
+    attempt : Attempt
+        With which they were found.
+    found : Found
+    """
+    forces, passage = found.forces, found.passage
+    v, off = forces.v, 0.0
+    if passage is not None:
+        off = float(np.sqrt(np.sum((forces.drag - passage.drag) ** 2, axis=1)).max(initial=0.0))
+        v = attempt.fluid_v - passage.drag / attempt.whole[:, None]
+    whole, friction = drags(system.law, found.cloud, forces.fluid_v, v, one.shares)
+    speeds = np.sqrt(np.sum((forces.fluid_v - v) ** 2, axis=1))
+    change = max(off, float(np.max(np.abs(whole - attempt.whole) * speeds, initial=0.0)))
+    largest = float(np.max(whole * speeds, initial=0.0))
+    return replace(attempt, whole=whole, friction=friction), change / largest if largest else 0.0
+
+
+def _note(run: Run, one: Stretch, found: Found, repeats: int, change: float) -> None:
+    """Note what is told of a step, and go on to its end.
+
+    Parameters
+    ----------
+    run : Run
+    one : Stretch
+    found : Found
+        In its last repetition.
+    repeats : int
+    change : float
+        Of the drag, in the last one.
+    """
+    state, system, forces, passage = run.state, run.system, found.forces, found.passage
+    solution = found.solution
+    told = _told(run, one, found)
     told += _told_of_contacts(run, passage)
-    run.history.append([t, dt, float(solution.iterations), solution.measure, math.nan, *told, float(repeats), change])
-    state.scales = scales if size < OTHER * state.size and size * OTHER > state.size else None
-    x = state.x + dt * forces.v if passage is None else passage.x
-    state.flow, state.x, state.v, state.share, state.drag = flow, x, forces.v, share, forces.drag
+    head = [one.t, one.dt, float(solution.iterations), solution.measure, math.nan]
+    run.history.append([*head, *told, float(repeats), max(change, found.misfit)])
+    size = float(np.abs(solution.x[: system.fluid.velocities]).max(initial=0.0))
+    if not (size < OTHER * state.size and size * OTHER > state.size):
+        state.scales = None
+    state.flow, state.v, state.share, state.drag = solution.x, forces.v, found.cloud.share, forces.drag
+    state.x = state.x + one.dt * forces.v if passage is None else passage.x
     state.grains = None if passage is None else passage.grains
     state.step += 1
     state.counts["steps"] += 1
     state.counts["repeats"] += repeats
-    return solution
 
 
 def _shared(system: Suspension, x: Array, t: float) -> tuple[csr_matrix, Array]:
@@ -439,21 +651,30 @@ def _cloud(run: Run, weights: csr_matrix, share: Array, dt: float) -> Cloud:
     return Cloud(state.x, state.v, aim, ease, system.volume, system.radii, weights, share)
 
 
-def _passage(run: Run, t: float, whole: Array, fluid_v: Array, push: Array) -> Passage:
+def _passage(run: Run, t: float, attempt: Attempt) -> Passage:
     """Carry the grains on through their contacts."""
     system, grains = run.system, run.state.grains
     assert system.contacts is not None
     assert grains is not None
-    return passed(system.contacts, grains, t, whole, fluid_v, push + system.mass[:, None] * system.acceleration)
+    force = attempt.push + system.mass[:, None] * system.acceleration
+    return passed(system.contacts, grains, t, attempt.whole, attempt.fluid_v, force)
 
 
-def _met(
-    cloud: Cloud, passage: Passage, mass: Array, dt: float, whole: Array, fluid_v: Array, push: Array
-) -> tuple[Cloud, Array]:
-    """Grains whose drag is that of their passage, and changes from there with the velocity of the fluid."""
+def _met(cloud: Cloud, passage: Passage, mass: Array, dt: float, attempt: Attempt) -> tuple[Cloud, Array]:
+    """Grains whose drag is that of their passage, and changes from there with the velocity of the fluid.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    passage : Passage
+    mass : array, shape (grains,)
+    dt : float
+    attempt : Attempt
+        With which it was made.
+    """
     ease = np.where(passage.touch, 0.0, dt / mass)
-    friction = whole / (1 + ease * whole)
-    aim = fluid_v - passage.drag / friction[:, None] - ease[:, None] * push
+    friction = attempt.whole / (1 + ease * attempt.whole)
+    aim = attempt.fluid_v - passage.drag / friction[:, None] - ease[:, None] * attempt.push
     return replace(cloud, ease=ease, aim=aim, v=(passage.x - cloud.x) / dt), friction
 
 
@@ -490,17 +711,11 @@ def _fields(fluid: FluidSystem, x: Array) -> tuple[Array, Array]:
     return x[: fluid.velocities].reshape(fluid.dimension, -1).T, x[fluid.velocities :]
 
 
-def _told(
-    run: Run,
-    equations: FlowEquations,
-    solution: Solution,
-    cloud: Cloud,
-    forces: Exchange,
-    growth: Array,
-    dt: float,
-    walls: Array,
-) -> list[float]:
+def _told(run: Run, one: Stretch, found: Found) -> list[float]:
     """What is told of a step: of the flow, then of the grains and of what the two exchange."""
+    equations, solution, cloud, forces = found.equations, found.solution, found.cloud, found.forces
+    growth, dt = found.growth, one.dt
+    walls = np.zeros(cloud.x.shape[1]) if found.passage is None else found.passage.walls
     system, measures = run.system, run.measures
     fluid, maps, mass = system.fluid, system.maps, system.filter.mass
     x, d, columns = solution.x, fluid.dimension, measures.columns
