@@ -7,7 +7,7 @@ found by its neighbours: two elements that share a facet must lie on different s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -315,3 +315,13 @@ def place(point: Array) -> str:
 def _places(points: Array) -> str:
     more = f" and {len(points) - SHOWN} more" if len(points) > SHOWN else ""
     return "at " + ", ".join(place(point) for point in points[:SHOWN]) + more
+
+
+def periods_of(mesh: Mesh, pairs: Iterable[tuple[str, str]]) -> dict[int, float]:
+    """Axes along which a mesh repeats itself, and how far, from its pairs of periodic boundaries."""
+    found = {}
+    for pair in pairs:
+        one, other = (mesh.at[np.unique(mesh.boundaries[name])].min(axis=0) for name in pair)
+        axis = int(np.argmax(np.abs(other - one)))
+        found[axis] = float(abs(other - one)[axis])
+    return found

@@ -66,6 +66,12 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
     SceneError
         If it cannot be written; then the one before it is still there.
     """
+    about, arrays = told(state, newton)
+    write_state(path, key, about, arrays)
+
+
+def told(state: State, newton: Newton) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Numbers and arrays of a state, and of what Newton's iteration leaves: all that the steps to come depend on."""
     about = {
         "t": state.t,
         "dt": state.dt,
@@ -98,7 +104,7 @@ def save(path: Path, state: State, newton: Newton, key: str) -> None:
         **{f"kept_{name}": values for name, values in state.kept.items()},
         **{f"mark_{name}": values for name, values in state.marks.items()},
     }
-    write_state(path, key, about, arrays)
+    return about, arrays
 
 
 #: Numbers of a linear solver.
@@ -178,48 +184,62 @@ def load(path: Path, key: str, system: System) -> tuple[State, Newton]:
     """
     with reading_checkpoint(path):
         about, arrays = read_state(path, key)
-        stretch = arrays["box_stretch"]
-        rate, tilt, since = map(float, about["box"])
-        stretching = stretch if stretch.any() else None
-        box = replace(
-            system.box,
-            lengths=arrays["box_lengths"],
-            shear_rate=rate,
-            tilt=tilt,
-            since=since,
-            stretch=stretching,
-        )
-        walls = [replace(wall, point=point) for wall, point in zip(system.walls, arrays["wall_point"], strict=True)]
-        history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
-        contacts = Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS})
-        newton = _newton_from(about["newton"], arrays, contacts, system)
-        state = State(
-            t=float(about["t"]),
-            dt=float(about["dt"]),
-            grow=float(about["grow"]),
-            recovery=float(about["recovery"]),
-            **{name: arrays[name] for name in STATE},
-            contacts=contacts,
-            listed=Listed(**{name: arrays[f"listed_{name}"] for name in LISTED}, skin=float(about["skin"])),
-            box=box,
-            walls=tuple(walls),
-            work={name: float(value) for name, value in about["work"].items()},
-            work_error=float(about["work_error"]),
-            unseen={name: float(when) for name, when in about["unseen"].items()},
-            settled=float(about["settled"]),
-            turned=float(about["turned"]),
-            power=about["power"] and {name: float(value) for name, value in about["power"].items()},
-            stored0=float(about["stored0"]),
-            counts={name: int(value) for name, value in about["counts"].items()},
-            pulled=Pulled(
-                {kind: dict(found) for kind, found in about["pulled"].items()},
-                [(float(a), float(b), float(c)) for a, b, c in arrays["pressures"]],
-            ),
-            history=history,
-            frames=go_on(frames_beside(path), Frame, key, int(about["frames"])),
-            kept={name[5:]: values for name, values in arrays.items() if name.startswith("kept_")},
-            marks={name: values for mechanism in system.having["marks"] for name, values in mechanism.marks().items()},
-        )
-        for name, values in state.marks.items():
-            values[:] = arrays[f"mark_{name}"]
+        state, newton = told_again(about, arrays, system)
+        state.frames = go_on(frames_beside(path), Frame, key, int(about["frames"]))
         return state, newton
+
+
+def told_again(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], system: System) -> tuple[State, Newton]:
+    """State of numbers and arrays as :func:`told` gives them, without its frames.
+
+    Parameters
+    ----------
+    about : mapping
+    arrays : mapping from str to array
+    system : System
+    """
+    stretch = arrays["box_stretch"]
+    rate, tilt, since = map(float, about["box"])
+    stretching = stretch if stretch.any() else None
+    box = replace(
+        system.box,
+        lengths=arrays["box_lengths"],
+        shear_rate=rate,
+        tilt=tilt,
+        since=since,
+        stretch=stretching,
+    )
+    walls = [replace(wall, point=point) for wall, point in zip(system.walls, arrays["wall_point"], strict=True)]
+    history = [(float(a), float(b), float(c), float(d), int(e)) for a, b, c, d, e in arrays["history"]]
+    contacts = Contacts(**{name: arrays[f"contacts_{name}"] for name in CONTACTS})
+    newton = _newton_from(about["newton"], arrays, contacts, system)
+    state = State(
+        t=float(about["t"]),
+        dt=float(about["dt"]),
+        grow=float(about["grow"]),
+        recovery=float(about["recovery"]),
+        **{name: arrays[name] for name in STATE},
+        contacts=contacts,
+        listed=Listed(**{name: arrays[f"listed_{name}"] for name in LISTED}, skin=float(about["skin"])),
+        box=box,
+        walls=tuple(walls),
+        work={name: float(value) for name, value in about["work"].items()},
+        work_error=float(about["work_error"]),
+        unseen={name: float(when) for name, when in about["unseen"].items()},
+        settled=float(about["settled"]),
+        turned=float(about["turned"]),
+        power=about["power"] and {name: float(value) for name, value in about["power"].items()},
+        stored0=float(about["stored0"]),
+        counts={name: int(value) for name, value in about["counts"].items()},
+        pulled=Pulled(
+            {kind: dict(found) for kind, found in about["pulled"].items()},
+            [(float(a), float(b), float(c)) for a, b, c in arrays["pressures"]],
+        ),
+        history=history,
+        frames=[],
+        kept={name[5:]: values for name, values in arrays.items() if name.startswith("kept_")},
+        marks={name: values for mechanism in system.having["marks"] for name, values in mechanism.marks().items()},
+    )
+    for name, values in state.marks.items():
+        values[:] = arrays[f"mark_{name}"]
+    return state, newton

@@ -148,6 +148,20 @@ class Stress(TypedDict, total=False):
     ]
 
 
+BOND = Section(
+    "[[bond]]", "softdyn.particles.mechanisms.bonds:Bond", "Bonds between pairs of particles, by a potential."
+)
+POTENTIAL_ENTRY = Section(
+    "[[potential]]",
+    "softdyn.particles.mechanisms.potentials:PairPotential",
+    "Remote forces between pairs of particles, by a potential: see .docs/potentials.md.",
+)
+CHAINS = Section(
+    "[chains]",
+    "softdyn.particles.chains:Chains",
+    "Where particles start, instead: chains or rings, whose neighbours are bonded.",
+)
+SPECIES = Key("[particles] species", NAMES, "One name for each particle; needed where a parameter depends on it.")
 FRICTION = Section(
     "[friction]",
     "softdyn.particles.mechanisms.coulomb:Friction",
@@ -186,7 +200,7 @@ class ParticleScene:
     ] = None
     species: Annotated[
         Sequence[str] | None,
-        Key("[particles] species", NAMES, "One name for each particle; needed where a parameter depends on it."),
+        SPECIES,
     ] = None
     velocities: Annotated[
         Any,
@@ -235,11 +249,7 @@ class ParticleScene:
     chains: InitVar[
         Annotated[
             "Chains | None",
-            Section(
-                "[chains]",
-                "softdyn.particles.chains:Chains",
-                "Where particles start, instead: chains or rings, whose neighbours are bonded.",
-            ),
+            CHAINS,
         ]
     ] = None
     mixing: Annotated[
@@ -373,20 +383,8 @@ class ParticleScene:
         ),
     ] = None
     friction: Annotated["Friction | None", FRICTION] = None
-    potential: Annotated[
-        Sequence["PairPotential"],
-        Section(
-            "[[potential]]",
-            "softdyn.particles.mechanisms.potentials:PairPotential",
-            "Remote forces between pairs of particles, by a potential: see .docs/potentials.md.",
-        ),
-    ] = ()
-    bond: Annotated[
-        Sequence["Bond"],
-        Section(
-            "[[bond]]", "softdyn.particles.mechanisms.bonds:Bond", "Bonds between pairs of particles, by a potential."
-        ),
-    ] = ()
+    potential: Annotated[Sequence["PairPotential"], POTENTIAL_ENTRY] = ()
+    bond: Annotated[Sequence["Bond"], BOND] = ()
     noise: Annotated[
         "Noise | None",
         Section("[noise]", "softdyn.particles.mechanisms.noise:Noise", "Brownian motion, without inertia."),

@@ -124,20 +124,21 @@ def energies_and_forces(kernel: PotentialKernel, p: Array, r: Array, contact: Ar
     return out[0], out[1], out[2]
 
 
-def activities(kernel: PotentialKernel, p: Array, shear_rate: float, age: Array) -> tuple[Array, Array]:
+def activities(kernel: PotentialKernel, p: Array, shear_rate: float | Array, age: Array) -> tuple[Array, Array]:
     """Factor of the energy of pairs of these ages, and its slope in the age; 1 and 0 without an activation.
 
     Parameters
     ----------
     kernel : PotentialKernel
     p : array, shape (parameters,)
-    shear_rate : float
-        Of the background flow, 1/time.
+    shear_rate : float, or array, shape (n,)
+        Of the background flow, or where each pair is, 1/time.
     age : array, shape (n,)
         Times that pairs have been within the cut-off.
     """
     if kernel.activities is None:
         return np.ones(len(age)), np.zeros(len(age))
     out = np.empty((2, len(age)))
-    kernel.activities(len(age), abs(shear_rate), np.ascontiguousarray(age), p, out[0], out[1])
+    rates = np.abs(np.full(len(age), shear_rate))
+    kernel.activities(len(age), rates, np.ascontiguousarray(age), p, out[0], out[1])
     return out[0], out[1]

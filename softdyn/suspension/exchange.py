@@ -52,11 +52,14 @@ class Projections:
         Integrals of a field of the velocity's order times the linear shape functions.
     slopes : tuple of sparse matrices, shape (nodes of the filter, nodes of the filter)
         The same of the derivatives of a linear field along each axis.
+    corner : array of int, shape (nodes of the filter,)
+        Node of the velocity at each of the filter.
     """
 
     up: csr_matrix
     moments: csr_matrix
     slopes: tuple[csr_matrix, ...]
+    corner: NDArray[np.int64]
 
 
 def projections(fluid: FluidSystem) -> Projections:
@@ -78,7 +81,9 @@ def projections(fluid: FluidSystem) -> Projections:
         _put(np.repeat(each[:, None, :, axis], d + 1, axis=1), pressure.of, pressure.of, (pressure.count,) * 2)
         for axis in range(d)
     )
-    return Projections(up, moments, slopes)
+    corner = np.empty(pressure.count, dtype=np.int64)
+    corner[pressure.of] = velocity.of[:, : d + 1]
+    return Projections(up, moments, slopes, corner)
 
 
 def _put(local: Array, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> csr_matrix:
@@ -191,6 +196,22 @@ def seen(one: Filter, maps: Projections, cloud: Cloud, flux: Array, p: Array) ->
     v = gathered(one, cloud.weights, (maps.moments @ flux) / (1 - cloud.share)[:, None])
     slope = gathered(one, cloud.weights, np.stack([part @ p for part in maps.slopes], axis=1))
     return v, slope
+
+
+def shear_rates(one: Filter, maps: Projections, cloud: Cloud, flux: Array) -> Array:
+    """Shear rate sqrt(2 D:D) of the fluid at each grain, as the filter tells its velocity gradient.
+
+    Parameters
+    ----------
+    one : Filter
+    maps : Projections
+    cloud : Cloud
+    flux : array, shape (nodes of the velocity, d)
+    """
+    v = flux[maps.corner] / (1 - cloud.share)[:, None]
+    gradient = gathered(one, cloud.weights, np.stack([part @ v for part in maps.slopes], axis=1))
+    both = gradient + gradient.transpose(0, 2, 1)
+    return np.asarray(np.sqrt(np.sum(both**2, axis=(1, 2)) / 2))
 
 
 def shares_at(one: Filter, cloud: Cloud) -> Array:

@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError, SceneError
 from softdyn.fluid.boundary_keys import periodic_pairs
-from softdyn.fluid.mesh import Mesh
+from softdyn.fluid.mesh import Mesh, periods_of
 from softdyn.laws import law_of
 from softdyn.particles.explicit.explicit_run import prepare
 from softdyn.particles.explicit.grain_checkpoint import ARRAYS
@@ -52,7 +52,7 @@ class Passage:
 
     Attributes
     ----------
-    grains : Grains
+    grains : Grains, or SoftGrains
         At its end.
     x, v, drag : arrays, shape (grains, d)
         Places and velocities there; mean drag.
@@ -62,7 +62,7 @@ class Passage:
         Which touch another one, or a wall, at its end.
     """
 
-    grains: Grains
+    grains: Any
     x: Array
     v: Array
     drag: Array
@@ -131,30 +131,47 @@ def grain_system(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: 
             "what the closures tell"
         )
     d = mesh.dimension
-    box: list[float | None] = [None] * d
-    for one, other in periodic_pairs(scene.boundary):
-        first, second = (mesh.at[np.unique(mesh.boundaries[name])].min(axis=0) for name in (one, other))
-        axis = int(np.argmax(np.abs(second - first)))
-        box[axis] = float(abs(second - first)[axis])
-    given = {name: scene.parameters[name] for name in parameters_of_law(scene) if name in scene.parameters}
-    particles = ParticleScene(
-        law=scene.law,
-        parameters=given,
-        positions=grains.x,
-        radii=grains.radii,
-        velocities=grains.v,
-        friction=scene.friction,
-        inertia=Inertia(float(scene.grain_density or 0.0), "disc" if d == 2 else "sphere"),
-        box=box if any(box) else None,
-        wall=walls_of(mesh, tuple(scene.walls)),
-        until_t=scene.until_t,
-        rtol=RTOL,
-        target=scene.target,
-    )
-    system = prepare(check(particles))
+    inertia = Inertia(float(scene.grain_density or 0.0), "disc" if d == 2 else "sphere")
+    system = prepare(check(particles_of(scene, mesh, grains, inertia=inertia, velocities=grains.v, rtol=RTOL)))
     # in two dimensions all is per depth
     moment = GYRATION["disc" if d == 2 else "sphere"] * mass * grains.radii**2
     return replace(system, mass=mass, moment=moment, load=np.zeros((len(mass), d)))
+
+
+def particles_of(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, **more: Any) -> ParticleScene:
+    """The grains of a scene as a scene of their own, with the walls and the periods of the mesh.
+
+    Parameters
+    ----------
+    scene : SuspensionScene
+    mesh : Mesh
+    grains : GrainArrays
+    more
+        Further fields.
+
+    Raises
+    ------
+    SceneError
+    """
+    box: list[float | None] = [None] * mesh.dimension
+    for axis, length in periods_of(mesh, periodic_pairs(scene.boundary)).items():
+        box[axis] = length
+    given = {name: scene.parameters[name] for name in parameters_of_law(scene) if name in scene.parameters}
+    fields: dict[str, Any] = {
+        "law": scene.law,
+        "parameters": given,
+        "positions": grains.x,
+        "radii": grains.radii,
+        "friction": scene.friction,
+        "species": scene.species,
+        "potential": scene.potential,
+        "bond": grains.bonds,
+        "box": box if any(box) else None,
+        "wall": walls_of(mesh, tuple(scene.walls)),
+        "until_t": scene.until_t,
+        "target": scene.target,
+    }
+    return ParticleScene(**{**fields, **more})
 
 
 def grains_at_start(system: GrainSystem, grains: GrainArrays) -> Grains:
@@ -232,20 +249,30 @@ def _touched(system: GrainSystem, grains: Grains) -> Flags:
     return by_number(grains, found) > 0
 
 
-def told_of_contacts(system: GrainSystem | None, grains: Grains | None, volume: float, d: int) -> tuple[Array, Array]:
+def counted(system: GrainSystem, before: Grains, after: Grains) -> tuple[int, int]:
+    """Contacts at the end of a step, and the steps into which they have divided it.
+
+    Parameters
+    ----------
+    system : GrainSystem
+    before, after : Grains
+    """
+    touching = int(after.touch.sum() + after.wall_touch.sum())
+    return touching, after.counts["steps"] - before.counts["steps"]
+
+
+def told_of_contacts(system: GrainSystem, grains: Grains, volume: float, d: int) -> tuple[Array, Array]:
     """Stress of the contacts in the volume of the fluid, shape (d, d), and forces on the walls, shape (walls, d).
 
     Parameters
     ----------
-    system : GrainSystem, optional
-    grains : Grains, optional
+    system : GrainSystem
+    grains : Grains
     volume : float
         Of the fluid.
     d : int
         Dimensions.
     """
-    if system is None or grains is None:
-        return np.zeros((d, d)), np.zeros((0, d))
     contacts = touching(system, grains, *walls_at(system, grains.t))
     tangential = contacts.tangential()
     force = contacts.N[:, None] * contacts.n + (tangential if tangential.shape[1] else 0.0)

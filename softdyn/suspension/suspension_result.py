@@ -49,7 +49,9 @@ class SuspensionResult(FluidResult):
         Those of :class:`softdyn.fluid.fluid_result.FluidResult`, with the porosity ``c`` and the flux of the grains
         ``us``. Of the grains ``x``, ``v``, ``drag`` (frames, grains, d): places, which periods do not wrap, velocities,
         and the drag of the fluid; ``radii`` (grains,). Of their contacts ``contact_stress`` (frames, d, d), over the
-        volume of the mesh, and ``contact_force_NAME`` (frames, d), what a wall of that name feels.
+        volume of the mesh, and ``contact_force_NAME`` (frames, d), what a wall of that name feels. Of bonds
+        ``bond_i``, ``bond_j``, ``bond_r``, ``bond_tension``, ``bond_energy``, ``bond_broken`` and ``potential_energy``,
+        as in :class:`softdyn.particles.results.ParticleResult`.
 
         For each step: ``grain_drag``, ``grain_pressure``, ``grain_weight``, ``grain_momentum`` (steps, d), summed over
         the grains: drag, -V grad p, weight, and momentum at its end; ``grain_contact``, the force of the walls on them;
@@ -77,6 +79,7 @@ def gather_suspension(
     history: Sequence[Sequence[float]],
     stats: Mapping[str, Any],
     walls: Sequence[str] = (),
+    more: Mapping[str, NDArray[Any]] | None = None,
 ) -> SuspensionResult:
     """Put a result together from its frames and steps.
 
@@ -91,6 +94,10 @@ def gather_suspension(
         What is noted of each step.
     stats : mapping
         What is told of the run.
+    walls : sequence of str
+        Names of the walls that grains touch.
+    more : mapping from str to array, optional
+        What bonds and potentials tell.
     """
     frames, d, count = list(frames), system.dimension, len(radii)
     plain = gather_flow(system, measures, frames, history, stats)
@@ -104,6 +111,7 @@ def gather_suspension(
     arrays["contact_stress"] = np.array([frame.contact_stress for frame in frames]).reshape(-1, d, d)
     for number, name in enumerate(walls):
         arrays[f"contact_force_{name}"] = np.array([frame.walls[number] for frame in frames]).reshape(-1, d)
+    arrays |= more or {}
     return _with(plain, arrays)
 
 

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,6 @@ from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
 from softdyn.fluid.mesh import place
 from softdyn.fluid.newton import NewtonFailed, Solution, solve
 from softdyn.one_thread import in_one_thread
-from softdyn.particles.explicit import grain_checkpoint
-from softdyn.particles.explicit.grains import Grains, GrainSystem
 from softdyn.particles.packing import BALL
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
@@ -54,23 +52,32 @@ from softdyn.suspension.exchange import (
     projections,
     seen,
     shares_at,
+    shear_rates,
     tried_of,
 )
 from softdyn.suspension.filter import Filter, filter_of, require_inside, spread, weights_at
-from softdyn.suspension.grain_contacts import (
-    Passage,
-    grain_system,
-    grains_at_start,
+from softdyn.suspension.grain_contacts import Passage, parameters_of_law
+from softdyn.suspension.mixed import Mixing
+from softdyn.suspension.moving_grains import (
+    asks_shear_rates,
+    columns_of_bonds,
+    counted,
+    engine_of,
     moved_on,
-    parameters_of_law,
+    moving_at_start,
     passed,
+    set_shear_rates,
+    told,
+    told_again,
     told_of_contacts,
 )
-from softdyn.suspension.mixed import Mixing
 from softdyn.suspension.suspension_result import SuspensionFrame, SuspensionResult, gather_suspension
 from softdyn.suspension.suspension_scene import WIDTH, SuspensionScene, check_suspension, grains_of
 from softdyn.suspension.undisturbed import DragLaw, Mixture, drag_law, mixture_of, require_mixture
 from softdyn.words import listed
+
+if TYPE_CHECKING:
+    from softdyn.suspension.moving_grains import Engine, Moving
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, int, int, float], None]
@@ -121,9 +128,9 @@ class Suspension:
         Places and velocities.
     times : array
         Ends of all steps.
-    contacts : GrainSystem, optional
-        Of grains that touch.
-    grains : Grains, optional
+    contacts : GrainSystem or System, optional
+        Of grains that touch, or do something else to one another.
+    grains : Grains or SoftGrains, optional
         Their state at the start.
     mixture : Mixture, optional
         The viscosity of fluid and grains together, by a closure.
@@ -139,8 +146,8 @@ class Suspension:
     acceleration: Array
     start: tuple[Array, Array]
     times: Array
-    contacts: GrainSystem | None = None
-    grains: Grains | None = None
+    contacts: Engine | None = None
+    grains: Moving | None = None
     mixture: Mixture | None = None
 
 
@@ -154,7 +161,7 @@ class State:
     v: Array
     share: Array
     drag: Array
-    grains: Grains | None = None
+    grains: Moving | None = None
     scales: Array | None = None
     rate: float = 0.0
     size: float = 0.0
@@ -190,7 +197,7 @@ def made_ready(scene: SuspensionScene) -> Suspension:
     check_suspension(scene)
     fluid = prepared(replace(scene, parameters=_of_fluid(scene)), moving=True)
     d = fluid.dimension
-    grains = grains_of(scene, d)
+    grains = grains_of(scene, fluid.mesh)
     width = scene.width or WIDTH * float(grains.radii.max(initial=0.0))
     if not width:
         raise SceneError("[coupling] width is missing: without grains it does not follow from their radii")
@@ -209,7 +216,7 @@ def made_ready(scene: SuspensionScene) -> Suspension:
     volume = BALL[d] * grains.radii**d
     mass = np.full(len(volume), math.inf) if scene.held else float(scene.grain_density or 0.0) * volume
     acceleration = np.zeros(d) if scene.gravity is None else np.array(scene.gravity, dtype=float)
-    contacts = grain_system(scene, fluid.mesh, grains, mass)
+    contacts = engine_of(scene, fluid.mesh, grains, mass)
     return Suspension(
         fluid,
         one,
@@ -222,7 +229,7 @@ def made_ready(scene: SuspensionScene) -> Suspension:
         (grains.x, grains.v),
         _times(scene),
         contacts,
-        None if contacts is None else grains_at_start(contacts, grains),
+        moving_at_start(contacts, grains),
         None if fluid.mixture is None else mixture_of(fluid.mixture, fluid.numbers),
     )
 
@@ -464,6 +471,9 @@ def _first_attempt(run: Run, one: Stretch) -> Attempt:
     system, state, cloud = run.system, run.state, one.cloud
     fluid_v, slope = seen(system.filter, system.maps, cloud, *_fields(system.fluid, state.flow))
     whole, friction = drags(system.law, cloud, fluid_v, state.v, one.shares)
+    if system.contacts is not None and asks_shear_rates(system.contacts):
+        flux, _ = _fields(system.fluid, state.flow)
+        set_shear_rates(system.contacts, shear_rates(system.filter, system.maps, cloud, flux))
     return Attempt(whole, friction, fluid_v, -cloud.volume[:, None] * slope)
 
 
@@ -701,9 +711,9 @@ def _told_of_contacts(run: Run, passage: Passage | None) -> list[float]:
     before = run.state.grains
     if passage is None or before is None:
         return [0.0, 0.0]
-    after = passage.grains
-    touching = int(after.touch.sum() + after.wall_touch.sum())
-    return [float(touching), float(after.counts["steps"] - before.counts["steps"])]
+    assert run.system.contacts is not None
+    touching, steps = counted(run.system.contacts, before, passage.grains)
+    return [float(touching), float(steps)]
 
 
 def _fields(fluid: FluidSystem, x: Array) -> tuple[Array, Array]:
@@ -797,7 +807,8 @@ def _result(run: Run, scene: SuspensionScene, began: float) -> SuspensionResult:
             f"the drag on the grains and that of the fluid differed by {left:.1e} after {ENOUGH} repetitions of a "
             "step: give a shorter [steps] dt"
         )
-    plain = gather_suspension(system, measures, run.system.radii, run.frames, run.history, stats, scene.walls)
+    more = columns_of_bonds(run.system.contacts, run.state.grains, list(run.frames))
+    plain = gather_suspension(system, measures, run.system.radii, run.frames, run.history, stats, scene.walls, more)
     return replace(plain, origin=origin_now(scene, system.kernel.key))
 
 
@@ -810,17 +821,17 @@ def _key(system: Suspension, scene: SuspensionScene) -> str:
 def _save(run: Run, path: Path, key: str) -> None:
     """Write a checkpoint: a run that goes on from it does, to the last bit, what this one does."""
     state, kept, beside = run.state, *solver_arrays(run.solver)
-    told = {name: getattr(state, name) for name in ("step", "rate", "size", "counts")}
-    told |= {"frames": len(run.frames), "scaled": state.scales is not None, "warnings": run.system.fluid.warnings}
+    said = {name: getattr(state, name) for name in ("step", "rate", "size", "counts")}
+    said |= {"frames": len(run.frames), "scaled": state.scales is not None, "warnings": run.system.fluid.warnings}
     arrays = {name: getattr(state, name) for name in ("flow", "x", "v", "share", "drag")}
     arrays["history"] = np.array(run.history, dtype=float).reshape(-1, len(HISTORY) + len(_columns(run).columns))
     if state.scales is not None:
         arrays["scales"] = state.scales
     if state.grains is not None:
-        about, own = grain_checkpoint.told(state.grains)
-        told["grains"] = about
+        about, own = told(state.grains)
+        said["grains"] = about
         arrays |= {f"grains_{name}": array for name, array in own.items()}
-    write_state(path, key, {**told, **kept}, {**arrays, **beside})
+    write_state(path, key, {**said, **kept}, {**arrays, **beside})
 
 
 def _load(run: Run, path: Path, key: str) -> None:
@@ -832,21 +843,22 @@ def _load(run: Run, path: Path, key: str) -> None:
         If the file is none, or belongs to another scene.
     """
     with reading_checkpoint(path):
-        told, arrays = read_state(path, key)
+        said, arrays = read_state(path, key)
+        system = run.system.contacts
         given = {name: arrays[name] for name in ("flow", "x", "v", "share", "drag")}
         run.state = State(
-            step=int(told["step"]),
+            step=int(said["step"]),
             **given,
-            grains=None if run.state.grains is None else grain_checkpoint.told_again(told["grains"], arrays, "grains_"),
-            scales=arrays["scales"] if told["scaled"] else None,
-            rate=float(told["rate"]),
-            size=float(told["size"]),
-            counts={name: int(number) for name, number in told["counts"].items()},
+            grains=None if system is None else told_again(system, said["grains"], arrays, "grains_"),
+            scales=arrays["scales"] if said["scaled"] else None,
+            rate=float(said["rate"]),
+            size=float(said["size"]),
+            counts={name: int(number) for name, number in said["counts"].items()},
         )
-        solver_from(run.solver, told, arrays)
-        run.system.fluid.warnings.update({str(words): float(t) for words, t in told["warnings"].items()})
+        solver_from(run.solver, said, arrays)
+        run.system.fluid.warnings.update({str(words): float(t) for words, t in said["warnings"].items()})
         run.history = [list(row) for row in arrays["history"].tolist()]
-        run.frames = go_on(frames_beside(path), SuspensionFrame, key, int(told["frames"]))
+        run.frames = go_on(frames_beside(path), SuspensionFrame, key, int(said["frames"]))
 
 
 def load_suspension_frames(path: Path) -> SuspensionResult:
@@ -863,4 +875,5 @@ def load_suspension_frames(path: Path) -> SuspensionResult:
     )
     stats = {"elements": system.fluid.scene.elements, "warnings": [words]}
     walls = tuple(scene.walls) if isinstance(scene := system.fluid.scene, SuspensionScene) else ()
-    return gather_suspension(system.fluid, measures_of(system.fluid), system.radii, frames, [], stats, walls)
+    more = columns_of_bonds(system.contacts, None, list(frames))
+    return gather_suspension(system.fluid, measures_of(system.fluid), system.radii, frames, [], stats, walls, more)

@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 from softdyn.errors import SceneError
 from softdyn.fluid.bed import CLOSURE
 from softdyn.fluid.fluid_scene import FluidScene, check_fluid, fluid_fields_from
-from softdyn.particles.particle_keys import FRICTION, POSITIONS, RADII
+from softdyn.particles.particle_keys import BOND, CHAINS, FRICTION, POSITIONS, POTENTIAL_ENTRY, RADII, SPECIES
 from softdyn.scene.keys import Key, with_keys
 from softdyn.scene.kinds import FLAG, LAW, NAMES, POSITIVE, between, choice
 from softdyn.scene.reading import scene_of_file
 from softdyn.words import listed
 
 if TYPE_CHECKING:
+    from softdyn.fluid.mesh import Mesh
+    from softdyn.particles.chains import Chains
+    from softdyn.particles.mechanisms.bonds import Bond
     from softdyn.particles.mechanisms.coulomb import Friction
+    from softdyn.particles.mechanisms.potentials import PairPotential
 
 #: Width of the filter over the largest radius, where a scene does not say.
 WIDTH = 3.0
@@ -95,12 +99,16 @@ class SuspensionScene(FluidScene):
         bool,
         Key("[particles] held", FLAG, "Whether the grains keep the velocities that they start with, at rest without."),
     ] = False
+    species: Annotated[Sequence[str] | None, SPECIES] = None
+    chains: Annotated["Chains | None", CHAINS] = None
     drag: Annotated[Any, Key("[closures] drag", CLOSURE, "The drag on a grain, a closure that gives it.")] = None
     law: Annotated[
         Any,
         Key("law", LAW, "The contact law of grains that touch, a dry one; its parameters stand in [parameters], too."),
     ] = None
     friction: Annotated["Friction | None", FRICTION] = None
+    potential: Annotated[Sequence["PairPotential"], POTENTIAL_ENTRY] = ()
+    bond: Annotated[Sequence["Bond"], BOND] = ()
     walls: Annotated[
         Sequence[str],
         Key(
@@ -129,11 +137,14 @@ class GrainArrays:
     ----------
     x, v : arrays, shape (grains, d)
     radii : array, shape (grains,)
+    bonds : tuple of Bond
+        With the pairs of chains that are placed.
     """
 
     x: NDArray[np.float64]
     v: NDArray[np.float64]
     radii: NDArray[np.float64]
+    bonds: tuple["Bond", ...] = ()
 
 
 def check_suspension(scene: SuspensionScene) -> None:
@@ -152,41 +163,60 @@ def check_suspension(scene: SuspensionScene) -> None:
         faults.append("[steps] dt is missing: the length of the steps of grains and fluid")
     if scene.drag is None:
         faults.append('[closures] drag is missing: the drag on the grains, as drag = "schiller_naumann"')
-    if scene.radii is None:
+    if scene.chains is not None and (scene.radii is not None or len(scene.positions)):
+        faults.append("[particles] positions and [chains] are two ways to say where the grains are: give one of them")
+    elif scene.chains is None and scene.radii is None:
         faults.append("[particles] radii is missing")
     if scene.grain_density is None and not scene.held:
         faults.append("[particles] density is missing: grains have inertia, unless they are held")
     contacts = {"[friction]": scene.friction is not None, "[contacts] walls": bool(len(scene.walls))}
     if scene.law is None:
         faults += [f'{name} needs a contact law, as law = "hertz"' for name in contacts if contacts[name]]
-    elif scene.held:
-        faults.append("law is of no use to grains that are held: leave it out")
+    forces = {"law": scene.law is not None, "[[potential]]": len(scene.potential), "[[bond]]": len(scene.bond)}
+    if scene.held:
+        faults += [f"{name} is of no use to grains that are held: leave it out" for name in forces if forces[name]]
     if faults:
         raise SceneError(listed(faults))
     check_fluid(scene)
 
 
-def grains_of(scene: SuspensionScene, d: int) -> GrainArrays:
-    """Grains of a scene in d dimensions.
+def grains_of(scene: SuspensionScene, mesh: "Mesh") -> GrainArrays:
+    """Grains of a scene in a mesh.
 
     Raises
     ------
     SceneError
         If an array is none, or has another shape.
     """
-    x = _array(scene.positions, "[particles] positions", d, None)
+    d, bonds = mesh.dimension, tuple(scene.bond)
+    if scene.chains is not None:
+        x, bonds = _chains_in(scene, mesh)
+    else:
+        x = _array(scene.positions, "[particles] positions", d, None)
     v = np.zeros_like(x)
     if scene.velocities is not None:
         v = _array(scene.velocities, "[particles] velocities", d, len(x))
     try:
-        radii = np.array(scene.radii, dtype=float)
+        radii = np.array(scene.radii if scene.chains is None else scene.chains.radius, dtype=float)
     except (TypeError, ValueError):
         raise SceneError("[particles] radii must be a number, or a list of numbers") from None
     if radii.ndim > 1 or (radii.ndim == 1 and len(radii) != len(x)):
         raise SceneError(f"[particles] radii are {radii.size}, and there are {len(x)} grains")
     if not (np.isfinite(radii).all() and (radii > 0).all()):
         raise SceneError("[particles] radii must be positive numbers")
-    return GrainArrays(x, v, np.broadcast_to(radii, len(x)).copy())
+    return GrainArrays(x, v, np.broadcast_to(radii, len(x)).copy(), bonds)
+
+
+def _chains_in(scene: SuspensionScene, mesh: "Mesh") -> tuple[NDArray[np.float64], tuple["Bond", ...]]:
+    """Places of the beads of chains in the box around a mesh, and the bonds of the scene."""
+    from softdyn.fluid.boundary_keys import periodic_pairs
+    from softdyn.fluid.mesh import periods_of
+    from softdyn.particles.chains import chains_between
+
+    low, high = mesh.at.min(axis=0), mesh.at.max(axis=0)
+    repeats = periods_of(mesh, periodic_pairs(scene.boundary))
+    walled = [axis for axis in range(mesh.dimension) if axis not in repeats]
+    return chains_between(scene.chains, scene.bond, low, high, walled)
 
 
 def _array(given: Any, where: str, d: int, count: int | None) -> NDArray[np.float64]:

@@ -104,10 +104,13 @@ class Potentials(Mechanism):
     every : tuple of OnePotential
     sheared : TimeFunction, optional
         The shear rate of the background flow, where an activation may depend on it.
+    local : array, shape (N,), optional
+        Instead, the shear rate where each particle is; a pair has the mean of the two.
     """
 
     every: tuple[OnePotential, ...]
     sheared: TimeFunction | None = None
+    local: Array | None = None
     farthest: float = 0.0
     timed: int = 0
     made_by: tuple[str, ...] = ()
@@ -191,11 +194,14 @@ class Potentials(Mechanism):
             return np.ones(len(near)), np.zeros(len(near))
         since = contacts.since[near, one.column]
         age = np.maximum(t - since, 0.0)  # 0 of pairs that come near within the step
-        rate = system.box.shear_rate
+        rate: float | Array = system.box.shear_rate
+        if self.local is not None:
+            rate = (self.local[contacts.i[near]] + self.local[contacts.j[near]]) / 2
         factor, by_age = activities(one.force.kernel, one.force.p, rate, age)
         by_age = np.where(np.isinf(since), 0.0, by_age)
-        if self.sheared is None or self.sheared.constant:
+        if self.local is not None or self.sheared is None or self.sheared.constant:
             return factor, by_age
+        rate = system.box.shear_rate
         slope = self.sheared.rate(t)
         small = 1e-6 * abs(rate) or 1e-6
         up, _ = activities(one.force.kernel, one.force.p, abs(rate) + small, age)
@@ -250,7 +256,7 @@ def check(facts: ValidatedScene, faults: list[str]) -> Potentials | None:
         return None
     sheared = given_function(scene, scene.shear_rate, "[flow] shear_rate") if timed else None
     keys = tuple(one.force.kernel.key for one in every)
-    found = Potentials(tuple(every), sheared, max((one.cut for one in every), default=0.0), timed, keys)
+    found = Potentials(tuple(every), sheared, None, max((one.cut for one in every), default=0.0), timed, keys)
     _require_finite(facts, found, faults)
     return found
 
