@@ -51,7 +51,7 @@ def closed(result: SuspensionResult) -> bool:
     return all(float(result.arrays[f"{kind}_imbalance"].max()) < CLOSED for kind in kinds)
 
 
-@pytest.mark.parametrize("potential", ["hooke", "fene"])
+@pytest.mark.parametrize("potential", [pytest.param("hooke", marks=pytest.mark.slow), "fene"])
 def test_a_dumbbell_relaxes_as_the_declared_drag_says(potential: str) -> None:
     """K dr/dt = 2 F(r): each end moves by F/K. Of FENE's spring the exact solution is by quadrature."""
     given = {"k": 1.0, "d": 2.0} | ({"Q": 1.2} if potential == "fene" else {})
