@@ -34,6 +34,7 @@ from softdyn.derive.dynamics import (
     total,
     zeta,
 )
+from softdyn.derive.equations import with_known
 from softdyn.derive.soundness import sound
 from softdyn.derive.symbols import F, R, delta, h
 
@@ -80,7 +81,7 @@ def slopes_of_any_law() -> dict[Symbol, Expr]:
 def slopes_of(law: ContactLaw, forms: Iterable[Expr]) -> dict[Symbol, Expr]:
     """Return those that forms are made of, for a law, sound in floating point; a kernel names those of F_ela itself."""
     values, needed = partials(law), set().union(*(form.free_symbols for form in forms)) - {dF_dh, dF_ddelta}
-    return {symbol: sound(expr.subs(values)) for symbol, expr in slopes_of_any_law().items() if symbol in needed}
+    return {symbol: sound(with_known(expr, values)) for symbol, expr in slopes_of_any_law().items() if symbol in needed}
 
 
 @cache

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, diff, expand, simplify, solve
+from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, cancel, diff, expand, solve
 
 from softdyn.derivations import kept
 from softdyn.derive.law import expressions, is_rigid
@@ -166,13 +166,13 @@ def generic_dynamics(general: bool = False) -> GenericDynamics:
 
     parts = expand(centre_rate)
     compliance = -parts.coeff(dF_dt)
-    mobility = -simplify(parts.subs(dF_dt, 0) / (F - F_adh))
+    mobility = -cancel(parts.subs(dF_dt, 0) / (F - F_adh))
     stiffness, friction = 1 / compliance, 1 / mobility
     paper_C = (F_a * a_delta + F_delta) / 2
     by_gap = total(F_ela, h, general)
     paper_D = C * zeta / (C + by_gap)
-    assert simplify(stiffness - paper_C) == 0, f"C is not the paper's: {stiffness}"
-    assert simplify(friction - paper_D.subs(C, paper_C)) == 0, f"D is not the paper's: {friction}"
+    assert cancel(stiffness - paper_C) == 0, f"C is not the paper's: {stiffness}"
+    assert cancel(friction - paper_D.subs(C, paper_C)) == 0, f"D is not the paper's: {friction}"
 
     # Jacobians, in terms of the rates themselves: d(dh/dt) and d(d(delta)/dt) by h and by delta
     gap_by = {x: (total(F_adh, x, general) - dh_dt * total(zeta, x)) / zeta for x in (h, delta)}

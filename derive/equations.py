@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from sympy import Expr, Symbol
 
@@ -28,10 +29,29 @@ def changed(equations: Equations, change: Callable[[Expr], Expr]) -> Equations:
 
 def inserted(equations: Equations, known: Mapping[Symbol, Expr]) -> Equations:
     """Return the equations with what is known of some symbols in the place of these, and of their definitions."""
+    definitions = equations.definitions.items()
     return replace(
-        equations,
-        definitions={symbol: known.get(symbol, expr.subs(known)) for symbol, expr in equations.definitions.items()},
+        equations, definitions={symbol: known.get(symbol, with_known(expr, known)) for symbol, expr in definitions}
     )
+
+
+def with_known(expr: Expr, known: Mapping[Symbol, Expr]) -> Expr:
+    """Return an expression with what is known of some symbols in the place of these.
+
+    Parameters
+    ----------
+    expr : Expr
+    known : mapping from Symbol to Expr
+        In none of which there is one of these symbols.
+    """
+    # sympy goes through the whole of an expression for each symbol, also for those that are not in it
+    there = tuple((symbol, known[symbol]) for symbol in known if symbol in expr.free_symbols)
+    return _with_known(expr, there) if there else expr
+
+
+@lru_cache(maxsize=4096)  # kernels of one law, whatever they leave out, ask for the same
+def _with_known(expr: Expr, known: tuple[tuple[Symbol, Expr], ...]) -> Expr:
+    return expr.subs(dict(known))
 
 
 def followed(equations: Equations) -> Equations:
@@ -47,5 +67,10 @@ def followed(equations: Equations) -> Equations:
 
 def cost(equations: Equations) -> int:
     """Operations of all that the kernel uses, computed once."""
-    order = [symbol for symbol in equations.definitions if symbol in equations.wanted]
-    return sum(operations(straight_line(order, equations.definitions)).values())
+    return _cost(tuple(equations.definitions.items()), equations.wanted)
+
+
+@lru_cache(maxsize=512)
+def _cost(definitions: tuple[tuple[Symbol, Expr], ...], wanted: frozenset[Symbol]) -> int:
+    order = [symbol for symbol, _ in definitions if symbol in wanted]
+    return sum(operations(straight_line(order, dict(definitions))).values())

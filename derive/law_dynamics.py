@@ -29,6 +29,7 @@ from softdyn.derive.dynamics import (
     total,
     zeta,
 )
+from softdyn.derive.equations import with_known
 from softdyn.derive.law import is_dry, is_rigid
 from softdyn.derive.soundness import sound, tidy
 from softdyn.derive.symbols import h
@@ -49,7 +50,7 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
     values, generic = partials(law), generic_dynamics(law.general)
     if is_rigid(law):
         return _rigid_quantities(law, values)
-    known: dict[Symbol, Expr] = {C: sound(generic.stiffness.subs(values))}
+    known: dict[Symbol, Expr] = {C: sound(with_known(generic.stiffness, values))}
     known[dF_ddelta] = 2 * known[C]
     elastic = {"a": sound(law.a), F_ela.name: values[F_ela]}
     if is_dry(law):
@@ -58,9 +59,9 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
         beside = {F_adh.name: values[F_adh], "dashpot": sound(law.dashpot)}
         return {**elastic, **{name: expr for name, expr in beside.items() if expr != 0}, C.name: known[C], **given}
     rates = controls.rates()
-    known[dF_dh] = generic.by_gap.subs(values)
-    known[D] = sound(generic.friction.subs(C, known[C]).subs(values))
-    known[dh_dt] = sound(generic.dh_dt.subs(values))
+    known[dF_dh] = with_known(generic.by_gap, values)
+    known[D] = sound(with_known(generic.friction.subs(C, known[C]), values))
+    known[dh_dt] = sound(with_known(generic.dh_dt, values))
     forced = rates[dX_dt].coeff(dF_dt) * dF_dt
     steady = rates[dX_dt].subs(dF_dt, S.Zero)
     return {
@@ -70,25 +71,25 @@ def law_quantities(law: ContactLaw) -> dict[str, Expr]:
         C.name: known[C],
         D.name: known[D],
         dh_dt.name: known[dh_dt],
-        ddelta_dt.name: sound(rates[ddelta_dt].subs(known)),
-        dX_dt.name: forced.subs(known) - sound((-steady).subs(known).subs(values)),
+        ddelta_dt.name: sound(with_known(rates[ddelta_dt], known)),
+        dX_dt.name: with_known(forced, known) - sound(with_known(with_known(-steady, known), values)),
         lambda1.name: sound(lambda1_of(law, known[dF_ddelta])),
-        lambda2.name: sound(generic.lambda2.subs(dh_dt, known[dh_dt]).subs(C, known[C]).subs(values)),
+        lambda2.name: sound(with_known(generic.lambda2.subs(dh_dt, known[dh_dt]).subs(C, known[C]), values)),
     }
 
 
 def _rigid_quantities(law: ContactLaw, values: dict[Symbol, Expr]) -> dict[str, Expr]:
     """No deflection: the centres follow the gap, D = zeta."""
     rates = controls.by_gap()
-    gap_rate = sound(generic_dynamics(law.general).dh_dt.subs(values))
+    gap_rate = sound(with_known(generic_dynamics(law.general).dh_dt, values))
     slopes = {log_zeta_h: total(zeta, h) / zeta, remote_h: total(F_adh, h)}
     slopes = {symbol: slope.subs({s: x for s, x in values.items() if s != zeta}) for symbol, slope in slopes.items()}
-    parts = (term.subs(slopes).subs(values) for term in Add.make_args(rates[lambda2]))
+    parts = (with_known(with_known(term, slopes), values) for term in Add.make_args(rates[lambda2]))
     return {
         "a": sound(law.a),
         zeta.name: values[zeta],
         F_adh.name: values[F_adh],
-        D.name: rates[D].subs(values),
+        D.name: with_known(rates[D], values),
         dh_dt.name: gap_rate,
         dX_dt.name: rates[dX_dt].subs(dh_dt, gap_rate),
         lambda2.name: Add(*(h * sound(part / h) for part in parts)),

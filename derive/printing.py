@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 
 from sympy import (
     Add,
@@ -311,16 +312,21 @@ KINDS = ("add", "mul", "div", "sqrt", "call")
 
 def operations(lines: Iterable[Assignment]) -> dict[str, int]:
     """Count the floating-point operations of straight-line code, by kind; constants that a compiler folds are free."""
+    counts = [_operations_of(text) for _, text in lines]
+    return {kind: sum(count[i] for count in counts) for i, kind in enumerate(KINDS)}
+
+
+@lru_cache(maxsize=4096)
+def _operations_of(text: str) -> tuple[int, ...]:
     counts = dict.fromkeys(KINDS, 0)
-    for _, text in lines:
-        for node in ast.walk(ast.parse(text, mode="eval")):
-            if isinstance(node, ast.BinOp) and not (_constant(node.left) and _constant(node.right)):
-                kind = {ast.Add: "add", ast.Sub: "add", ast.Mult: "mul", ast.Div: "div"}[type(node.op)]
-                counts[kind] += 1
-            elif isinstance(node, ast.Call):
-                name = node.func.id if isinstance(node.func, ast.Name) else ""
-                counts["sqrt" if name == "sqrt" else "call"] += name != "fabs"
-    return counts
+    for node in ast.walk(ast.parse(text, mode="eval")):
+        if isinstance(node, ast.BinOp) and not (_constant(node.left) and _constant(node.right)):
+            kind = {ast.Add: "add", ast.Sub: "add", ast.Mult: "mul", ast.Div: "div"}[type(node.op)]
+            counts[kind] += 1
+        elif isinstance(node, ast.Call):
+            name = node.func.id if isinstance(node.func, ast.Name) else ""
+            counts["sqrt" if name == "sqrt" else "call"] += name != "fabs"
+    return tuple(counts[kind] for kind in KINDS)
 
 
 def _constant(node: ast.AST) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from sympy import Abs, Dummy, Expr, Integer, Max, Min, Rational, S, Symbol, sign
@@ -76,15 +77,17 @@ def specialised(equations: Equations, needs: Any, rules: Iterable[Rule]) -> tupl
 
 def one_sign(equations: Equations, needs: Needs) -> Equations:
     """Without abs(delta) and sign(delta), nor the branches of the other sign."""
-    size = Dummy("delta", positive=True)
     side = 1 if needs.deflection == "compression" else -1
+    return changed(equations, lambda expr: _of_sign(expr, side))
 
-    def resolve(expr: Expr) -> Expr:
-        if not expr.has(Abs, sign, Max, Min, Relational):
-            return expr
-        return expr.subs(delta, side * size).subs(size, side * delta)
 
-    return changed(equations, resolve)
+@lru_cache(maxsize=4096)
+def _of_sign(expr: Expr, side: int) -> Expr:
+    """An expression at deflections of one sign: kernels of one law, whatever else they leave out, ask for the same."""
+    if not expr.has(Abs, sign, Max, Min, Relational):
+        return expr
+    size = Dummy("delta", positive=True)
+    return expr.subs(delta, side * size).subs(size, side * delta)
 
 
 def constant_force(equations: Equations, needs: Needs) -> Equations:

@@ -99,7 +99,7 @@ def _harmless(text: str) -> str:
 
 def _require_subset(module: ast.Module) -> None:
     """Refuse, with its line, whatever has no counterpart in C or means something else there."""
-    functions = {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
+    functions = {node.name for node in module.body if isinstance(node, ast.FunctionDef)} | KNOWN_FUNCTIONS
     for statement in module.body:
         if _is_table(statement):
             continue
@@ -123,7 +123,7 @@ def _shown(node: ast.AST) -> str:
 
 
 def _translatable(node: ast.AST, functions: set[str]) -> bool:
-    """Whether a node, its children apart, has the same meaning in C."""
+    """Whether a node, its children apart, has the same meaning in C; of functions, those that it may call."""
     if isinstance(node, ast.AugAssign):
         return type(node.op) in BINARY
     if isinstance(node, ast.AnnAssign):
@@ -135,7 +135,7 @@ def _translatable(node: ast.AST, functions: set[str]) -> bool:
     if isinstance(node, (ast.For, ast.While)):
         return not node.orelse and (isinstance(node, ast.While) or _is_plain_range(node.iter))
     if isinstance(node, ast.Call):
-        known = isinstance(node.func, ast.Name) and node.func.id in {*functions, *KNOWN_FUNCTIONS}
+        known = isinstance(node.func, ast.Name) and node.func.id in functions
         return known and not node.keywords
     if isinstance(node, ast.Subscript):
         return not isinstance(node.slice, (ast.UnaryOp, ast.Slice, ast.Tuple))
