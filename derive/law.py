@@ -412,7 +412,8 @@ def sizes_asked(law: ContactLaw) -> tuple[Symbol, ...]:
     return asked if ratios(used) > ratios(symbol for symbol in used if symbol not in asked) else ()
 
 
-def sample_values(law: ContactLaw) -> dict[Symbol, Rational]:
+@lru_cache(maxsize=64)
+def sample_values(law: ContactLaw) -> Mapping[Symbol, Rational]:
     """Values of the law's own parameters, typical or at least allowed and different, in units R = E = eta = 1."""
     values, ranges = {}, ranges_of(law)
     for i, symbol in enumerate(law.parameters):

@@ -22,11 +22,28 @@ from random import Random
 from typing import TYPE_CHECKING, Any
 
 import mpmath
-from sympy import Add, Expr, Function, Rational, Symbol, cosh, coth, count_ops, erf, erfc, exp, lambdify, sinh, tanh
+from sympy import (
+    Add,
+    Basic,
+    Expr,
+    Function,
+    Rational,
+    Symbol,
+    cosh,
+    coth,
+    count_ops,
+    erf,
+    erfc,
+    exp,
+    lambdify,
+    sinh,
+    tanh,
+)
 
 from softdyn.derive.checks import chains
 from softdyn.derive.cones import Cone, Normal, cut, dot, orthants
 from softdyn.derive.dominant_balance import definitions, size
+from softdyn.derive.evaluation import Known, Program
 from softdyn.derive.law import ranges_of, sample_values
 from softdyn.derive.scalings import Path
 from softdyn.derive.splines import within_range
@@ -73,10 +90,14 @@ Numbers = dict[Symbol, mpmath.mpf]
 
 @dataclass(frozen=True)
 class Point:
-    """The values of all quantities at one point, and the digits that they were computed with."""
+    """The values of all quantities at one point, and the digits that they were computed with.
+
+    ``known`` is what was computed of a law's program on the way.
+    """
 
     values: Numbers
     digits: int
+    known: Known
 
     def of(self, expr: Expr) -> mpmath.mpf | None:
         """Value of an expression; None if it has none, or no real one."""
@@ -343,10 +364,19 @@ def _along(
 
 def _dominant(law: ContactLaw, point: Point) -> tuple[int, ...]:
     """Which term is the largest of each sum that a law rests on: what tells paths from each other."""
-    found = []
-    for total in _sums(law):
-        sizes = [abs(value) if (value := point.of(term)) is not None else mpmath.mpf(-1) for term in total]
-        found.append(max(range(len(sizes)), key=sizes.__getitem__))
+    found, program = [], _program(law)
+
+    def size_of(term: Expr) -> mpmath.mpf:
+        try:
+            value = mpmath.mpf(program.value(point.known, term))
+            return abs(value) if mpmath.isfinite(value) else mpmath.mpf(-1)
+        except (ZeroDivisionError, ValueError, OverflowError, TypeError):
+            return mpmath.mpf(-1)
+
+    with mpmath.workdps(point.digits):
+        for total in _sums(law):
+            sizes = [size_of(term) for term in total]
+            found.append(max(range(len(sizes)), key=sizes.__getitem__))
     return tuple(found)
 
 
@@ -511,12 +541,15 @@ def _point(law: ContactLaw, limit: Limit, path: Path, level: int, digits: int | 
             if slowest := path.slowest.get(symbol):
                 values[symbol] *= mpmath.log10(level) ** (mpmath.mpf(-slowest.numerator) / slowest.denominator)
         values[delta] = side_of(limit) * values[size]
+        program = _program(law)
+        known = program.start(values)
         try:
-            for symbol, (arguments, function) in functions(law).items():
-                values[symbol] = mpmath.mpf(function(*(values[x] for x in arguments)))
+            for symbol, expr in definitions(law).items():
+                values[symbol] = mpmath.mpf(program.value(known, expr))
+                program.tell(known, symbol, values[symbol])
         except (ZeroDivisionError, ValueError, OverflowError, TypeError):
             return None
-        return Point(values, digits)
+        return Point(values, digits, known)
 
 
 def _exp(x: mpmath.mpf) -> mpmath.mpf:
@@ -588,6 +621,19 @@ GUARDED = {
     "evaluated": within_range,  # what is beyond the points of a spline refutes nothing
     **{name: _bounded(getattr(mpmath, name)) for name in ("sinh", "cosh", "tanh", "coth", "erf", "erfc", "sin", "cos")},
 }
+
+
+@lru_cache(maxsize=32)
+def _program(law: ContactLaw) -> Program:
+    """Steps that compute the quantities of a law, and all parts of these."""
+
+    def other(node: Basic) -> tuple[list[Symbol], Any]:
+        arguments = sorted(node.free_symbols, key=str)
+        return arguments, compiled(arguments, node)
+
+    plain = {name: getattr(mpmath, name) for name in ("asin", "asinh", "atan", "expm1", "log1p", "tan", "sign")}
+    named = {**plain, "Abs": abs, **GUARDED, "Add": _sum}
+    return Program(definitions(law).values(), named, other)
 
 
 @lru_cache(maxsize=32)

@@ -26,7 +26,7 @@ from softdyn.derive.law import is_dry, is_rigid, without_typical
 from softdyn.derive.symbols import a, delta, h
 from softdyn.mathtext import literal
 from softdyn.study.figures import INK, paper_style
-from softdyn.study.plane import deflections, parameter_values, vectorised
+from softdyn.study.plane import deflection_at, parameter_values, vectorised
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,7 +129,7 @@ def reversal(law: ContactLaw) -> tuple[Array, Array]:
         """Of ln h."""
         gap, force = GAP * np.exp(growth), np.interp(t, kept["t"], kept["force"])
         side: Side = "compression" if force > 0 else "tension"
-        size = deflections(law, side, gap, abs(force) * start)
+        size = deflection_at(law, side, float(gap[0]), float(abs(force) * start))
         return np.asarray(-force * rigid / (ROUND * gap * zeta(gap, math.copysign(1.0, force) * size)))
 
     def opened(_t: float, growth: Array) -> float:

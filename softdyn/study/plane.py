@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, pairwise
@@ -516,6 +517,8 @@ def _simplified(corners: Array) -> Array:
 # ------------------------------------------------------------------------------------------------------- exact states
 
 
+#: Halvings of 90 in ln delta, to the last bit.
+BISECTIONS = 64
 #: Functions that numpy has; others, as erfc and Bessel's, are scipy's.
 OF_NUMPY = (
     Abs, Max, Min, Piecewise, acos, acosh, asin, asinh, atan, atanh, cos, cosh, exp, expm1, log, log1p, sign, sin, sinh,
@@ -527,38 +530,63 @@ def vectorised(arguments: Sequence[Symbol], what: Expr | list[Expr]) -> Callable
     """Return one or several expressions as a function of arrays."""
     parts = what if isinstance(what, list) else [what]
     plain = all(isinstance(one, OF_NUMPY) for part in parts for one in part.atoms(Application))
-    modules = [IN_NUMPY, "numpy"] if plain else [IN_NUMPY, "scipy", "numpy"]
+    # by its name, sympy would load all that numpy has, down to its compiler of Fortran
+    modules: list[Any] = [IN_NUMPY, np] if plain else [IN_NUMPY, "scipy", np]
     function: Callable[..., Any] = lambdify(arguments, what, modules)
     return function
 
 
+@lru_cache(maxsize=64)
+def _equation(law: ContactLaw, name: str) -> Callable[..., Any]:
+    """One of the law's equations in numbers.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    name : str
+        ``radius`` of (h, delta), ``elastic`` of (a, delta, h), ``partials`` of (a, h, delta), and what follows from
+        these: ``stiffness``, ``friction``, ``dh_dt`` and ``exponents`` of a state.
+    """
+    if name == "radius":
+        return vectorised((h, delta), _in_numbers(law, law.a))
+    if name == "elastic":
+        return vectorised((a, delta, h), _in_numbers(law, law.F_ela))
+    if name == "partials":
+        return vectorised((a, h, delta), [_in_numbers(law, expr) for expr in _partials(law).values()])
+    generic = d.generic_dynamics(law.general)
+    forms: dict[str, tuple[tuple[Symbol, ...], Expr | list[Expr]]] = {
+        "stiffness": ((), generic.stiffness),
+        "friction": ((d.C,), generic.friction),
+        "dh_dt": ((F,), generic.dh_dt),
+        "exponents": ((h, delta, F, d.C, d.dh_dt), [generic.lambda1, generic.lambda2]),
+    }
+    given, form = forms[name]
+    return vectorised((*given, *_partials(law)), form)
+
+
+def _in_numbers(law: ContactLaw, expr: Expr) -> Expr:
+    # a kink leaves a derivative of sign(delta) behind, which is a number for no array
+    return tidy(S(expr)).subs(parameter_values(law))
+
+
 @lru_cache(maxsize=16)
-def _equations(law: ContactLaw) -> dict[str, Callable[..., Any]]:
-    """The law's equations in numbers: radius(h, delta), elastic(a, delta, h), and exponents and rate of a state."""
-    values = parameter_values(law)
+def _of_floats(law: ContactLaw) -> tuple[Callable[..., float], Callable[..., float]] | None:
+    """Radius and elastic force in numbers, of one gap and one deflection; None where Python has no such functions."""
+    parts = _in_numbers(law, law.a), _in_numbers(law, law.F_ela)
+    if not all(isinstance(one, OF_NUMPY) for part in parts for one in part.atoms(Application)):
+        return None
+    return lambdify((h, delta), parts[0], "math"), lambdify((a, delta, h), parts[1], "math")
 
-    def number(expr: Expr) -> Expr:
-        # a kink leaves a derivative of sign(delta) behind, which is a number for no array
-        return tidy(S(expr)).subs(values)
 
-    partials = {
+def _partials(law: ContactLaw) -> dict[Symbol, Expr]:
+    """The forces and the friction, and the slopes that a state follows from."""
+    return {
         d.F_ela: law.F_ela, d.F_adh: law.F_adh, d.zeta: law.zeta,
         d.a_h: diff(law.a, h), d.a_delta: diff(law.a, delta),
         d.F_a: diff(law.F_ela, a), d.F_delta: diff(law.F_ela, delta), d.F_h: diff(law.F_ela, h),
         d.zeta_a: diff(law.zeta, a), d.zeta_h: diff(law.zeta, h),
         d.F_adh_a: diff(law.F_adh, a), d.F_adh_h: diff(law.F_adh, h), d.F_adh_delta: diff(law.F_adh, delta),
     }  # fmt: skip
-    generic = d.generic_dynamics(law.general)
-    known = (h, delta, F, d.C, d.dh_dt, *partials)
-    return {
-        "radius": vectorised((h, delta), number(law.a)),
-        "elastic": vectorised((a, delta, h), number(law.F_ela)),
-        "partials": vectorised((a, h, delta), [number(expr) for expr in partials.values()]),
-        "stiffness": vectorised(tuple(partials), generic.stiffness),
-        "friction": vectorised((d.C, *partials), generic.friction),
-        "dh_dt": vectorised((F, *partials), generic.dh_dt),
-        "exponents": vectorised(known, [generic.lambda1, generic.lambda2]),
-    }
 
 
 def largest_forces(law: ContactLaw, gaps: Array, side: Side = "compression") -> Array:
@@ -571,9 +599,9 @@ def largest_forces(law: ContactLaw, gaps: Array, side: Side = "compression") -> 
         In units of R.
     side : "compression" or "tension"
     """
-    equations, sign = _equations(law), SIGN[side]
+    radius, elastic, sign = _equation(law, "radius"), _equation(law, "elastic"), SIGN[side]
     with np.errstate(all="ignore"):
-        return np.broadcast_to(np.abs(equations["elastic"](equations["radius"](gaps, sign), sign, gaps)), gaps.shape)
+        return np.broadcast_to(np.abs(elastic(radius(gaps, sign), sign, gaps)), gaps.shape)
 
 
 def deflections(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> Array:
@@ -586,17 +614,42 @@ def deflections(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> Arra
     gaps, forces : arrays that broadcast
         In units of R and of E R^2; forces are sizes.
     """
-    equations, sign = _equations(law), SIGN[side]
+    radius, elastic, sign = _equation(law, "radius"), _equation(law, "elastic"), SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
     low, high = np.full(gaps.shape, -90.0), np.zeros(gaps.shape)
     with np.errstate(all="ignore"):
-        for _ in range(64):
+        for _ in range(BISECTIONS):
             middle = (low + high) / 2
             deflection = sign * np.exp(middle)
-            below = np.abs(equations["elastic"](equations["radius"](gaps, deflection), deflection, gaps)) < forces
+            below = np.abs(elastic(radius(gaps, deflection), deflection, gaps)) < forces
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         beyond = ~(largest_forces(law, gaps, side) >= forces)
     return np.where(beyond, np.nan, np.exp((low + high) / 2))
+
+
+def deflection_at(law: ContactLaw, side: Side, gap: float, load: float) -> float:
+    """The same at one gap and one force, for whoever asks step by step: an array of one takes a hundred times as long.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    side : "compression" or "tension"
+    gap, load : float
+        In units of R and of E R^2.
+    """
+    functions, sign = _of_floats(law), SIGN[side]
+    with suppress(ArithmeticError, ValueError, TypeError):  # where arrays have no number, or no end
+        if functions is not None:
+            radius, elastic = functions
+            low, high = -90.0, 0.0
+            for _ in range(BISECTIONS):
+                middle = (low + high) / 2
+                deflection = sign * math.exp(middle)
+                below = math.fabs(elastic(radius(gap, deflection), deflection, gap)) < load
+                low, high = (middle, high) if below else (low, middle)
+            beyond = not math.fabs(elastic(radius(gap, sign), sign, gap)) >= load
+            return math.nan if beyond else math.exp((low + high) / 2)
+    return float(deflections(law, side, np.array(gap), np.array(load)))
 
 
 def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str, Array]:
@@ -613,19 +666,19 @@ def states(law: ContactLaw, side: Side, gaps: Array, forces: Array) -> dict[str,
         ``delta`` (its size), ``lambda1``, ``lambda2``, and those of :data:`softdyn.derive.regimes.FORMS` but U_h, dX_dt
         at constant force; nan where the deflection is beyond R.
     """
-    equations, sign = _equations(law), SIGN[side]
+    sign = SIGN[side]
     gaps, forces = np.broadcast_arrays(np.asarray(gaps, float), np.asarray(forces, float))
     rigid = is_rigid(law)
     found = deflections(law, side, gaps, forces)
     deflection = sign * found * (not rigid)
     with np.errstate(all="ignore"):
-        radius = equations["radius"](gaps, deflection)
-        partials = equations["partials"](radius, gaps, deflection)
-        rate = equations["dh_dt"](sign * forces, *partials)
+        radius = _equation(law, "radius")(gaps, deflection)
+        partials = _equation(law, "partials")(radius, gaps, deflection)
+        rate = _equation(law, "dh_dt")(sign * forces, *partials)
         # a rigid law has no delta, and its F_a = 0 leaves any stiffness out
-        stiffness = 1.0 if rigid else equations["stiffness"](*partials)
-        lambda1, lambda2 = equations["exponents"](gaps, deflection, sign * forces, stiffness, rate, *partials)
-        friction = partials[2] if rigid else equations["friction"](stiffness, *partials)
+        stiffness = 1.0 if rigid else _equation(law, "stiffness")(*partials)
+        lambda1, lambda2 = _equation(law, "exponents")(gaps, deflection, sign * forces, stiffness, rate, *partials)
+        friction = partials[2] if rigid else _equation(law, "friction")(stiffness, *partials)
         centres = -(sign * forces - partials[1]) / friction
     named = {
         "a": radius, "zeta": partials[2], "F_adh": partials[1], "C": stiffness, "D": friction, "dh_dt": rate,
