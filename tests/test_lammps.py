@@ -20,13 +20,23 @@ import numpy as np
 import pytest
 
 from softdyn.cli import main
-from softdyn.errors import SceneError
+from softdyn.errors import IntegrationError, SceneError
 from softdyn.kernels import loaded, manifest_of
 from softdyn.lammps.carried import Prepared, crossover, explicit_limit, prepared
-from softdyn.lammps.inputs import data_text, home_cells, input_text, plugin, run_times, segments, write_inputs
+from softdyn.lammps.inputs import (
+    data_text,
+    drives_texts,
+    holds_text,
+    home_cells,
+    input_text,
+    plugin,
+    run_times,
+    segments,
+    write_inputs,
+)
 from softdyn.lammps.lammps_run import NAME, built, read_frames, run_lammps, simulate_in_lammps
 from softdyn.laws import find, law_of, stock_laws
-from softdyn.particles import ParticleResult, ParticleScene, Push, simulate
+from softdyn.particles import Hold, ParticleResult, ParticleScene, Push, simulate
 from softdyn.particles.contact_kernels import contact_manifest
 from softdyn.particles.packing import Packing
 from softdyn.targets import lammps
@@ -131,9 +141,20 @@ def test_what_lammps_cannot_run_is_told_at_once(small: ParticleScene) -> None:
         assert part in words
 
 
-def test_forces_that_change_are_refused_by_name() -> None:
-    with pytest.raises(SceneError, match=r"\[\[push\]\] 0: force along x"):
-        prepared(three(push=[Push([0], ["1e-2*sin(t)", 0, 0])]))
+def test_what_changes_with_time_is_told_by_its_mean_over_each_step() -> None:
+    """So a pulse within a step gives its impulse, and a velocity that is given leads to where it is to lead."""
+    pulse = ([0.0, 3.1, 3.11, 3.4, 3.41, 10.0], [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    scene = three(push=[Push([1], [pulse, 0, 0])], hold=[Hold([0], "xy", ["1e-2*cos(t)", 1e-3])])
+    system = prepared(replace(scene, until_t=10.0, times=2)).system
+    drives, signals = drives_texts(system, 1.0)
+    assert drives == "2 0 0\n1 6 1\n"
+    rows = np.array([line.split() for line in signals.splitlines()], dtype=float)
+    assert rows.shape == (11, 2)
+    assert rows[:-1, 0].sum() == pytest.approx(0.3, rel=1e-12)
+    assert rows[:-1, 1].cumsum() == pytest.approx(1e-2 * np.sin(np.arange(1, 11)), rel=1e-9)
+    assert rows[-1] == pytest.approx([0.0, 1e-2 * math.cos(10.0)])
+    assert holds_text(system) == "1 1 1 0 0 0 0.001 0 0 0 0\n".replace("0.001", f"{1e-3:.17g}")
+    assert drives_texts(prepared(three()).system, 1.0) == ("", "")
 
 
 def test_the_data_file_has_the_particles_in_a_box_that_leans_by_half_at_most(small: ParticleScene) -> None:
@@ -167,11 +188,11 @@ def test_runs_end_at_the_output_times_and_no_step_is_too_long(ready: Prepared) -
 
 def test_the_script_names_each_parameter_and_deforms_nothing_without_a_flow(ready: Prepared) -> None:
     manifest = plugin(ready.system)
-    text = input_text(ready, manifest, 1.0, NAME, False)
+    text = input_text(ready, manifest, 1.0, NAME)
     assert "pair_style softdyn/rognon_gay reach 0.29999999999999999 contacts softdyn.contacts E 1 eta 1" in text
     assert "newton off" in text
     still = prepared(replace(ready.system.scene, shear_rate=0.0, until_strain=None, until_t=1.0))
-    assert "shear" not in input_text(still, manifest, 1.0, NAME, False)
+    assert "shear" not in input_text(still, manifest, 1.0, NAME)
     assert "xy xz yz" not in data_text(still.system)
 
 
@@ -261,6 +282,62 @@ def test_the_error_halves_with_the_time_step(law: str) -> None:
             assert 1.9 < wrong[0] / wrong[1] < 2.1
     # what the balance of energy lacks is of the same order
     assert 1.7 < runs[0].energy["imbalance"] / runs[1].energy["imbalance"] < 2.2
+
+
+@needs_lammps
+@pytest.mark.slow
+@pytest.mark.parametrize("turning", [False, True])
+def test_holds_and_what_changes_with_time_are_those_of_the_implicit_engine(turning: bool) -> None:
+    """One particle is driven to and fro in the flow, one turned and held along an axis; forces swing."""
+    scene = three(
+        "steric", tangential=turning,
+        push=[Push([1], ["-1e-2*(1 + sin(t/9))", 0, "1e-3*cos(t/5)"]), Push([2], [0, -2e-3, 0])],
+        hold=[
+            Hold([0], "xyz", ["4e-3*cos(t/7)", 1e-3, 0]),
+            Hold([2], "z", [0], spin=[0, 0, "2e-3*sin(t/11)"] if turning else None),
+        ],
+    )  # fmt: skip
+    exact = simulate(scene)
+    runs = [simulate_in_lammps(scene, dt=dt) for dt in (0.25, 0.125)]
+    errors = [difference(run, exact) for run in runs]
+    for name in ("x", "h"):
+        assert 1.9 < errors[0][name] / errors[1][name] < 2.1, name
+    fine = runs[1]
+    moved = 0.028 * math.sin(100 / 7)
+    assert fine.x[-1, 0] == pytest.approx([moved, 0.1, 0], abs=1e-9)
+    assert fine.v[-1, 0] == pytest.approx(exact.v[-1, 0], rel=1e-12, abs=1e-15)
+    # what moves a particle gives the energy of it: to the first order, as all energies
+    for name in ("external", "drag", "gaps"):
+        wrong = [abs(run.energy[name] - exact.energy[name]) for run in runs]
+        assert wrong[1] < 5e-3 * abs(exact.energy[name]), name
+    assert 1.7 < runs[0].energy["imbalance"] / runs[1].energy["imbalance"] < 2.3
+    assert abs(fine.energy["imbalance"]) < 1e-2
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_held_particles_in_a_box_that_is_flipped_stay_where_they_are() -> None:
+    """In the flow, through flips and faces; on two processes as on one."""
+    packing = Packing("random", 60, 3, 0.45, radii=[1.0, 1.2], seed=1)
+    scene = ParticleScene(
+        "steric", PARAMETERS["steric"], packing=packing, gap=0.02, range=0.3, drag=1.0, shear_rate=1e-3,
+        until_strain=0.6, times=2, rtol=1e-6, hold=[Hold([3, 17], "xyz")],
+    )  # fmt: skip
+    exact = simulate(scene)
+    runs = [simulate_in_lammps(scene, dt=dt) for dt in (1.0, 0.5)]
+    for run in runs:
+        assert run.x[-1, [3, 17]] == pytest.approx(run.x[0, [3, 17]], abs=1e-9)
+    errors = [difference(run, exact)["x"] for run in runs]
+    assert 1.8 < errors[0] / errors[1] < 2.2
+    two = simulate_in_lammps(scene, 2, 1.0)
+    assert difference(two, runs[0])["h_max"] < 1e-12
+
+
+def test_what_is_held_bounds_no_time_step() -> None:
+    free = prepared(three(push=[]))
+    held = prepared(three(push=[], hold=[Hold("all", "xyz")]))
+    assert math.isfinite(free.limit)
+    assert held.limit == math.inf
 
 
 @needs_lammps
@@ -439,6 +516,15 @@ def test_a_held_film_outlives_the_neighbour_list_or_is_refused(tmp_path: Path) -
     said = script_in(prepared(scene), tmp_path, 2.0, known, ranks=2)
     assert "the film of particles" in said
     assert "comm_modify cutoff" in said
+
+
+@needs_lammps
+@pytest.mark.slow
+def test_a_film_that_is_drawn_out_to_half_of_the_box_is_refused(small: ParticleScene) -> None:
+    """A held particle tears at a law that is of pressed surfaces alone, until another image is as close as its own."""
+    scene = replace(small, until_strain=0.7, times=2, hold=[Hold([3, 17], "xyz")])
+    with pytest.raises(IntegrationError, match="nearly half of the box"):
+        simulate_in_lammps(scene, dt=2.0)
 
 
 @needs_lammps

@@ -22,7 +22,7 @@ from softdyn.particles.system import System, ValidatedScene, contact_state
 Array = NDArray[np.float64]
 
 #: Rooms of the mechanisms that the plugin knows.
-KNOWN = ("soft_films", "drag", "pushes", "gravity", "shear", "sliding")
+KNOWN = ("soft_films", "drag", "pushes", "holds", "gravity", "shear", "sliding")
 #: Of the longest time step that is stable at the start: errors are of the first order, and contacts become stiffer.
 SHARE = 0.25
 #: Of a dense suspension, measured: microseconds of an implicit step for each contact, and such steps in a strain of 1
@@ -41,7 +41,7 @@ class Prepared:
     limit : float
         Longest time step that is stable at the start.
     loads : array, shape (N, d + rotations)
-        External forces, and torques over radii.
+        External forces, and torques over radii, without those that change with time.
     """
 
     system: System
@@ -90,11 +90,8 @@ def prepared(scene: ParticleScene) -> Prepared:
     if faults:
         raise SceneError("LAMMPS cannot run this scene:\n" + listed(faults))
     system = prepare(scene)
-    changing = [function.name for _, _, function in system.force.changing()]
-    if changing:
-        raise SceneError(f"LAMMPS cannot run this scene:\n{changing[0]}: the plugin takes forces that are numbers")
     state = start(system, Newton())
-    return Prepared(system, state, explicit_limit(system, state), system.force(0.0))
+    return Prepared(system, state, explicit_limit(system, state), system.force.unchanging())
 
 
 def explicit_limit(system: System, state: State) -> float:
@@ -110,12 +107,13 @@ def explicit_limit(system: System, state: State) -> float:
         return math.inf
     i, j = contacts.i[near], contacts.j[near]
     r = (contacts.S - overlaps(system, state))[near]
-    moves = 1 / system.resistance[:, 0]
+    # what is held along all axes yields to no force
+    moves = np.where(system.fixed[:, :d].all(axis=1), 0.0, 1 / system.resistance[:, 0])
     stiff, across = np.abs(values["F_by_distance"])[near] / 2, np.abs(values["F"])[near] / r / 2
     both = (moves[i] + moves[j]) / 2
     rows = [np.maximum(stiff, across) * (moves[end] + both) for end in (i, j)]
     if system.width > d:
-        turns = moves + 1 / system.resistance[:, d]
+        turns = moves + np.where(system.fixed[:, d], 0.0, 1 / system.resistance[:, d])
         sliding, mean = values["k_t"][near] / 2, (turns[i] + turns[j]) / 2
         by_turns = [sliding * (turns[end] + mean) + across * (moves[end] + both) for end in (i, j)]
         rows = [np.maximum(*pair) for pair in zip(rows, by_turns, strict=True)]

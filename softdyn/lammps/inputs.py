@@ -17,6 +17,7 @@ from softdyn.kernels import manifest_of
 from softdyn.lammps.carried import Prepared, explicit_needs
 from softdyn.laws import find
 from softdyn.particles.contact_kernels import contact_manifest
+from softdyn.particles.geometry import rotations
 from softdyn.particles.parameters import mixed_parameters
 from softdyn.particles.system import System
 from softdyn.results.whole_files import written_whole
@@ -127,6 +128,46 @@ def loads_text(ready: Prepared) -> str:
     return "".join(f"{n + 1} {' '.join(f'{one:.17g}' for one in six[n].tolist())}\n" for n in some.tolist())
 
 
+def holds_text(system: System) -> str:
+    """Particles that are held: along which axes, whether they turn as given; velocities that do not change."""
+    d, given = system.dimension, system.velocity.unchanging()
+    some = np.flatnonzero(system.fixed.any(axis=1))
+    rows = np.zeros((len(some), 10))
+    rows[:, :d], rows[:, 4 : 4 + d] = system.fixed[some, :d], given[some, :d]
+    if system.width > d:
+        rows[:, 3] = system.fixed[some, d]
+        rows[:, 10 - rotations(d) :] = given[some, d:] / system.radii[some, None]
+    flags, rates = rows[:, :4].astype(int).tolist(), rows[:, 4:].tolist()
+    return "".join(
+        f"{n + 1} {' '.join(map(str, flag))} {' '.join(f'{one:.17g}' for one in rate)}\n"
+        for n, flag, rate in zip(some.tolist(), flags, rates, strict=True)
+    )
+
+
+def drives_texts(system: System, dt: float) -> tuple[str, str]:
+    """What changes with time: whose it is, and its mean over each step, a line each; empty where nothing does.
+
+    Of means no pulse is missed, however short, and a velocity leads to where it is to lead. The line behind the last
+    step has the values at the end.
+    """
+    d = system.dimension
+    # force, torque, velocity, angular velocity: of two dimensions the last is about z
+    turns = 6 - rotations(d) - d
+    every = [(0, term) for term in system.force.changing()] + [(6, term) for term in system.velocity.changing()]
+    if not every:
+        return "", ""
+    lines = []
+    for column, (first, (those, axis, _)) in enumerate(every):
+        lines += [f"{n + 1} {first + axis + (turns if axis >= d else 0)} {column}" for n in those.tolist()]
+    times = step_times(run_times(system), dt)
+    means = []
+    for _, (_, _, function) in every:
+        whole = np.array([function.integral(t) for t in times.tolist()])
+        means.append(np.append(np.diff(whole) / np.diff(times), function(float(times[-1]))))
+    rows = np.column_stack(means).tolist()
+    return "\n".join(lines) + "\n", "".join(f"{' '.join(f'{one:.17g}' for one in row)}\n" for row in rows)
+
+
 def coefficients(system: System, varying: Sequence[str]) -> list[str]:
     """Lines of pair_coeff: what depends on the types of both, mixed as in every contact."""
     names = [name for name in varying if name not in ("R", "size_ratio")]
@@ -160,6 +201,15 @@ def segments(times: Array, dt: float) -> list[tuple[int, float]]:
     return found
 
 
+def step_times(times: Array, dt: float) -> Array:
+    """Times between which the steps are, the start and the end with them."""
+    starts = [0.0, *times[:-1].tolist()]
+    parts = [
+        start + length * np.arange(steps) for start, (steps, length) in zip(starts, segments(times, dt), strict=True)
+    ]
+    return np.append(np.concatenate(parts), times[-1])
+
+
 def run_times(system: System) -> Array:
     """Output times, the start before them and the end after them."""
     end = float(system.scene.until_t or 0.0)
@@ -174,7 +224,7 @@ def neighbours(system: System) -> str:
     return "multi" if system.radii.max() > 2 * system.radii.min() else "bin"
 
 
-def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: str, loads: bool) -> str:
+def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: str, given: Sequence[str] = ()) -> str:
     """The input script.
 
     Parameters
@@ -186,8 +236,8 @@ def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: st
         Longest time step, in units of the scene.
     name : str
         What the names of files begin with.
-    loads : bool
-        Whether there is a file of external forces and torques.
+    given : sequence of str
+        Of loads, holds, drives and signals those of which there is a file.
     """
     system, law = ready.system, manifest["name"]
     scene, d, reach = system.scene, system.dimension, system.reach
@@ -214,7 +264,7 @@ def input_text(ready: Prepared, manifest: Mapping[str, Any], dt: float, name: st
         "neigh_modify every 1 delay 0 check yes",
         f"fix move all softdyn/{law}/move drag {float(scene.drag):.17g}"
         + (f" shear {rate:.17g}" if rate else "")
-        + (f" loads {name}.loads" if loads else ""),
+        + "".join(f" {one} {name}.{one}" for one in given),
         *(["fix plane all enforce2d"] if d == 2 else []),
         f"fix frames all softdyn/{law}/frames {name}.frames",
         "compute stress all pressure NULL virial",
@@ -246,12 +296,14 @@ def write_inputs(ready: Prepared, manifest: Mapping[str, Any], dt: float, folder
     SceneError
         If one cannot be written.
     """
-    loads = loads_text(ready)
+    drives, signals = drives_texts(ready.system, dt)
+    written = {"loads": loads_text(ready), "holds": holds_text(ready.system), "drives": drives, "signals": signals}
+    given = {ending: text for ending, text in written.items() if text}
     texts = {
         "data": data_text(ready.system),
         "contacts": contacts_text(ready),
-        **({"loads": loads} if loads else {}),
-        "in": input_text(ready, manifest, dt, name, bool(loads)),
+        **given,
+        "in": input_text(ready, manifest, dt, name, list(given)),
     }
     return [_written(folder / f"{name}.{ending}", text) for ending, text in texts.items()]
 

@@ -282,6 +282,8 @@ def _frame(ready: Prepared, told: Told, t: float, home: NDArray[np.int64]) -> tu
     if system.width > d:
         spin = told.particles[:, 10 - rotations(d) : 10] * system.radii[:, None]
         v = np.concatenate([v, spin], axis=1)
+    if system.fixed.any():  # LAMMPS has means over steps
+        v = np.where(system.fixed, system.velocity(t), v)
     state = replace(ready.state, t=t, x=x, contacts=contacts)
     overlap = overlaps(system, state)
     at: Any = SimpleNamespace(h=contacts.h, r=contacts.S - overlap)

@@ -72,6 +72,10 @@ class Driven:
                 values[those, column] += function.number
         return values
 
+    def unchanging(self) -> Array:
+        """The part that is numbers, without the terms of :meth:`changing`."""
+        return np.asarray(self._constant * self.scale)
+
     def changing(self) -> Iterator[Term]:
         """Terms that are not numbers."""
         return (term for term in self.terms if not term[2].constant)
