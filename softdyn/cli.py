@@ -255,7 +255,8 @@ def _parser() -> argparse.ArgumentParser:
         help="a .toml file, with [pair] for two particles, [particles], [packing] or [chains] for many, [fluid] for a "
         "fluid; or a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, bubbles, "
         "chains, platelets, colloids, collapse, hopper, drum, shear_dry, slope, rough, of a fluid cavity, channel, "
-        "cylinder, cylinder_shedding, bed, darcy, of grains in a fluid settling, cloud, depot, fluidised",
+        "cylinder, cylinder_shedding, bed, darcy, of grains in a fluid settling, cloud, depot, fluidised, "
+        "chains_flow, thrombus",
     )
     run.add_argument(
         "-o",

@@ -100,8 +100,8 @@ def plot_fluid(
     width : "column", "page" or number, optional
         Of a figure of some panels; a number is in inches.
     panels : sequence of str, optional
-        Which panels, below one another: "speed", "pressure", "porosity", "velocities", "force_x" and so on, as far as
-        there are any; without it, all, in a figure of its own size.
+        Which panels, below one another: "speed", "pressure", "porosity", "velocities", "bond_lengths", "force_x" and so
+        on, as far as there are any; without it, all, in a figure of its own size.
     ax : matplotlib Axes, optional
         Where to draw a single panel, in a figure of one's own.
 
@@ -180,6 +180,10 @@ def _lines(result: Result, picture: Picture) -> dict[str, Callable[[Axes], None]
     found: dict[str, Callable[[Axes], None]] = {}
     if grains:
         found["velocities"] = partial(_draw_velocities, result=result)
+    if grains and "bond_r" in result.arrays and result.bond_r.size:
+        from softdyn.particles.free_plots import draw_bond_lengths
+
+        found["bond_lengths"] = partial(draw_bond_lengths, result=result)
     for axis in picture.axes if walls else ():
         found[f"force_{'xyz'[axis]}"] = partial(_draw_forces, result=result, names=walls, axis=axis)
     return found
@@ -354,7 +358,17 @@ def draw_grains(axes: Axes, picture: Picture, result: Result, frame: int = -1) -
         facecolors="none", edgecolors=ORANGE, linewidths=0.8,
     )  # fmt: skip
     axes.add_collection(grains, autolim=False)
+    if frame == -1 and "bond_i" in result.arrays:
+        axes.add_collection(_bond_lines(picture, result), autolim=False)
     return grains
+
+
+def _bond_lines(picture: Picture, result: Result) -> LineCollection:
+    """Lines between grains whose bond holds at the end, but for those through what is periodic."""
+    places = _grain_places(picture, result, -1)
+    ends = places[np.column_stack([result.bond_i, result.bond_j])]
+    near = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) <= np.nan_to_num(result.bond_r[-1]) * (1 + 1e-9)
+    return LineCollection([*ends[near & np.isinf(result.bond_broken)]], colors=ORANGE, linewidths=1.6)
 
 
 def _grain_places(picture: Picture, result: Result, frame: int) -> Array:

@@ -136,7 +136,7 @@ class FluidResult(Result):
         width : "column", "page" or float, optional
             Of the figure; the latter in inches.
         panels : sequence of str, optional
-            Some of "speed", "pressure", "porosity", "velocities", "force_x" and so on.
+            Some of "speed", "pressure", "porosity", "velocities", "bond_lengths", "force_x" and so on.
         ax : Axes, optional
             Takes a single one: see :func:`softdyn.fluid.fluid_plots.plot_fluid`.
         """

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from softdyn.particles.results import ParticleResult
+    from softdyn.results.result import Result
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def draw_spread(axes: Axes, result: ParticleResult) -> None:
     axes.grid(color="0.9")
 
 
-def draw_bond_lengths(axes: Axes, result: ParticleResult) -> None:
+def draw_bond_lengths(axes: Axes, result: Result) -> None:
     """Draw the lengths of the bonds that hold: their mean, and the shortest and longest."""
     held = result.bond_broken[None, :] > result.t[:, None]
     r = np.where(held, result.bond_r, np.nan)

@@ -97,7 +97,7 @@ def find_contacts(system: System, x: Array, t: float, old: Contacts | None) -> t
         New ones that are within range, and those left behind that had been.
     """
     reach, box, walls = system.reach, system.box, system.walls
-    skin = SKIN * float(system.radii.min())
+    skin = max([SKIN, *(mechanism.skin for mechanism in system.mechanisms)]) * float(system.radii.min())
     nothing = (np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, x.shape[1]), np.int16))
     found = find_pairs(x, system.radii, box, t, walls, system.listing + skin) if system.searches else nothing
     i, j, shift = with_pairs(system, *found)

@@ -122,6 +122,8 @@ class Mechanism:
         Whether all lengths of the box change alike by it.
     farthest : float
         Distance of two centres within which it acts on them; such pairs are listed.
+    skin : float
+        By how much further pairs are listed at least, in smallest radii, where it moves particles past one another.
     timed : int
         How many columns of ``Contacts.since`` it has: times since which two particles are near.
     rubbed : int
@@ -144,6 +146,7 @@ class Mechanism:
     moves_box: bool = False
     keeps_shape: bool = True
     farthest: float = 0.0
+    skin: float = 0.0
     timed: int = 0
     rubbed: int = 0
     made_by: tuple[str, ...] = ()
