@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import softdyn
 from softdyn.fluid import Boundary, MeshSection
@@ -173,3 +175,92 @@ def test_a_bed_of_real_grains_has_the_pressure_drop_of_its_closure() -> None:
     flux = float((made_ready(scene).maps.moments @ result.u[-1]).sum(axis=0)[0]) / side**3
     assert 100 * math.pi / 6 / side**3 == pytest.approx(phi, rel=1e-12)
     assert flux == pytest.approx((1 - phi) ** 3 / (150 * phi**2), rel=0.02)
+
+
+def clear_volume(result: SuspensionResult, phi: float) -> np.ndarray:
+    """Volume with less than half of a fraction of grains, of each frame."""
+    edges = result.at[result.corners]
+    volumes = np.abs(np.linalg.det(edges[:, 1:] - edges[:, :1])) / 6
+    return np.array([float(volumes @ np.mean((1 - c[result.u_nodes]) < phi / 2, axis=1)) for c in result.c])
+
+
+def test_a_suspension_clears_faster_where_its_walls_lean() -> None:
+    """By the area on which grains come down, seen from above (Ponder 1925; Nakamura and Kuroda 1937): within 10 %.
+
+    What is left of the suspension is along so much less of the wall. Upright, it clears at the hindered speed of its
+    closure, Re = 0: 0.96 of Stokes' drag over c^2.8, and the pressure of the mixture.
+    """
+    scene = softdyn.read_scene(suspension_scenes()["boycott"])
+    assert isinstance(scene, SuspensionScene)
+    assert scene.mesh.box is not None
+    width, length, depth = scene.mesh.box
+    found = []
+    for gravity in (scene.gravity, [0.0, -18.0, 0.0]):
+        result = simulate(replace(scene, gravity=gravity, until_t=10.0, times=11))
+        clear = clear_volume(result, 0.1) / (width * length * depth)
+        found.append(clear - clear[0])  # next to walls there are no centres of grains
+    leaning, upright = found
+    speed = float(np.polyfit(result.t[3:], upright[3:], 1)[0]) * length
+    assert speed == pytest.approx(0.9**4.8 / 0.96, rel=0.1)
+    across, along = width * math.cos(math.radians(30)), length * math.sin(math.radians(30))
+    area = across + along * (1 - leaning[3])
+    expected = area / along * (1 - math.exp(-speed * along / (width * length) * 5))
+    assert leaning[8] - leaning[3] == pytest.approx(expected, rel=0.1)
+    assert leaning[8] - leaning[3] > 2.4 * (upright[8] - upright[3])
+
+
+def speed_of_wave(k: float, high: float, upper: float, force: float) -> float:
+    """Speed over height of a wave between two layers of fluid, the lower of viscosity 1, between walls: Stokes flow.
+
+    The velocity across is a sum of cosh, sinh, y cosh, y sinh of k y in each; it, the velocity along and both stresses
+    go on from one to the other, but for the weight of the wave, a force per volume times its height.
+    """
+
+    def slopes(y: float) -> list[np.ndarray]:
+        c, s = math.cosh(k * y), math.sinh(k * y)
+        return [
+            np.array([c, s, y * c, y * s]),
+            np.array([k * s, k * c, c + k * y * s, s + k * y * c]),
+            np.array([k**2 * c, k**2 * s, 2 * k * s + k**2 * y * c, 2 * k * c + k**2 * y * s]),
+            np.array([k**3 * s, k**3 * c, 3 * k**2 * c + k**3 * y * s, 3 * k**2 * s + k**3 * y * c]),
+        ]
+
+    matrix, right = np.zeros((8, 8)), np.zeros(8)
+    for row, part, y in ((0, slice(0, 4), high), (2, slice(4, 8), -high)):
+        matrix[row, part], matrix[row + 1, part] = slopes(y)[:2]
+    w, first, second, third = slopes(0.0)
+    for part, eta, sign in ((slice(0, 4), upper, 1), (slice(4, 8), 1.0, -1)):
+        matrix[4, part], matrix[5, part] = sign * w, sign * first
+        matrix[6, part] = sign * eta * (second + k**2 * w)
+        matrix[7, part] = sign * eta * (3 * first - third / k**2)
+    right[7] = -force
+    return float(w @ np.linalg.solve(matrix, right)[:4])
+
+
+def test_a_wave_below_a_suspension_grows_as_one_of_a_heavier_more_viscous_fluid() -> None:
+    """Two layers with the density and viscosity of the mixture, and of the fluid: the speed of a wave within 10 %.
+
+    The force of the grains is spread by the filter, and so is that of the wave; its own speed, by which it grows, comes
+    back through the filter once more. That it is a twelfth of its length high, to begin with, slows its growth.
+    """
+    scene = softdyn.read_scene(suspension_scenes()["rayleigh_taylor"])
+    assert isinstance(scene, SuspensionScene)
+    result = simulate(replace(scene, until_t=0.4, times=5))
+    wide, high, deep = scene.mesh.box
+    k, height, length = 2 * math.pi / wide, 2.0, scene.width / 2
+    phi = len(result.radii) * math.pi / 6 / (wide * (high / 2 - 0.3) * deep)
+    sharp = speed_of_wave(k, high / 2, 1 + 2.5 * phi + 6.2 * phi**2, 18 * phi)
+    assert speed_of_wave(k, 1e2 / k, 1.0, 18 * phi) == pytest.approx(18 * phi / (4 * k), rel=1e-6)
+
+    def across(times: int) -> float:
+        """Part of a sharp wave's flow that is left where the force is spread so many times."""
+        power = -2 * times
+        spread, _ = quad(lambda q: (k**2 + q**2) ** -2 * (1 + length**2 * (k**2 + q**2)) ** power, 0, math.inf)
+        return float(spread / quad(lambda q: (k**2 + q**2) ** -2, 0, math.inf)[0])
+
+    middle = np.abs(result.u_at[:, 1] - high / 2) < 1e-9
+    along = 2 * np.cos(k * result.u_at[middle, 0])
+    speeds = np.mean((result.u + result.us)[1:, middle, 1] * along, axis=1)
+    rate, start = np.polyfit(result.t[1:], np.log(speeds), 1)
+    assert math.exp(start) / height == pytest.approx(sharp * across(1), rel=0.1)
+    assert 0.8 < rate / (sharp * across(2)) < 1

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import softdyn
 from softdyn.fluid import Boundary, MeshSection
 from softdyn.particles.packing import random_packing
+from softdyn.rheology.measured_runs import measured_flow
+from softdyn.scene.stock_scenes import suspension_scenes
 from softdyn.suspension import SuspensionResult, SuspensionScene, simulate
+from softdyn.suspension.stresses import mean_stresses, told_stresses
 from softdyn.suspension.suspension_run import made_ready
 
 #: Diameters between the walls, which move at half of it, against each other.
@@ -74,3 +79,32 @@ def test_the_viscosity_is_that_of_the_closure(phi: float, cells: int, grain_dens
         own = np.abs(result.u_at[:, 1] - y) < 1e-9
         assert mixed[own, 0] == pytest.approx(speed, abs=1e-12)
         assert np.abs(result.us[-1][own, 1]).max() < 1e-13
+
+
+@pytest.mark.slow
+def test_the_stock_scene_has_the_stress_of_its_closure_on_walls_and_within(tmp_path: Path) -> None:
+    """With errors by blocks, that are told, too, and go into tables; of results that were saved as well."""
+    scene = softdyn.read_scene(suspension_scenes()["shear_suspension"])
+    assert isinstance(scene, SuspensionScene)
+    result = softdyn.load_result(simulate(scene).save(tmp_path / "shear.npz"))
+    assert isinstance(result, SuspensionResult)
+    phi = len(result.radii) * math.pi / 6 / SIDE**3
+    expected = 1 + 2.5 * phi + 5.2 * phi**2
+    found = mean_stresses(result)
+    inside = found.means["fluid_stress_xy"]
+    assert found.steady
+    assert inside.value == pytest.approx(expected, rel=0.02)
+    assert 0 < inside.error < 1e-3 * inside.value
+    late = slice(found.start, None)
+    for force in (-result.force_top[late, 0], result.force_bottom[late, 0]):
+        assert force.mean() / SIDE**2 == pytest.approx(inside.value, rel=1e-3)
+    assert found.means["grain_stress_xy"].value == 0
+    assert "mean shear stress xy from t = " in told_stresses(result)
+    assert " +- " in told_stresses(result)
+    row, _ = measured_flow(result)
+    assert row["fluid_stress_xy"] == pytest.approx(inside.value, rel=1e-3)
+    assert 0 < row["fluid_stress_xy_error"] < 1e-3
+    assert row["grain_drag_x_error"] >= 0
+    # the picture has it
+    titles = [axes.get_title(loc="left") for axes in result.plot(panels=["stress"]).axes]
+    assert titles == ["mean shear stress"]

@@ -238,10 +238,41 @@ def _ratio(value: float, size: float) -> float:
     return abs(float(value)) / float(size) if size else 0.0
 
 
-def _energies(
-    system: FluidSystem, measures: Measures, equations: FlowEquations, u: Array, density: float
-) -> tuple[float, float]:
-    """Kinetic energy of the fluid, rho u^2/(2 c), and what viscosity dissipates, 2 eta* D(u + us) : D(u + us)."""
+@dataclass(frozen=True)
+class Sheared:
+    """How the mixture is sheared, at the points of a rule in each element.
+
+    Attributes
+    ----------
+    rates : array, shape (elements, points, d, d)
+        D(u + us).
+    viscosity : array, shape (elements, points)
+        eta*.
+    share : array, shape (elements, points)
+        Of the fluid.
+    speed : array, shape (elements, points)
+        Square of u.
+    weights : array, shape (elements, 1)
+        Of each point.
+    """
+
+    rates: Array
+    viscosity: Array
+    share: Array
+    speed: Array
+    weights: Array
+
+
+def sheared(system: FluidSystem, measures: Measures, equations: FlowEquations, u: Array) -> Sheared:
+    """How the mixture is sheared by a flow.
+
+    Parameters
+    ----------
+    system : FluidSystem
+    measures : Measures
+    equations : FlowEquations
+    u : array, shape (d, nodes)
+    """
     d, order = system.dimension, system.velocity.order
     points = RULES[d]
     shapes, slopes = _shape_functions(points, order)
@@ -251,14 +282,36 @@ def _energies(
     moving = u if us is None else u + us.T
     # slopes by barycentric coordinates, whose gradients are those of the linear shape functions
     gradients = np.einsum("qkm,emb,aek->eqab", slopes, measures.gradients, moving[:, nodes], optimize=True)
-    sheared = (gradients + gradients.transpose(0, 1, 3, 2)) / 2
+    rates = (gradients + gradients.transpose(0, 1, 3, 2)) / 2
     share = np.ones(shapes.shape[0]) if c is None else np.einsum("qk,ek->eq", shapes, c[nodes])
     viscosity = equations.numbers["eta"] * np.ones_like(share)
     if system.mixture is not None:
         viscosity = _mixture(system, equations, share)
-    weights = measures.sizes[:, None] / len(points)
-    kinetic = float(np.sum(weights * density * np.sum(values**2, axis=2) / (2 * share)))
-    return kinetic, float(np.sum(weights * 2 * viscosity * np.sum(sheared**2, axis=(2, 3))))
+    return Sheared(rates, viscosity, share, np.sum(values**2, axis=2), measures.sizes[:, None] / len(points))
+
+
+def mean_stress(system: FluidSystem, measures: Measures, equations: FlowEquations, x: Array) -> Array:
+    """Viscous stress of the mixture, 2 eta* D(u + us), in the mean over the volume, shape (d, d).
+
+    Parameters
+    ----------
+    system : FluidSystem
+    measures : Measures
+    equations : FlowEquations
+    x : array, shape (unknowns,)
+    """
+    one = sheared(system, measures, equations, x[: system.velocities].reshape(system.dimension, -1))
+    factor = np.broadcast_to(2 * one.weights * one.viscosity, one.rates.shape[:2])
+    return np.asarray(np.einsum("eq,eqab->ab", factor, one.rates) / measures.sizes.sum())
+
+
+def _energies(
+    system: FluidSystem, measures: Measures, equations: FlowEquations, u: Array, density: float
+) -> tuple[float, float]:
+    """Kinetic energy of the fluid, rho u^2/(2 c), and what viscosity dissipates, 2 eta* D(u + us) : D(u + us)."""
+    one = sheared(system, measures, equations, u)
+    kinetic = float(np.sum(one.weights * density * one.speed / (2 * one.share)))
+    return kinetic, float(np.sum(one.weights * 2 * one.viscosity * np.sum(one.rates**2, axis=(2, 3))))
 
 
 def _shape_functions(points: Array, order: int) -> tuple[Array, Array]:

@@ -123,6 +123,10 @@ def _tell(result: FluidResult) -> None:
         if stats["grains"]:
             mean = ", ".join(f"{part: .6e}" for part in result.v[-1].mean(axis=0))
             print(f"  mean velocity of the grains ({mean})")
+            from softdyn.suspension.stresses import told_stresses
+
+            if words := told_stresses(result):
+                print(f"  {words}")
     print(
         f"  residual {stats['residual']:.1e}; mass closes to {stats['mass_imbalance']:.1e}, momentum to "
         f"{stats['momentum_imbalance']:.1e}; run {stats['wall_s']:.3g} s"

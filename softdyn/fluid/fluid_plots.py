@@ -100,8 +100,8 @@ def plot_fluid(
     width : "column", "page" or number, optional
         Of a figure of some panels; a number is in inches.
     panels : sequence of str, optional
-        Which panels, below one another: "speed", "pressure", "porosity", "velocities", "bond_lengths", "force_x" and so
-        on, as far as there are any; without it, all, in a figure of its own size.
+        Which panels, below one another: "speed", "pressure", "porosity", "velocities", "stress", "bond_lengths",
+        "force_x" and so on, as far as there are any; without it, all, in a figure of its own size.
     ax : matplotlib Axes, optional
         Where to draw a single panel, in a figure of one's own.
 
@@ -145,6 +145,7 @@ def _units(result: Result) -> dict[str, str]:
     """Units of what axes and titles show; in two dimensions forces are those on a length across the flow."""
     force = "N" if result.at.shape[1] == 3 else "N/m"
     found = {"time $t$": "s", "$x$": "m", "$y$": "m", "$z$": "m", "$v$": "m/s", "pressure": "Pa"}
+    found |= {rf"$\sigma_{{{a}{b}}}$": "Pa" for a in "xyz" for b in "xyz"}
     return {**found, _speed_title(result): "m/s", **{f"$F_{axis}$": force for axis in "xyz"}}
 
 
@@ -180,6 +181,8 @@ def _lines(result: Result, picture: Picture) -> dict[str, Callable[[Axes], None]
     found: dict[str, Callable[[Axes], None]] = {}
     if grains:
         found["velocities"] = partial(_draw_velocities, result=result)
+        if _is_sheared(result):
+            found["stress"] = partial(_draw_stresses, result=result)
     if grains and "bond_r" in result.arrays and result.bond_r.size:
         from softdyn.particles.free_plots import draw_bond_lengths
 
@@ -403,6 +406,27 @@ def _draw_velocities(axes: Axes, result: Result) -> None:
     axes.set_title("mean velocity of the grains", **TITLE)
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small", loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=3, borderpad=0.1)
+
+
+def _is_sheared(result: Result) -> bool:
+    if "fluid_stress" not in result.arrays:
+        return False
+    from softdyn.suspension.stresses import is_sheared
+
+    return is_sheared(result.arrays)
+
+
+def _draw_stresses(axes: Axes, result: Result) -> None:
+    """Shear stress of fluid and grains in each step, along the axes of which it is largest."""
+    from softdyn.suspension.stresses import WORDS, largest_shear
+
+    a, b = largest_shear(result.arrays)
+    for (name, words), colour in zip(WORDS.items(), COLOURS, strict=False):
+        axes.plot(result.step_t, result.arrays[name][:, a, b], color=colour, label=words)
+    axes.set(xlabel="time $t$", ylabel=rf"$\sigma_{{{'xyz'[a]}{'xyz'[b]}}}$")
+    axes.set_title("mean shear stress", **TITLE)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small", loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=2, borderpad=0.1)
 
 
 def _speeds(result: Result, frame: int) -> Array:

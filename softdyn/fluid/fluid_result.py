@@ -97,8 +97,8 @@ class FluidResult(Result):
         ``force_NAME`` (steps, d), of the fluid on it, and ``flux_NAME`` (steps,), out of the domain;
         ``momentum_rate``, ``volume_force``, ``bed_force`` (steps, d), of the fluid on the grains; ``power_boundaries``,
         ``power_force``, ``kinetic_rate``, ``dissipation``, ``power_rest``, ``kinetic_energy``; ``mass_imbalance``,
-        ``momentum_imbalance``, ``energy_imbalance`` (steps,), relative.
-        Each is an attribute, too.
+        ``momentum_imbalance``, ``energy_imbalance`` (steps,), relative. ``step_names`` tells the names of those that
+        are measured of each step. Each is an attribute, too.
     stats : mapping
         How the run went; ``warnings``: list of str.
     origin : Origin, optional
@@ -242,12 +242,9 @@ def gather_flow(
     if system.grains is not None:
         arrays["us"] = np.array([frame.us for frame in frames]).reshape(-1, count, d)
     names = (*HISTORY, *measures.columns)
-    rows = np.array(history, dtype=float).reshape(-1, len(names))
-    columns = {name: rows[:, k] for k, name in enumerate(names)}
-    for name in list(columns):
-        if name.endswith("_x") and f"{name[:-2]}_y" in columns:
-            arrays[name[:-2]] = np.stack([columns.pop(f"{name[:-2]}_{axis}") for axis in AXES[:d]], axis=1)
-    arrays |= columns
+    told = told_of_steps(np.array(history, dtype=float).reshape(-1, len(names)), names, AXES[:d])
+    arrays |= told
+    arrays["step_names"] = np.array([name for name in told if name not in HISTORY])
     return FluidResult(
         law=system.kernel.form,
         target=system.kernel.target,
@@ -256,6 +253,26 @@ def gather_flow(
         stats=stats,
         origin=origin_now(system.scene, system.kernel.key),
     )
+
+
+def told_of_steps(rows: Array, names: Sequence[str], axes: Sequence[str]) -> dict[str, Array]:
+    """Arrays of what is told of each step: numbers, and vectors and tensors of those of their components.
+
+    Parameters
+    ----------
+    rows : array, shape (steps, columns)
+    names : sequence of str
+        Of the columns: a component is told by its axes, as in force_top_x, stress_xy.
+    axes : sequence of str
+    """
+    found = {name: rows[:, k] for k, name in enumerate(names)}
+    for letters in (list(axes), [a + b for a in axes for b in axes]):
+        for stem in [name.removesuffix(f"_{letters[0]}") for name in found if name.endswith(f"_{letters[0]}")]:
+            parts = [f"{stem}_{letter}" for letter in letters]
+            if all(part in found for part in parts):
+                whole = np.stack([found.pop(part) for part in parts], axis=1)
+                found[stem] = whole if len(letters) == len(axes) else whole.reshape(-1, len(axes), len(axes))
+    return found
 
 
 def fluid_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> FluidResult:
@@ -272,14 +289,19 @@ def fluid_from(content: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     known = {"t": "f", "u": "fnd", "p": "fm", "at": "Pd", "u_at": "nd", "p_at": "md"}
     known |= {"corners": "ek", "u_nodes": "el", "p_nodes": "ek", "boundary_names": "b"}
     known |= {name: letters for name, letters in {"c": "fn", "us": "fnd"}.items() if name in arrays}
-    known |= dict.fromkeys(HISTORY, "s")
+    known |= dict.fromkeys(HISTORY, "s") | ({"step_names": "q"} if "step_names" in arrays else {})
     for name, letters in known.items():
         array = arrays[name]
-        if array.dtype.kind not in ("U" if name == "boundary_names" else "fiu") or array.ndim != len(letters):
+        if array.dtype.kind not in ("U" if name in ("boundary_names", "step_names") else "fiu") or array.ndim != len(
+            letters
+        ):
             raise ValueError(f"{name} is not an array of {len(letters)} dimensions")
         for letter, size in zip(letters, array.shape, strict=True):
             if sizes.setdefault(letter, size) != size:
                 raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other arrays")
+    for name in arrays.get("step_names", ()):
+        if name not in arrays or arrays[name].dtype.kind != "f" or len(arrays[name]) != sizes["s"]:
+            raise ValueError(f"{name} does not hold numbers for each step")
     boundaries = [f"boundary_{name}" for name in arrays["boundary_names"]]
     for name, letter in {"corners": "P", "u_nodes": "n", "p_nodes": "m", **dict.fromkeys(boundaries, "P")}.items():
         array = arrays[name]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
+from softdyn.rheology.blocking import FEWEST, blocked_mean
 from softdyn.rheology.kinds import Measured
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from softdyn.results.pair_result import PairResult
 
 Array = NDArray[np.float64]
+
+#: How far steps that are equal may differ, over the time: by rounding.
+EVEN = 1e-12
 
 
 def measured_particles(result: ParticleResult) -> Measured:
@@ -57,47 +61,49 @@ def measured_particles(result: ParticleResult) -> Measured:
 
 
 def measured_flow(result: FluidResult) -> Measured:
-    """What the steps of a fluid, or of grains in one, tell: forces, fluxes, powers, imbalances.
+    """What the steps of a fluid, or of grains in one, tell: forces, fluxes, powers, stresses, imbalances.
 
     Returns
     -------
     dict from str to float
         Of a steady flow each as ``NAME``; else that is the mean over the second half of the time, and there are
-        ``NAME_min``, ``NAME_max`` of that half, and ``NAME_end``, the last value.
+        ``NAME_error``, the standard error of that mean by blocks, where steps are equal, ``NAME_min``, ``NAME_max`` of
+        that half, and ``NAME_end``, the last value.
     str
         What the run warns of, or "".
     """
-    from softdyn.fluid.fields import AXES
-    from softdyn.fluid.fluid_result import HISTORY
-
     t = np.asarray(result.arrays["step_t"], dtype=float)
     row = {"t_end": float(t[-1]) if len(t) else 0.0}
-    for name, values in result.arrays.items():
-        if name in HISTORY or name == "t" or not _is_of_steps(name, values, len(t)):
-            continue
-        columns = {name: values} if values.ndim == 1 else {f"{name}_{AXES[k]}": v for k, v in enumerate(values.T)}
-        for column, series in columns.items():
-            row |= {column: float(series[-1])} if result.stats["method"] == "steady" else _of_half(column, t, series)
+    for column, series in columns_of(result).items() if len(t) else ():
+        row |= {column: float(series[-1])} if result.stats["method"] == "steady" else _of_half(column, t, series)
     return row, "; ".join(result.warnings)
 
 
-def _is_of_steps(name: str, values: NDArray[np.generic], steps: int) -> bool:
-    """Whether an array has a number, or a vector, for each step: all that does has its name from what is measured."""
-    told = ("force_", "flux_", "power_", "grain_", "coupling_", "bed_force", "volume_force", "momentum_rate")
-    named = ("kinetic_rate", "kinetic_energy", "contacts", "substeps")
-    of_steps = name.startswith(told) or name.endswith("_imbalance") or name in named
-    return steps > 0 and len(values) == steps and values.ndim <= 2 and (of_steps or name == "dissipation")
+def columns_of(result: FluidResult) -> dict[str, Array]:
+    """Numbers of each step by their names, with the axes of components: force_top_x, fluid_stress_xy."""
+    from softdyn.fluid.fields import AXES
+
+    found = {}
+    for name in map(str, result.arrays.get("step_names", ())):
+        values = result.arrays[name]
+        for where in np.ndindex(*values.shape[1:]):
+            letters = "".join(AXES[k] for k in where)
+            found[f"{name}_{letters}" if letters else name] = values[(slice(None), *where)]
+    return found
 
 
 def _of_half(name: str, t: Array, values: Array) -> dict[str, float]:
-    """Mean, extremes and last value of a series that is linear between its times, over the second half of them."""
+    """Mean, its error, extremes and last value of a series, linear between its times, over the second half of them."""
     middle = t[-1] / 2
     late = t > middle
     times = np.concatenate([[middle], t[late]])
     part = np.concatenate([[np.interp(middle, t, values)], values[late]])
     mean = float(trapezoid(part, times) / (times[-1] - times[0]))
-    low, high = float(part.min()), float(part.max())
-    return {name: mean, f"{name}_min": low, f"{name}_max": high, f"{name}_end": float(values[-1])}
+    row = {name: mean, f"{name}_min": float(part.min()), f"{name}_max": float(part.max())}
+    even = np.ptp(np.diff(t[late])) <= EVEN * t[-1] if late.sum() > FEWEST else False
+    if even:
+        row[f"{name}_error"] = blocked_mean(values[late]).error
+    return {**row, f"{name}_end": float(values[-1])}
 
 
 def measured_pair(result: PairResult) -> Measured:

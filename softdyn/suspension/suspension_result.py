@@ -55,6 +55,8 @@ class SuspensionResult(FluidResult):
 
         For each step: ``grain_drag``, ``grain_pressure``, ``grain_weight``, ``grain_momentum`` (steps, d), summed over
         the grains: drag, -V grad p, weight, and momentum at its end; ``grain_contact``, the force of the walls on them;
+        ``fluid_stress`` (steps, d, d), 2 eta* D of the mixture in the mean over the volume, and ``grain_stress``, that
+        of the contacts at the end of the step: > 0 in tension, and on average together what walls feel of a shear;
         ``contacts``, how many there are, and ``substeps``, into how many steps these divide it; ``grain_volume``, the
         integral of the share of the grains; ``coupling_repeats``, how often the step was solved until the drag fits,
         and ``coupling_change``, what it still changed; ``volume_imbalance``, ``exchange_imbalance``: of the volume of

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from softdyn.errors import IntegrationError, SceneError
-from softdyn.fluid.balances import Measures, measured, measures_of
+from softdyn.fluid.balances import Measures, mean_stress, measured, measures_of
 from softdyn.fluid.boundary_keys import periodic_pairs
 from softdyn.fluid.fields import AXES, fields_of, vectors_at
 from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_faults, closure_of, prepared
@@ -103,8 +103,9 @@ IMBALANCE = 1e-9
 STILL = 1e-6
 #: What is counted over a run.
 COUNTED = ("steps", "iterations", "repeats", "flows")
-#: What is told of a step behind what is told of the flow: by axes, and numbers.
+#: What is told of a step behind what is told of the flow: by axes, tensors, and numbers.
 SUMS = ("grain_drag", "grain_pressure", "grain_weight", "grain_momentum", "grain_contact")
+STRESSES = ("fluid_stress", "grain_stress")
 NUMBERS = (
     "grain_volume", "volume_imbalance", "exchange_imbalance", "contacts", "substeps", "coupling_repeats",
     "coupling_change",
@@ -725,7 +726,9 @@ def _told(run: Run, one: Stretch, found: Found) -> list[float]:
     """What is told of a step: of the flow, then of the grains and of what the two exchange."""
     equations, solution, cloud, forces = found.equations, found.solution, found.cloud, found.forces
     growth, dt = found.growth, one.dt
-    walls = np.zeros(cloud.x.shape[1]) if found.passage is None else found.passage.walls
+    walls, after = np.zeros(cloud.x.shape[1]), None
+    if found.passage is not None:
+        walls, after = found.passage.walls, found.passage.grains
     system, measures = run.system, run.measures
     fluid, maps, mass = system.fluid, system.maps, system.filter.mass
     x, d, columns = solution.x, fluid.dimension, measures.columns
@@ -749,21 +752,28 @@ def _told(run: Run, one: Stretch, found: Found) -> list[float]:
     by_axes = [forces.drag, forces.pressure, free * system.acceleration, free * forces.v, walls[None]]
     volume, whole = float(mass @ cloud.share), float(system.volume.sum())
     numbers = [volume, abs(volume - whole) / whole if whole else 0.0, off / sizes if whole and sizes else 0.0]
-    return [*told.tolist(), *np.concatenate([one.sum(axis=0) for one in by_axes]).tolist(), *numbers]
+    stresses = [mean_stress(fluid, measures, equations, x), _of_contacts(system, after)[0]]
+    sums = np.concatenate([one.sum(axis=0) for one in by_axes] + [one.reshape(-1) for one in stresses])
+    return [*told.tolist(), *sums.tolist(), *numbers]
 
 
 def _columns(run: Run) -> Measures:
     """Measures with the names of all that is told of a step."""
     axes = AXES[: run.system.fluid.dimension]
-    names = (*run.measures.columns, *(f"{name}_{axis}" for name in SUMS for axis in axes), *NUMBERS)
+    sums = (f"{name}_{axis}" for name in SUMS for axis in axes)
+    tensors = (f"{name}_{one}{other}" for name in STRESSES for one in axes for other in axes)
+    names = (*run.measures.columns, *sums, *tensors, *NUMBERS)
     return replace(run.measures, columns=names)
+
+
+def _of_contacts(system: Suspension, grains: Moving | None) -> tuple[Array, Array]:
+    """Stress of the contacts, and forces on the walls."""
+    return told_of_contacts(system.contacts, grains, float(system.filter.mass.sum()), system.fluid.dimension)
 
 
 def _frame(run: Run) -> SuspensionFrame:
     system, state, flow = run.system, run.state, frame_of(run.system.fluid, run.t, run.state.flow)
-    of_contacts = told_of_contacts(
-        system.contacts, state.grains, float(system.filter.mass.sum()), system.fluid.dimension
-    )
+    of_contacts = _of_contacts(system, state.grains)
     of_grains = (state.x.copy(), state.v.copy(), state.drag.copy())
     return SuspensionFrame(flow.t, flow.u, flow.p, flow.c, flow.us, *of_grains, *of_contacts)
 
