@@ -374,15 +374,16 @@ def _parser() -> argparse.ArgumentParser:
     reproduce = add(
         "reproduce",
         _reproduce,
-        "draw the papers' figures from runs: 3 and 4 of part 1; T1 processes; three models; suspensions that rub",
+        "draw figures from runs: 3 and 4 of part 1; T1 processes; three models; suspensions that rub; sheared grains",
     )
     reproduce.add_argument(
         "what",
         nargs="?",
-        choices=("pair", "t1", "models", "rubbing"),
+        choices=("pair", "t1", "models", "rubbing", "mu_i"),
         default="pair",
-        help="part 1; the T1; one packing sheared as dry grains, bubbles and soft spheres; or the viscosity of "
-        "spheres whose films break at a roughness, where they rub (default: %(default)s)",
+        help="part 1; the T1; one packing sheared as dry grains, bubbles and soft spheres; the viscosity of spheres "
+        "whose films break at a roughness, where they rub; or mu(I) and phi(I) of dry discs, by explicit steps and by "
+        "contact dynamics (default: %(default)s)",
     )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
@@ -1086,6 +1087,10 @@ def _reproduce(options: argparse.Namespace) -> int:
         from softdyn.particles.rubbing_suspension import reproduce_rubbing
 
         return reproduce_rubbing(options.folder)
+    if options.what == "mu_i":
+        from softdyn.particles.plane_shear import reproduce_mu_i
+
+        return reproduce_mu_i(options.folder)
     from softdyn.study.reproduce import reproduce
 
     return reproduce(options.folder, target=options.target)

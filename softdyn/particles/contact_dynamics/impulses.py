@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from softdyn.particles.linear import (
     pattern_of,
 )
 
+if TYPE_CHECKING:
+    from softdyn.particles.contact_dynamics.loose_box import LooseBox
+
 Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
@@ -38,6 +41,7 @@ Integers = NDArray[np.int32]
 FIRST_SWEEPS, MOST_SWEEPS, CIRCLING = 20, 20_000, 1_000
 #: Steps of Newton's method, on the laws as they are and on smoothed ones: expected, and at most.
 EXPECTED_STEPS, MOST_STEPS = {"exact": 5, "smoothed": 40}, {"exact": 15, "smoothed": 80}
+KINDS = ("exact", "smoothed")
 #: Steps at most without getting nearer.
 MOST_WORSE = 4
 #: What each step on smoothed laws takes of the smoothing at most, and how little of it is none.
@@ -62,7 +66,7 @@ CLOSING = 0.2
 
 @dataclass(frozen=True)
 class Problem:
-    """The contacts of a step; nothing of it changes while it is solved.
+    """The contacts of a step; nothing of it changes while it is solved, but for the rates of a box, and so the drifts.
 
     Attributes
     ----------
@@ -83,6 +87,8 @@ class Problem:
         1 for velocities that are unknown, 0 for those that are given, as of walls.
     v : array, shape (bodies, width)
         Velocities at the end of the step if there were no contacts.
+    box : LooseBox, optional
+        The box, if its rates are unknown.
     """
 
     kernel: RigidKernel
@@ -96,6 +102,7 @@ class Problem:
     masses: Array
     free: Array
     v: Array
+    box: LooseBox | None = None
 
     def __len__(self) -> int:
         return len(self.first)
@@ -145,6 +152,8 @@ class Problem:
     def speed(self) -> float:
         """Largest relative velocity that there would be without contacts, or that is asked for."""
         free = float(np.abs(self.slips(self.v)).max(initial=0.0))
+        if self.box is not None:
+            free = max(free, self.box.fastest())
         return max(free, float(np.abs(self.bounds[self.bounds < 0]).max(initial=0.0)))
 
     def closes(self, v: Array) -> bool:
@@ -162,7 +171,23 @@ class Problem:
         which = self.kernel.residual(
             len(self), self.first, self.second, *self.laws, impulses.reshape(-1), v.reshape(-1), found
         )
-        return (float(found[0] / found[1]) if found[0] else 0.0), int(which)
+        off = 0.0 if self.box is None else self.box.off(impulses)
+        apart = float(found[0] / found[1]) if found[0] and found[1] else math.inf if found[0] else 0.0
+        return max(apart, off), int(which)
+
+    @cached_property
+    def answers(self) -> Array:
+        """What the contacts answer to the rates of the box."""
+        assert self.box is not None
+        return self.box.answers(self.mobilities)
+
+    def lead(self, impulses: Array) -> float:
+        """Let the rates of the box follow the impulses; by how much, relative to their size."""
+        if self.box is None:
+            return 0.0
+        change = self.box.follow(impulses, self.answers)
+        self.drifts[:] = self.box.drifts()
+        return float(np.abs(change).max() / max(np.abs(self.box.rates).max(), 1e-300))
 
 
 @dataclass
@@ -249,7 +274,7 @@ class _Sweeping:
 
     def left(self, tolerance: float) -> float:
         """How many sweeps are still to come: as many again for each power of ten, and more where there was none."""
-        return self.done * max(1.0, math.log10(self.error / tolerance)) if self.error < math.inf else MOST_SWEEPS
+        return self.done * max(1.0, math.log10(self.error / tolerance)) if 0 < self.error < math.inf else MOST_SWEEPS
 
 
 def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> Solution:
@@ -267,6 +292,7 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
         What it took is added.
     """
     if not len(problem):
+        problem.lead(guess)
         return Solution(guess, problem.v, 0.0, 0, True)
     impulses = np.ascontiguousarray(guess, dtype=float).copy()
     state = _Sweeping(impulses, problem.velocities(impulses))
@@ -278,7 +304,7 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
         if state.error <= tolerance and not problem.closes(state.v):
             break
         ahead = state.left(tolerance)
-        for kind in ("exact", "smoothed"):
+        for kind in KINDS if problem.box is None else ():
             odds = effort.odds if kind == "exact" else effort.odds_smoothed
             if stubborn * _newton_cost(problem, effort, kind) < odds * ahead * per_sweep:
                 found = _newton(problem, state, kind, tolerance, effort)
@@ -302,21 +328,29 @@ def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, eff
 
     The last change by itself would not tell: in a column of n grains it is smaller than the error by n^2.
     """
-    changes, before = np.empty((count, 2)), state.v.copy()
-    done = problem.kernel.sweeps(
-        len(problem),
-        count,
-        ROUNDING,
-        problem.first,
-        problem.second,
-        *problem.laws[:3],
-        state.damping * problem.laws[3],
-        problem.laws[4],
-        problem.inverse.reshape(-1),
-        state.impulses.reshape(-1),
-        state.v.reshape(-1),
-        changes.reshape(-1),
-    )
+    changes, before, drifted = np.empty((count, 2)), state.v.copy(), problem.drifts.copy()
+    done, led = 0, math.inf
+    while done < count and led:
+        # as many as there are, or two before the rates of the box follow
+        most = count if problem.box is None else min(2, count - done)
+        made = problem.kernel.sweeps(
+            len(problem),
+            most,
+            ROUNDING,
+            problem.first,
+            problem.second,
+            *problem.laws[:3],
+            state.damping * problem.laws[3],
+            problem.laws[4],
+            problem.inverse.reshape(-1),
+            state.impulses.reshape(-1),
+            state.v.reshape(-1),
+            changes[done:].reshape(-1),
+        )
+        done += made
+        led = problem.lead(state.impulses)
+        if made < most and led <= ROUNDING:
+            break
     effort.sweeps += done
     effort.operations += done * len(problem) * problem.kernel.operations["sweep"]
     changed, largest = changes[done - 1]
@@ -324,6 +358,7 @@ def _sweep(problem: Problem, state: _Sweeping, count: int, tolerance: float, eff
         state.error = 0.0
     else:
         moved, whole = float(np.abs(state.v - before).max()), float(np.abs(state.v - problem.v).max())
+        moved = max(moved, float(np.abs(problem.drifts - drifted).max()))
         last = state.damping * float(changed / largest) if largest else math.inf
         state.error = max(moved / whole if whole else math.inf, last)
     state.done += done

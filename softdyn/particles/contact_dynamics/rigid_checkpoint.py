@@ -59,6 +59,8 @@ def save(path: Path, state: RigidState, key: str) -> None:
         "counts": state.counts,
         "skin": state.listed.skin,
         "box": [state.box.shear_rate, state.box.tilt, state.box.since],
+        "box_lengths": [float(length) for length in state.box.lengths],
+        "box_stretch": None if state.box.stretch is None else [float(rate) for rate in state.box.stretch],
         "frames": len(state.frames),
     }
     arrays = {
@@ -89,6 +91,8 @@ def load(path: Path, key: str, system: RigidSystem) -> RigidState:
     with reading_checkpoint(path):
         about, arrays = read_state(path, key)
         rate, tilt, since = map(float, about["box"])
+        lengths = np.array(about["box_lengths"], dtype=float)
+        stretch = None if about["box_stretch"] is None else np.array(about["box_stretch"], dtype=float)
         walls = [replace(wall, point=point) for wall, point in zip(system.walls, arrays["wall_point"], strict=True)]
         usual = vars(Effort())
         effort: dict[str, Any] = {name: type(usual[name])(value) for name, value in about["effort"].items()}
@@ -99,7 +103,7 @@ def load(path: Path, key: str, system: RigidSystem) -> RigidState:
             **numbers,
             contacts=bare_contacts(i, j, shift, system.radii),
             listed=Listed(**{name: arrays[f"listed_{name}"] for name in LISTED}, skin=float(about["skin"])),
-            box=replace(system.box, shear_rate=rate, tilt=tilt, since=since),
+            box=replace(system.box, shear_rate=rate, tilt=tilt, since=since, lengths=lengths, stretch=stretch),
             walls=tuple(walls),
             work={name: float(value) for name, value in about["work"].items()},
             effort=Effort(**effort),

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,15 @@ from softdyn.particles.mechanisms.inertia import Masses, start_velocities
 from softdyn.particles.neighbours import SKIN, Listed
 from softdyn.particles.results import Frame, ParticleResult, gather
 from softdyn.particles.system import PreparedScene, ValidatedScene, prepared
+from softdyn.particles.until import ends_at_strain
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import begin
 from softdyn.results.origin import about, origin_now
 from softdyn.results.state_file import frames_beside, remove
 from softdyn.words import listed
+
+if TYPE_CHECKING:
+    from softdyn.particles.mechanisms.stress import ImposedStress
 
 Array = NDArray[np.float64]
 
@@ -101,8 +105,19 @@ def chosen_step(system: PreparedScene, mass: Array) -> float:
     speed = math.hypot(speed, math.sqrt(2 * pull * float(extent)))
     until = float(system.scene.until_t)  # type: ignore[arg-type]
     by_speed = radius / (STEPS_OF_RADIUS * speed) if speed else math.inf
+    pull = max(pull, _pull_of_stress(system, mass))
     by_fall = math.sqrt(2 * radius / pull) / STEPS_OF_FALL if pull else math.inf
     return min(by_speed, by_fall, until / STEPS_OF_RUN if math.isinf(by_speed) else until)
+
+
+def _pull_of_stress(system: PreparedScene, mass: Array) -> float:
+    """Acceleration of the lightest grain by an imposed stress on its side."""
+    if system.leader is None:
+        return 0.0
+    d = system.dimension
+    side = (2 * float(system.radii.max())) ** (d - 1) * (system.box.depth or 1.0) ** (3 - d)
+    imposed = np.abs(cast("ImposedStress", system.leader).values(0.0))
+    return float(imposed.max()) * side / float(mass.min())
 
 
 def _unknown(facts: ValidatedScene) -> list[str]:
@@ -111,7 +126,6 @@ def _unknown(facts: ValidatedScene) -> list[str]:
     given = {
         "[parameters]": bool(scene.parameters),
         "[flow] drag": bool(scene.drag),
-        "[stress]": bool(scene.stress) or scene.stress_viscosity is not None,
         "[contacts] tangential": bool(scene.tangential),
         "[contacts] gap": scene.gap is not None,
         "[contacts] range": scene.range is not None,
@@ -119,6 +133,10 @@ def _unknown(facts: ValidatedScene) -> list[str]:
         "[friction] twisting": scene.friction is not None and bool(scene.friction.twisting),
     }
     faults = [f"{place} is not known to contact dynamics: leave it out" for place, there in given.items() if there]
+    if ends_at_strain(scene):
+        faults.append(
+            "[until] strain of a shear stress is not known to contact dynamics, whose runs end at a time: leave it out"
+        )
     if scene.shear_rate and not facts.box.periodic[:2].all():
         faults.append(
             "[flow] shear_rate shears a box that is periodic along x and y; without drag no grain feels a flow"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import IntegrationError
 from softdyn.particles.contact_dynamics.impulses import Problem, Solution, solve
+from softdyn.particles.contact_dynamics.loose_box import LooseBox, box_after, loose_box
 from softdyn.particles.contact_dynamics.rigid_system import RigidState, RigidSystem
 from softdyn.particles.driven import Driven
 from softdyn.particles.force_balance import pair_named
@@ -51,6 +52,8 @@ MARGIN = 0.02
 MOST_STEPS, ATTEMPTS = 10_000_000, 40
 
 
+#: Part of its length that a box whose stress is imposed keeps in a step, at least.
+SHRUNK = 0.5
 #: Part of the longest step that a step which does not converge is shortened to, before the run ends.
 SHORTEST = 0.1
 
@@ -152,6 +155,8 @@ class _Made:
     work : dict
     solution : Solution
     pressed : int
+    box : Box
+        At its end.
     """
 
     t: float
@@ -164,6 +169,7 @@ class _Made:
     work: dict[str, float]
     solution: Solution
     pressed: int
+    box: Box
 
 
 def take_step(system: RigidSystem, state: RigidState, goal: float) -> None:
@@ -210,7 +216,7 @@ def _step(system: RigidSystem, state: RigidState, goal: float) -> _Made:
             continue
         walls = _walls_at(system, state, end)
         farthest = 2 * float(system.radii.max()) + state.listed.skin
-        moved = travelled(state.listed, made.x, state.box, end, farthest, walls)
+        moved = travelled(state.listed, made.x, made.box, end, farthest, walls)
         if moved <= 1.0:
             return made
         state.counts["rejected"] += 1
@@ -228,7 +234,8 @@ def _attempt(system: RigidSystem, state: RigidState, end: float, dt: float) -> _
     cell = lattice(state.box, state.t)
     normals, distances = directions(contacts, state.x, cell, state.walls)
     gaps = distances - contacts.S
-    drifts = _drifts(system, state, end, dt)
+    box = loose_box(system, state, end, dt)
+    drifts = _drifts(system, state, end, dt) if box is None else box.drifts()
     impulse = {kind: impulse_of(load, state.t, dt) for kind, load in system.loads.items()}
     total = sum(impulse.values(), np.zeros_like(state.v))
     before = np.zeros(system.free.shape)
@@ -258,9 +265,13 @@ def _attempt(system: RigidSystem, state: RigidState, end: float, dt: float) -> _
             drifts[rows],
             bounds[rows],
             ahead,
+            None if box is None else box.some(rows),
         )
         solution = solve(problem, impulses[rows], system.rtol, state.effort)
         _require_converged(system, state, contacts, rows, solution)
+        if box is not None and problem.box is not None:
+            box.rates = problem.box.rates
+            drifts[:] = box.drifts()
         left = ~chosen & movable
         missed = left & (dot(whole.slips(solution.v), normals) + gaps / dt < 0)
         if not missed.any():
@@ -274,7 +285,13 @@ def _attempt(system: RigidSystem, state: RigidState, end: float, dt: float) -> _
     work = _works(system, state, whole, impulses, impulse, before, solution.v)
     pressed = int(np.count_nonzero(impulses.any(axis=1)))
     x = state.x + dt * v[:, :d]
-    return _Made(end, dt, x, v, impulses, normals, distances, work, solution, pressed)
+    after = _box_at(system, state, end) if box is None else box_after(system, state, end, dt, box.rates)
+    if box is not None and not (after.lengths > SHRUNK * np.diag(cell)).all():
+        raise _NotConverged(
+            f"the imposed stress makes the box shrink to less than half within the step from t={state.t:.6g}: give "
+            "shorter steps, [method] step, or a larger [stress] viscosity"
+        )
+    return _Made(end, dt, x, v, impulses, normals, distances, work, solution, pressed, after)
 
 
 def replace_rows(contacts: Contacts, rows: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -304,6 +321,7 @@ def _problem(
     drifts: Array,
     bounds: Array,
     v: Array,
+    box: LooseBox | None = None,
 ) -> Problem:
     """Contacts as the kernel takes them."""
     first, second = (
@@ -322,7 +340,7 @@ def _problem(
     frictions = np.full(len(first), system.mu)
     return Problem(
         kernel, first, second, np.ascontiguousarray(normals), np.ascontiguousarray(drifts),
-        np.ascontiguousarray(bounds), mobilities, frictions, system.masses, system.free, v,
+        np.ascontiguousarray(bounds), mobilities, frictions, system.masses, system.free, v, box,
     )  # fmt: skip
 
 
@@ -416,7 +434,7 @@ def _works(
 
 def _accept(system: RigidSystem, state: RigidState, made: _Made) -> None:
     """Take a step over."""
-    state.box = _box_at(system, state, made.t)
+    state.box = made.box
     state.walls = _walls_at(system, state, made.t)
     state.t, state.x, state.v, state.impulses = made.t, made.x, made.v, made.impulses
     state.normals, state.distances, state.last_dt = made.normals, made.distances, made.dt
