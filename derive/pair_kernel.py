@@ -47,7 +47,7 @@ from sympy import Add, Dummy, Expr, Mul, Rational, Symbol, together
 from softdyn.derive.controls import BY_FORCE, SLOPES, compliance
 from softdyn.derive.drive import DriveCode, drive_code
 from softdyn.derive.dynamics import F_ela, ddelta_dt, dF_ddelta, dF_dt, dh_dt, dX_dt
-from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function
+from softdyn.derive.kernel_form import Function, KernelIR, Provenance, function, names_in
 from softdyn.derive.law import (
     code_names,
     in_code,
@@ -252,9 +252,12 @@ def _by_gap_first(
         return expr.func(*(visit(part) for part in expr.args))
 
     rest = {symbol: visit(expr) for symbol, expr in definitions.items()}
-    terms = {symbol: expr for expr, symbol in hoisted.items()}
+    step = straight_line(wanted, rest)
+    read = set().union(*(names_in(text) for _, text in step))
+    # what leads to a alone falls away where the quotient has none
+    terms = {symbol: expr for expr, symbol in hoisted.items() if symbol.name in read}
     names = tuple(symbol.name for symbol in terms)
-    return straight_line(terms, {**definitions, **terms}), names, straight_line(wanted, rest)
+    return straight_line(tuple(terms), {**definitions, **terms}), names, step
 
 
 def _cost(lines: list[Assignment]) -> int:

@@ -819,6 +819,11 @@ int64_t rognon_gay_integrate(double t_end, double u_stop, double rtol, const dou
     double u_z[8];
     double u_kept[8];
     double u_rate[8];
+    /* copied by the first step, too, which goes on from none */
+    for (int64_t i = 0; i < 8; i++) {
+        before[i] = 0.0;
+        u_kept[i] = 0.0;
+    }
     double t = state[0];
     double u = state[1];
     double delta = state[2];

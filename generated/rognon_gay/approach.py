@@ -567,6 +567,10 @@ def rognon_gay_integrate(t_end: float, u_stop: float, rtol: float, p: array, c: 
     u_z = empty(8)
     u_kept = empty(8)
     u_rate = empty(8)
+    # copied by the first step, too, which goes on from none
+    for i in range(8):
+        before[i] = 0.0
+        u_kept[i] = 0.0
     t = state[0]
     u = state[1]
     delta = state[2]
