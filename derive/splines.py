@@ -166,6 +166,13 @@ def spline(argument: Expr, points: Iterable[Any], values: Iterable[Any]) -> Expr
     ------
     ValueError
         If these are no such points.
+
+    Examples
+    --------
+    >>> from softdyn.derive import R, delta, spline
+    >>> force = spline(delta / R, [0, 0.1, 0.2], [0, 1, 4])
+    >>> force.subs(delta, R / 10)
+    1
     """
     x, y = (tuple(map(_exact, numbers)) for numbers in (points, values))
     if len(x) != len(y) or len(x) < 2:
@@ -177,7 +184,7 @@ def spline(argument: Expr, points: Iterable[Any], values: Iterable[Any]) -> Expr
 
 
 def read_points(path: str | Path, argument: str, value: str) -> tuple[list[float], list[float]]:
-    """Points of a spline from a table.
+    r"""Points of a spline from a table.
 
     Parameters
     ----------
@@ -189,6 +196,14 @@ def read_points(path: str | Path, argument: str, value: str) -> tuple[list[float
     ------
     SceneError
         If it is no such table.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from softdyn.derive import read_points
+    >>> _ = Path("points.csv").write_text("delta,force\n0,0\n0.1,1\n0.2,4\n", encoding="utf-8")
+    >>> read_points("points.csv", "delta", "force")
+    ([0.0, 0.1, 0.2], [0.0, 1.0, 4.0])
     """
     read = read_columns(path, "table", [Column(argument), Column(value)], order=(argument, value))
     return read[argument].tolist(), read[value].tolist()

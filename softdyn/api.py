@@ -64,6 +64,21 @@ def read_scene(path: str | Path) -> Scene | ParticleScene | FluidScene | Suspens
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import softdyn
+    >>> text = '''
+    ... law = "rognon_gay"
+    ... parameters = {R = 1.0, E = 1.0, eta = 1.0}
+    ... pair = {h = 1.0}
+    ... drive = {force = 0.01}
+    ... until = {h = 0.1}
+    ... '''
+    >>> _ = Path("scene.toml").write_text(text, encoding="utf-8")
+    >>> softdyn.simulate(softdyn.read_scene("scene.toml")).h[-1].item()
+    0.1
     """
     content = read_toml(Path(path))
     if is_suspension_scene(content):
@@ -241,6 +256,13 @@ def check(law: ContactLaw | Closure | Potential | str | Path) -> list[Finding]:
     ------
     LawError, SceneError
         If there is no such law, or if it is faulty.
+
+    Examples
+    --------
+    >>> import softdyn
+    >>> found = softdyn.check("rognon_gay")
+    >>> {finding.verdict for finding in found}
+    {'proved'}
     """
     potential = potential_named(law)
     if potential is not None:
@@ -308,6 +330,12 @@ def films(law: ContactLaw | str | Path) -> Films | None:
     ------
     LawError, SceneError
         If there is no such law, or if it is faulty.
+
+    Examples
+    --------
+    >>> import softdyn
+    >>> films = softdyn.films("soap_film")
+    >>> films.h_eq
     """
     from softdyn.findings import films_of, regimes_of
 
@@ -327,6 +355,11 @@ def write_report(law: ContactLaw | Closure | str | Path, path: str | Path) -> No
     ------
     LawError, SceneError
         If there is no such law, if it is faulty, or if the page cannot be written.
+
+    Examples
+    --------
+    >>> import softdyn
+    >>> softdyn.write_report("einstein", "page.html")
     """
     given: Any = law_or_closure_of(law)
     if type(given).__name__ == "Closure":

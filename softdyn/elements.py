@@ -113,6 +113,13 @@ def element_manifest(form: WeakForm, target: str, needs: Mapping[str, Any]) -> d
     target : str
     needs : mapping
         Fields of :class:`softdyn.derive.element_equations.ElementNeeds`.
+
+    Examples
+    --------
+    After the example of :func:`get_element_kernel`:
+
+    >>> element_manifest(form, "c", {})["unknowns"]
+    [('u', 1, 1)]
     """
     from softdyn.derive.element_equations import ElementNeeds
     from softdyn.derive.element_kernel import element_ir, left_fields
@@ -166,6 +173,18 @@ def get_element_kernel(
     Raises
     ------
     LawError, SceneError, CompileError
+
+    Examples
+    --------
+    >>> from sympy import Symbol
+    >>> from softdyn.derive.weak_form import Field, WeakForm
+    >>> u = Field("u", 2)
+    >>> k = Symbol("k", positive=True)
+    >>> flux = k * sum(a * b for a, b in zip(u.gradient, u.test.gradient))
+    >>> form = WeakForm(
+    ...     name="conduction", dimension=2, fields=(u,), coefficients=(), parameters=(k,), terms={"flux": flux}, degree=2
+    ... )
+    >>> kernel = get_element_kernel(form)
     """
     from softdyn.derive.weak_form import form_hash
 
@@ -213,6 +232,15 @@ def assembly(
     ------
     ValueError
         If an array has the wrong shape, numbers are out of range or not all used, or an element is inverted or flat.
+
+    Examples
+    --------
+    After the example of :func:`get_element_kernel`:
+
+    >>> import numpy as np
+    >>> at = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    >>> corners = np.array([[0, 1, 2], [1, 3, 2]])
+    >>> a = assembly(kernel, at, corners, {1: corners})
     """
     counts = {order: int(np.max(nodes[order], initial=-1)) + 1 for order in kernel.nodes if order in nodes}
     return _assembly(kernel, at, corners, nodes, counts, sides)
@@ -241,6 +269,19 @@ def facet_assembly(
     Raises
     ------
     ValueError
+
+    Examples
+    --------
+    After the example of :func:`get_element_kernel` and of :func:`assembly`:
+
+    >>> fed = WeakForm(
+    ...     name="fed", dimension=2, fields=(u,), coefficients=(), parameters=(k,), terms={"feed": k * u.test.value},
+    ...     on_facets=True, degree=2,
+    ... )
+    >>> feed = get_element_kernel(fed)
+    >>> side = facet_assembly(feed, a, np.array([0]), np.array([2]), {1: corners})
+    >>> residual_of(feed, side, at[:, 0].copy(), np.empty(0), np.array([2.0])).round(12)
+    array([1., 1., 0., 0.])
     """
     elements = np.asarray(elements)
     if elements.size and not 0 <= elements.min() <= elements.max() < len(of.corners):
@@ -399,6 +440,14 @@ def assembled(kernel: ElementKernel, a: Assembly, x: Array, q: Array, p: Array) 
     ------
     ValueError
         If an array is of another length.
+
+    Examples
+    --------
+    After the example of :func:`get_element_kernel` and of :func:`assembly`:
+
+    >>> residual, matrix = assembled(kernel, a, at[:, 0].copy(), np.empty(0), np.array([2.0]))
+    >>> residual.round(12)
+    array([-1.,  1., -1.,  1.])
     """
     from scipy.sparse import csr_matrix
 
@@ -422,6 +471,13 @@ def residual_of(kernel: ElementKernel, a: Assembly, x: Array, q: Array, p: Array
         Values of what varies in space, as :func:`assembled` takes them.
     p : array, shape (numbers,)
         Values of what does not.
+
+    Examples
+    --------
+    After the example of :func:`get_element_kernel` and of :func:`assembly`:
+
+    >>> residual_of(kernel, a, at[:, 0].copy(), np.empty(0), np.array([2.0])).round(12)
+    array([-1.,  1., -1.,  1.])
     """
     residual = np.zeros(a.size)
     kernel.residuals(*_arguments(kernel, a, x, q, p), residual)

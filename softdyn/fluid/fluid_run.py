@@ -89,6 +89,13 @@ def simulate_fluid(
     IntegrationError
         If it cannot be carried to its end: naming the time, the residual, and where that is largest. Its attribute
         ``partial`` is the result up to the last good state.
+
+    Examples
+    --------
+    >>> from softdyn.fluid import simulate
+    >>> flow = simulate(read_scene("channel.toml"))
+    >>> flow.u[-1].max().round(9)
+    np.float64(1.0)
     """
     began = time.perf_counter()
     system = prepared(scene)

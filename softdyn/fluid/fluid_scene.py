@@ -206,6 +206,29 @@ def read_fluid_scene(path: str | Path) -> FluidScene:
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from softdyn.fluid import read_scene
+    >>> text = '''
+    ... fluid = {viscosity = 1.0, density = 1.0}
+    ... mesh = {box = [2.0, 1.0], cells = [8, 4]}
+    ... [[boundary]]
+    ... on = ["bottom", "top"]
+    ... velocity = [0, 0]
+    ... [[boundary]]
+    ... on = ["left"]
+    ... velocity = ["4*y*(1 - y)", 0]
+    ... [[boundary]]
+    ... on = ["right"]
+    ... pressure = 0
+    ... [until]
+    ... steady = true
+    ... '''
+    >>> _ = Path("channel.toml").write_text(text, encoding="utf-8")
+    >>> read_scene("channel.toml").viscosity
+    1.0
     """
     return scene_of_file(path, fluid_scene_from)
 

@@ -18,6 +18,20 @@ def read_particle_scene(path: str | Path) -> ParticleScene:
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = '''
+    ... law = "rognon_gay"
+    ... parameters = {E = 1.0, eta = 1.0}
+    ... particles = {positions = [[0, 0], [2.1, 0]], radii = 1.0}
+    ... flow = {drag = 1.0}
+    ... until = {t = 1.0}
+    ... '''
+    >>> _ = Path("two.toml").write_text(text, encoding="utf-8")
+    >>> read_scene("two.toml").positions
+    [[0, 0], [2.1, 0]]
     """
     return scene_of_file(path, particle_scene_from)
 

@@ -33,6 +33,13 @@ def strain(result: ParticleResult) -> Array:
 
     The two are one but where a normal stress is imposed and makes the box longer one way than the other: then it is
     by how much the box leans, relative to its height.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> strain(result)[-1].round(6)
+    np.float64(0.1)
     """
     if np.isfinite(result.box[1]):
         lean: Array = result.cell[:, 0, 1] / result.cell[:, 1, 1]
@@ -61,6 +68,13 @@ def relative_viscosity(result: ParticleResult) -> Array:
     ------
     ValueError
         If the run has no shear flow, no periodic box to take a stress of, or its law no viscosity eta.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> relative_viscosity(result)[-1] > 1
+    np.True_
     """
     if not has_viscosity(result):
         raise ValueError("a relative viscosity needs a shear flow in a periodic box, and the parameter eta")
@@ -80,6 +94,14 @@ def normal_stress_differences(result: ParticleResult) -> tuple[Array, Array]:
     ------
     ValueError
         If there is but one dimension.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> first, second = normal_stress_differences(result)
+    >>> first.shape == result.t.shape
+    True
     """
     stress = result.stress
     if stress.shape[1] < 2:
@@ -89,7 +111,15 @@ def normal_stress_differences(result: ParticleResult) -> tuple[Array, Array]:
 
 
 def pressure(result: ParticleResult) -> Array:
-    """Pressure of the particles at each frame, -tr(sigma)/d; of a virial where the box is not periodic."""
+    """Pressure of the particles at each frame, -tr(sigma)/d; of a virial where the box is not periodic.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> pressure(result)[-1] > 0
+    np.True_
+    """
     mean: Array = -np.trace(result.stress, axis1=1, axis2=2) / result.stress.shape[1]
     return mean
 
@@ -98,6 +128,16 @@ def wall_forces(result: ParticleResult) -> Array:
     """Force of all particles on each wall at each frame, shape (frames, walls, d).
 
     Over the area of the wall it is a stress: along the normal a pressure, along the wall what drags it.
+
+    Examples
+    --------
+    >>> floor = Wall(point=(0.0, 0.0), normal=(0.0, -1.0))
+    >>> weighed = simulate(ParticleScene(
+    ...     law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, positions=[[0.0, 1.01]], radii=1.0, gap=0.02,
+    ...     wall=[floor], push=[Push([0], (0.0, -1e-3))], until_t=1e5,
+    ... ))
+    >>> wall_forces(weighed)[-1].round(9)
+    array([[ 0.   , -0.001]])
     """
     count, walls, d = result.x.shape[1], *result.wall_normal.shape
     forces = np.zeros((len(result), walls, d))
@@ -120,6 +160,13 @@ def rattlers(result: ParticleResult, frame: int = -1) -> NDArray[np.bool_]:
     Returns
     -------
     array of bool, shape (N,)
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> rattlers(result).shape
+    (20,)
     """
     count, d = result.x.shape[1:]
     needed = 2 if "contact_T" in result.arrays else d + 1
@@ -141,6 +188,13 @@ def coordination(result: ParticleResult, without_rattlers: bool = False) -> Arra
     result : ParticleResult
     without_rattlers : bool
         Leave out the particles of :func:`rattlers`, and their contacts; nan where no others are.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> coordination(result)[-1] > 3
+    np.True_
     """
     count = result.x.shape[1]
     numbers = np.full(len(result), np.nan)
@@ -161,6 +215,13 @@ def fabric(result: ParticleResult) -> Array:
 
     Isotropic, it is 1/d times the unit tensor; its xy component is negative where contacts are along the direction of
     compression of a shear flow.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> fabric(result)[-1].trace().round(12)
+    np.float64(1.0)
     """
     tensors = np.full((len(result), *result.stress.shape[1:]), np.nan)
     for frame in range(len(result)):
@@ -187,6 +248,14 @@ def gap_distribution(result: ParticleResult, frame: int = -1, bins: int | None =
         In h, of those contacts that have one.
     density : array, shape (bins,)
         Its integral over ln h is 1. Both are empty without contacts.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> at, density = gap_distribution(result, bins=8)
+    >>> at.shape, density.shape
+    ((9,), (8,))
     """
     h = result.contacts(frame)["h"]
     h = h[h > 0]
@@ -218,6 +287,14 @@ def force_distribution(result: ParticleResult, frame: int = -1, bins: int | None
         Of f, of equal widths.
     density : array, shape (bins,)
         Its integral is 1. Both are empty without forces.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> at, density = force_distribution(result, bins=8)
+    >>> at.shape, density.shape
+    ((10,), (9,))
     """
     F = result.contacts(frame)["F"]
     F = F[F != 0]
@@ -242,6 +319,13 @@ def mean_square_displacement(result: ParticleResult) -> Array:
     ------
     ValueError
         If the box is not periodic along all axes: then nothing says how its background has deformed.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> mean_square_displacement(result)[0]
+    array([0., 0.])
     """
     if not is_periodic(result):
         raise ValueError("displacements are measured against a box that is periodic along all axes")
@@ -284,6 +368,17 @@ def swap_time(result: ParticleResult, parting: tuple[int, int], meeting: tuple[i
     -------
     float
         nan if it does not happen within the run.
+
+    Examples
+    --------
+    >>> places = [[-1.75, 0.0], [1.75, 0.0], [0.0, 1.01], [0.0, -1.01]]
+    >>> pushes = [Push([0], (5e-3, 0.0)), Push([1], (-5e-3, 0.0))]
+    >>> t1 = simulate(ParticleScene(
+    ...     law="rognon_gay", parameters={"E": 1.0, "eta": 1.0}, positions=places, radii=1.0, gap=0.02,
+    ...     push=pushes, until_t=1e5,
+    ... ))
+    >>> 0 < swap_time(t1, (2, 3), (0, 1)) < t1.t[-1]
+    np.True_
     """
     ratios = np.empty(len(result))
     for frame in range(len(result)):

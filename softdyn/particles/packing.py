@@ -116,6 +116,12 @@ def random_packing(
     Raises
     ------
     SceneError
+
+    Examples
+    --------
+    >>> x, radii, box = random_packing(20, 2, 0.8, [1.0, 1.4], seed=1)
+    >>> float((3.141592653589793 * radii**2).sum() / box.prod())
+    0.8000000000000002
     """
     if dimension not in BALL:
         raise SceneError(f"[packing] dimension must be 2 or 3, not {dimension!r}")
@@ -211,6 +217,12 @@ def lattice_packing(kind: str, cells: Sequence[int], spacing: float) -> tuple[Ar
     Raises
     ------
     SceneError
+
+    Examples
+    --------
+    >>> x, box = lattice_packing("hexagonal", [4, 4], 2.1)
+    >>> x.shape
+    (32, 2)
     """
     half = 0.5
     bases: dict[str, tuple[list[list[float]], list[float]]] = {

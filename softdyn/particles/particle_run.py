@@ -81,6 +81,18 @@ def simulate_particles(
     IntegrationError
         If it cannot be carried to its end: naming the particles or the contact at fault. Its attribute ``partial`` is
         the result up to the last good state.
+
+    Examples
+    --------
+    >>> from softdyn.particles import ParticleScene, random_packing, simulate
+    >>> x, radii, box = random_packing(20, 2, 0.9, [1.0, 1.4], seed=1)
+    >>> scene = ParticleScene(
+    ...     law="droplet", parameters={"sigma": 1.0, "eta": 1.0}, positions=x, radii=radii, box=list(box), gap=0.02,
+    ...     range=0.5, shear_rate=1e-3, drag=1.0, until_strain=0.1,
+    ... )
+    >>> result = simulate(scene)
+    >>> result.x[-1].shape
+    (20, 2)
     """
     began = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)

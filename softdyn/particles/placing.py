@@ -111,7 +111,7 @@ def packed(packing: Packing) -> dict[str, Any]:
 
 
 def read_particles(path: str | Path) -> dict[str, Any]:
-    """Positions, radii, species and box from a file, as arguments of a :class:`ParticleScene`.
+    r"""Positions, radii, species and box from a file, as arguments of a :class:`ParticleScene`.
 
     Parameters
     ----------
@@ -132,6 +132,14 @@ def read_particles(path: str | Path) -> dict[str, Any]:
     ------
     SceneError
         Naming the line at fault.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = '2\nLattice="9 0 0 0 9 0 0 0 9" Properties=species:S:1:pos:R:3:radius:R:1\nA 1 1 1 1.0\nA 4 1 1 1.2\n'
+    >>> _ = Path("two.xyz").write_text(text, encoding="utf-8")
+    >>> read_particles("two.xyz")["radii"]
+    array([1. , 1.2])
     """
     path = Path(path)
     read = reader_of(path)

@@ -458,6 +458,15 @@ def load_particles(path: str | Path) -> ParticleResult:
     ------
     SceneError
         If the file is not such a result.
+
+    Examples
+    --------
+    With ``result`` of the example of :func:`softdyn.particles.simulate`:
+
+    >>> from softdyn.particles import load
+    >>> path = result.save("sheared.npz")
+    >>> (load(path).x[-1] == result.x[-1]).all()
+    np.True_
     """
     result = load_result(path)
     if not isinstance(result, ParticleResult):

@@ -49,6 +49,14 @@ def load_result(path: str | Path) -> PairResult | ParticleResult | FluidResult:
     ------
     SceneError
         If the file is not such a result.
+
+    Examples
+    --------
+    >>> import softdyn
+    >>> result = softdyn.simulate(law="rognon_gay", parameters={"R": 1, "E": 1, "eta": 1}, h=1, force=0.01, until_h=0.1)
+    >>> path = result.save("approach.npz")
+    >>> softdyn.load_result(path).t[-1] == result.t[-1]
+    np.True_
     """
     path = Path(path)
     if path.suffix == ".frames":

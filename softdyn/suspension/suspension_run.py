@@ -286,6 +286,13 @@ def simulate_suspension(
     IntegrationError
         If it cannot be carried to its end: naming the time, and the grain or the place. Its attribute ``partial`` is
         the result up to the last good state.
+
+    Examples
+    --------
+    >>> from softdyn.suspension import simulate
+    >>> settled = simulate(read_scene("settling.toml"))
+    >>> bool(settled.x[-1, 0, 2] < settled.x[0, 0, 2])
+    True
     """
     began = time.perf_counter()
     system = made_ready(scene)

@@ -244,6 +244,27 @@ def read_suspension_scene(path: str | Path) -> SuspensionScene:
     ------
     SceneError
         If the file cannot be read, is not TOML (with the line), or holds an unknown or missing key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from softdyn.suspension import read_scene
+    >>> text = '''
+    ... fluid = {density = 1000.0, viscosity = 1e-3, elements = "P1-P1"}
+    ... mesh = {box = [1.6e-3, 1.6e-3, 3.2e-3], cells = [4, 4, 8]}
+    ... gravity = {acceleration = [0, 0, -9.81]}
+    ... particles = {positions = [[0.85e-3, 0.75e-3, 2.6e-3]], radii = 5e-5, density = 2000.0}
+    ... closures = {drag = "schiller_naumann"}
+    ... coupling = {width = 4e-4}
+    ... until = {t = 0.02}
+    ... steps = {dt = 4e-3}
+    ... [[boundary]]
+    ... on = ["left", "right", "bottom", "top", "front", "back"]
+    ... velocity = [0, 0, 0]
+    ... '''
+    >>> _ = Path("settling.toml").write_text(text, encoding="utf-8")
+    >>> read_scene("settling.toml").width
+    0.0004
     """
     return scene_of_file(path, suspension_scene_from)
 
