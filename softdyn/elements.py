@@ -182,7 +182,8 @@ def get_element_kernel(
     >>> k = Symbol("k", positive=True)
     >>> flux = k * sum(a * b for a, b in zip(u.gradient, u.test.gradient))
     >>> form = WeakForm(
-    ...     name="conduction", dimension=2, fields=(u,), coefficients=(), parameters=(k,), terms={"flux": flux}, degree=2
+    ...     name="conduction", dimension=2, fields=(u,), coefficients=(), parameters=(k,), terms={"flux": flux},
+    ...     degree=2,
     ... )
     >>> kernel = get_element_kernel(form)
     """
