@@ -13,13 +13,14 @@ import json
 import os
 import shutil
 import stat
+import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache as memoize
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from softdyn.errors import SceneError
 
@@ -342,12 +343,34 @@ def _put_in_place(kind: str, key: str, made: Path, replace: bool) -> None:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Only one process at a time, where the system has advisory locks."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+    """Only one process at a time. The lock goes with the process, however it ends."""
+    with path.open("ab") as file:
+        let_go = _lock(file)
+        try:
+            yield
+        finally:
+            let_go()
+
+
+def _lock(file: BinaryIO) -> Callable[[], object]:
+    """Wait for a lock on a file; what is given lets it go."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        file.seek(0)
+        while True:
+            try:
+                msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+                break
+            except OSError:  # it waits for ten seconds alone
+                continue
+
+        def let_go() -> None:
+            file.seek(0)
+            msvcrt.locking(file.fileno(), msvcrt.LK_UNLCK, 1)
+
+        return let_go
+    import fcntl
+
+    fcntl.flock(file, fcntl.LOCK_EX)
+    return lambda: None  # closing the file does it

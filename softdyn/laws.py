@@ -129,7 +129,9 @@ def find(law: Any) -> LawReference:
         raise SceneError(f"{text!r} is a closure, and a law is asked for; of closures there is: softdyn check {text}")
     if text in _stock_names(POTENTIALS_FOLDER):
         raise SceneError(
-            f"{text!r} is a potential, and a law is asked for; it stands in [[potential]] or [[bond]] of a scene"
+            f"{text!r} is a potential, and a law is asked for; it stands in [[potential]] or [[bond]] of a scene, "
+            f"softdyn derive {text} tells its force, where two rest and what pulls them apart; softdyn check {text} "
+            "what is proved of it near and far"
         )
     if text not in known:
         others = (*_stock_names(CLOSURES_FOLDER), *_stock_names(POTENTIALS_FOLDER))

@@ -1,5 +1,6 @@
 """Potentials: what follows from a declaration, its limits, kernels on two targets, and what is refused."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,6 +20,7 @@ from softdyn.derive.potential_limits import check_potential_limits
 from softdyn.errors import LawError, SceneError
 from softdyn.laws import find, find_potential, load_potential, stock_potentials
 from softdyn.particles.potential_kernels import activities, energies_and_forces, get_potential_kernel
+from softdyn.study.potential_text import at_typical_values
 
 STOCK = sorted(stock_potentials())
 e, d = Symbol("e", positive=True), Symbol("d", positive=True)
@@ -196,4 +198,38 @@ def test_names_that_mean_nothing_are_refused() -> None:
     with pytest.raises(SceneError, match="a potential must be a name, a path or a Potential, not 3"):
         find_potential(3)
     with pytest.raises(SceneError, match="'morse' is a potential, and a law is asked for"):
+        find("morse")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        # at De = 1, b = 4, d = 2: the force falls least at r = d + ln(2)/b
+        ("morse", {"rest": 2.0, "stiffness": 32.0, "pull_off": 2.0, "pulled_to": 2 + math.log(2) / 4}),
+        # at epsilon = 1, sigma = 2: r = 2^(1/6) sigma, and (26/7)^(1/6) sigma
+        (
+            "lennard_jones",
+            {
+                "rest": 2 ** (7 / 6),
+                "stiffness": 72 / 2 ** (1 / 3) / 4,
+                "pull_off": 12 * ((7 / 26) ** (7 / 6) - 2 * (7 / 26) ** (13 / 6)),
+                "pulled_to": 2 * (26 / 7) ** (1 / 6),
+            },
+        ),
+        ("hooke", {"rest": 2.0, "stiffness": 1.0}),
+        ("fene", {"rest": 2.0, "stiffness": 1.0}),
+        ("yukawa", {}),
+    ],
+)
+def test_what_is_asked_first_of_a_potential(name: str, expected: dict[str, float]) -> None:
+    """Against formulas by hand; a bond that hardens up to its end has no force that parts it."""
+    found = at_typical_values(stock(name))
+    assert found.keys() == expected.keys()
+    for key, value in expected.items():
+        # a minimum is found to the root of the rounding
+        assert found[key] == pytest.approx(value, rel=1e-6 if key == "pulled_to" else 1e-9), key
+
+
+def test_who_asks_regimes_of_a_potential_is_told_what_there_is() -> None:
+    with pytest.raises(SceneError, match=r"softdyn derive morse tells .* softdyn check morse"):
         find("morse")

@@ -8,8 +8,6 @@ process of its own, so that its memory is its own; times are CPU times, of all t
 from __future__ import annotations
 
 import os
-import resource
-import sys
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -21,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softdyn.bench.record import told
+from softdyn.peak_memory import peak_memory
 
 Array = NDArray[np.float64]
 #: Squares along each side of the cavity, of two triangles each.
@@ -111,7 +110,7 @@ def cavity(cells: int, elements: str) -> Any:
 
 
 def _peak() -> float:
-    return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+    return peak_memory()
 
 
 def median_of(work: Callable[[], Any]) -> tuple[float, Any]:

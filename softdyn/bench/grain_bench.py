@@ -11,8 +11,6 @@ from __future__ import annotations
 import ctypes
 import math
 import os
-import resource
-import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -29,6 +27,7 @@ from numpy.typing import NDArray
 from softdyn.bench.record import told
 from softdyn.bench.rigid_bench import tell_columns
 from softdyn.particles.portions import processors
+from softdyn.peak_memory import peak_memory
 
 Array = NDArray[np.float64]
 #: Cells of the lattice along each axis, of four spheres each, and steps that are measured.
@@ -112,7 +111,7 @@ def step_length() -> float:
 
 
 def _peak() -> float:
-    return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+    return peak_memory()
 
 
 def time_ours(cells: int, steps: int) -> Figures:

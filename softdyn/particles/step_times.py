@@ -6,8 +6,6 @@ Times are CPU times of this process, medians of several runs; nothing here is a 
 from __future__ import annotations
 
 import math
-import resource
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,6 +28,7 @@ from softdyn.particles.particle_run import prepare
 from softdyn.particles.start import start
 from softdyn.particles.step import take_step
 from softdyn.particles.system import contact_state
+from softdyn.peak_memory import peak_memory
 
 if TYPE_CHECKING:
     from softdyn.derive import ContactLaw
@@ -157,7 +156,7 @@ def time_step(cells: int, **changes: Any) -> dict[str, float]:
     work()
     wall = time.perf_counter() - began
     seconds = median_cpu(work, 3)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    peak = peak_memory()
     return {
         "particles": len(system.x),
         "contacts": len(state.contacts),

@@ -61,12 +61,19 @@ def translate(body: str) -> str:
 def compiler() -> tuple[str, ...] | None:
     """Return the command of the C compiler, from $CC or the usual names; None if there is none."""
     if os.environ.get("CC"):
-        command = shlex.split(os.environ["CC"])
-        return tuple(command) if shutil.which(command[0]) else None
+        command = words_of_command(os.environ["CC"])
+        return tuple(command) if command and shutil.which(command[0]) else None
     if sys.platform == "win32":
         return None  # the usual compilers there take other flags
     found = next((path for name in COMPILERS if (path := shutil.which(name))), None)
     return (found,) if found else None
+
+
+def words_of_command(command: str) -> list[str]:
+    r"""Words of a command; on Windows \ parts folders, and escapes nothing."""
+    if sys.platform != "win32":
+        return shlex.split(command)
+    return [word.strip('"') for word in shlex.split(command, posix=False)]
 
 
 def available() -> bool:
