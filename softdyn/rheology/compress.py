@@ -56,7 +56,7 @@ def compress(options: argparse.Namespace) -> int:
         if curves.curves:
             from softdyn.rheology.rheology_plots import draw_compressions, save_figure
 
-            save_figure(draw_compressions(curves, len(fractions)), picture)
+            save_figure(draw_compressions(curves, len(fractions)), picture, curves.units)
             written += f" and {picture}"
         print(f"wrote {written}; the states are in {runs_folder(options.output)}")
         return 1 if curves.failed or curves.missing else 0

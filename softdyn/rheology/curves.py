@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.results.whole_files import written_whole
+from softdyn.rheology.column_units import head_of
 from softdyn.rheology.run_table import ENDINGS
 from softdyn.rheology.runs import Run, states
 
@@ -33,7 +34,7 @@ class Curves:
     varied : mapping from str to array, shape (runs,)
     curves : mapping from int to mapping from str to array
         Of each run that is done, by its number: columns of one length.
-    failed, missing
+    failed, missing, units
         As of :class:`softdyn.rheology.run_table.RunTable`.
     """
 
@@ -41,6 +42,7 @@ class Curves:
     curves: Mapping[int, Mapping[str, Array]]
     failed: Mapping[int, str]
     missing: tuple[int, ...]
+    units: str = ""
 
     def words(self, run: int) -> str:
         """What was varied, of a run."""
@@ -86,7 +88,7 @@ class Curves:
                 with temporary.open("wb") as file:
                     np.savez(file, **{"about": np.array(json.dumps(about)), **table})  # type: ignore[arg-type]
             else:
-                heads = ",".join(table)
+                heads = ",".join(head_of(name, self.units) for name in table)
                 rows = np.column_stack(list(table.values()))
                 np.savetxt(temporary, rows, delimiter=",", header=heads, comments="", fmt="%.17g")
         return path
@@ -108,6 +110,11 @@ def gathered_curves(
     from softdyn.particles.results import load_particles
 
     done, failed, missing = states(runs)
-    curves = {run.number: measured(load_particles(run.result), run) for run in done}
+    units: set[str] = set()
+    curves: dict[int, Mapping[str, Array]] = {}
+    for run in done:
+        result = load_particles(run.result)
+        units.add(result.units or "")
+        curves[run.number] = measured(result, run)
     varied = {name: np.array([run.values[name] for run in runs]) for name in axes}
-    return Curves(varied, curves, failed, tuple(missing))
+    return Curves(varied, curves, failed, tuple(missing), units.pop() if len(units) == 1 else "")

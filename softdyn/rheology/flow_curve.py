@@ -150,7 +150,7 @@ def flow_curve(options: argparse.Namespace) -> int:
         if (table.columns.get("steady", np.zeros(0)) >= 0).any():
             from softdyn.rheology.rheology_plots import draw_flow_curves, save_figure
 
-            save_figure(draw_flow_curves(table, curves), picture)
+            save_figure(draw_flow_curves(table, curves), picture, table.units)
             written += f" and {picture}"
         print(f"wrote {written}; the results are in {runs_folder(options.output)}")
         return status_of(table)

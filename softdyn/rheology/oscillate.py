@@ -202,7 +202,7 @@ def oscillate(options: argparse.Namespace) -> int:
         if loops:
             from softdyn.rheology.rheology_plots import draw_oscillations, save_figure
 
-            save_figure(draw_oscillations(table, loops), picture)
+            save_figure(draw_oscillations(table, loops), picture, table.units)
             written += f" and {picture}"
         print(f"wrote {written}; the results are in {runs_folder(options.output)}")
         return status_of(table)

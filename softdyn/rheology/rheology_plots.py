@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from softdyn.colours import AMBER, BLUE, GREEN, ORANGE, PURPLE, SKY
 from softdyn.results.whole_files import written_whole
+from softdyn.rheology.column_units import tell_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,14 +38,22 @@ DASHES = {"Herschel-Bulkley": "-", "power law": ":"}
 WIDE, HIGH = 3.9, 3.4
 
 
-def save_figure(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path, units: str = "") -> None:
     """Write a figure, whole or not at all.
+
+    Parameters
+    ----------
+    figure : Figure
+    path : Path
+    units : str
+        "SI" if numbers are in SI units: titles and labels say so then.
 
     Raises
     ------
     SceneError
         If the file cannot be written.
     """
+    tell_units(figure.axes, units)
     with written_whole(path) as temporary, style.context(["default", STYLE]):
         figure.savefig(temporary, format=path.suffix[1:])
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from softdyn.errors import SceneError
 from softdyn.results.whole_files import written_whole
+from softdyn.rheology.column_units import head_of, unit_of
 from softdyn.rheology.kinds import Measured, kind_of
 from softdyn.rheology.runs import Run
 
@@ -42,6 +43,8 @@ class RunTable:
         What is to be known of single runs: why one is not steady.
     axes : mapping from str to array
         The values that each name was varied over; the runs are all combinations, the last name fastest.
+    units : str
+        "SI" if numbers are known to be in SI units: heads say so then.
     """
 
     varied: Mapping[str, Array]
@@ -50,6 +53,7 @@ class RunTable:
     missing: tuple[int, ...]
     notes: Mapping[int, str]
     axes: Mapping[str, Array]
+    units: str = ""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -69,7 +73,12 @@ class RunTable:
             if path.suffix == ".nc":
                 self.to_xarray().to_netcdf(temporary, engine="scipy")
             elif path.suffix == ".npz":
-                about = {"failed": dict(self.failed), "missing": list(self.missing), "notes": dict(self.notes)}
+                about = {
+                    "failed": dict(self.failed),
+                    "missing": list(self.missing),
+                    "notes": dict(self.notes),
+                    "units": self.units,
+                }
                 content: dict[str, Any] = {
                     **{f"varied_{name}": values for name, values in self.varied.items()},
                     **self.columns,
@@ -78,7 +87,7 @@ class RunTable:
                     np.savez(file, about=np.array(json.dumps(about)), **content)
             else:
                 heads = [*(f"varied_{name}" for name in self.varied), *self.columns, "note"]
-                lines = [",".join(heads)]
+                lines = [",".join(head_of(name, self.units) for name in heads)]
                 for run in range(len(self)):
                     values = [values[run] for values in (*self.varied.values(), *self.columns.values())]
                     note = self.failed.get(run) or self.notes.get(run, "")
@@ -104,11 +113,15 @@ class RunTable:
         shape = tuple(len(values) for values in self.axes.values())
         besides = {name.replace(".", "_"): values for name, values in self.varied.items() if name not in names}
         data: dict[str, Any] = {
-            name: (tuple(names.values()), values.reshape(shape))
+            name: (tuple(names.values()), values.reshape(shape), self._attributes(name))
             for name, values in {**besides, **self.columns}.items()
             if name not in names.values()
         }
         return Made(data, coords={names[name]: values for name, values in self.axes.items()})
+
+    def _attributes(self, name: str) -> dict[str, str]:
+        unit = unit_of(name) if self.units == "SI" else ""
+        return {"units": unit} if unit else {}
 
 
 def gathered(
@@ -132,8 +145,11 @@ def gathered(
     done, failed, missing = states(runs)
     rows: dict[int, Mapping[str, float]] = {}
     notes: dict[int, str] = {}
+    units: set[str] = set()
     for run in done:
-        rows[run.number], note = measured(load_result(run.result), run)
+        result = load_result(run.result)
+        units.add(result.units or "")
+        rows[run.number], note = measured(result, run)
         if note:
             notes[run.number] = note
     names = list(dict.fromkeys(name for row in rows.values() for name in row))
@@ -141,7 +157,7 @@ def gathered(
         name: np.array([rows.get(run.number, {}).get(name, math.nan) for run in runs]) for name in names or ["t_end"]
     }
     varied = {name: np.array([run.values[name] for run in runs]) for name in runs[0].values}
-    return RunTable(varied, columns, failed, tuple(missing), notes, dict(axes))
+    return RunTable(varied, columns, failed, tuple(missing), notes, dict(axes), units.pop() if len(units) == 1 else "")
 
 
 def measured_run(result: Any, run: Run) -> Measured:

@@ -237,7 +237,7 @@ def step(options: argparse.Namespace) -> int:
         if curves.curves:
             from softdyn.rheology.rheology_plots import draw_steps, save_figure
 
-            save_figure(draw_steps(curves, creeps, options.time), picture)
+            save_figure(draw_steps(curves, creeps, options.time), picture, curves.units)
             written += f" and {picture}"
         print(f"wrote {written}; the results are in {runs_folder(options.output)}")
         return 1 if curves.failed or curves.missing else 0
