@@ -12,12 +12,15 @@ power; they stay in the coefficients, as sums of log(symbol).
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from operator import add, sub
+from typing import TypeVar
+from zlib import crc32
 
 from sympy import (
     Abs,
@@ -330,7 +333,7 @@ def _expanded(expr: Expr, scale: Scale) -> Series:
         expr = _with_known_signs(expr)
         return Series({} if is_zero(expr) else {zero(scale): expr})
     if isinstance(expr, Add):
-        series = _cut(added(expand(term, scale) for term in expr.args), scale.kept)
+        series = _cut_sum([expand(term, scale) for term in expr.args], scale.kept)
         return _with_names(expr, series, scale) if scale.names and _is_cut_off(series) else series
     if isinstance(expr, Mul):
         fixed, varying = expr.as_independent(*scale.known, as_Add=False)
@@ -454,16 +457,17 @@ def added(parts: Iterable[Series]) -> Series:
 
 def _collected(terms: Mapping[Order, list[Expr]]) -> dict[Order, Expr]:
     """Add up the coefficients of each order, and leave out those that cancel."""
-    sums = {}
-    for order, coefficients in terms.items():
-        if len(coefficients) == 1:
-            sums[order] = coefficients[0]
-        else:
-            spend(sum(map(nodes, coefficients)))
-            total = _sum(tuple(coefficients))
-            if not is_zero(total):
-                sums[order] = total
-    return sums
+    sums = ((order, _total(coefficients)) for order, coefficients in terms.items())
+    return {order: total for order, total in sums if total is not None}
+
+
+def _total(coefficients: Sequence[Expr]) -> Expr | None:
+    """Sum of the coefficients of one order; None if they cancel."""
+    if len(coefficients) == 1:
+        return coefficients[0]
+    spend(sum(map(nodes, coefficients)))
+    total = _sum(tuple(coefficients))
+    return None if is_zero(total) else total
 
 
 @lru_cache(maxsize=20_000)
@@ -501,8 +505,65 @@ def is_zero(coefficient: Expr) -> bool:
 
 @lru_cache(maxsize=20_000)
 def _is_zero_by_signs(coefficient: Expr) -> bool | None:
-    """What sympy says of a coefficient, which it finds anew for each equal one."""
+    """What signs say of a coefficient; what sympy says of it, which it finds anew for each equal one."""
+    if sign_by_parts(coefficient) is not None or is_apart_from_zero(coefficient):
+        return False
     return None if coefficient.is_zero is None else bool(coefficient.is_zero)
+
+
+#: Part of its terms that must be left of a sum in floats, for it to be none that cancels: of sums within three others,
+#: still a million times what these lose.
+LEFT = 1e-3
+
+
+def is_apart_from_zero(expr: Expr) -> bool:
+    """Whether a coefficient, at some positive numbers, is seen not to vanish."""
+    return math.isfinite(value := _in_floats(expr)) and value != 0
+
+
+@lru_cache(maxsize=50_000)
+def _in_floats(expr: Expr) -> float:
+    """Value at positive numbers that satisfy no simple relation; nan where a sum cancels, or for what is not simple."""
+    try:
+        if expr.is_Rational or expr.is_NumberSymbol:
+            return float(expr)
+        if expr.is_Symbol:
+            return 1 + (crc32(expr.name.encode()) % 9973) / 7919 if expr.is_positive else math.nan
+        values = [_in_floats(part) for part in expr.args]
+        if expr.is_Mul:
+            return math.prod(values)
+        if expr.is_Pow:
+            return math.pow(*values)
+        if expr.is_Add:
+            total = math.fsum(values)
+            return total if abs(total) > LEFT * math.fsum(map(abs, values)) else math.nan
+        if isinstance(expr, log):
+            return math.log(values[0])
+    except (ArithmeticError, ValueError):
+        pass
+    return math.nan
+
+
+@lru_cache(maxsize=50_000)
+def sign_by_parts(expr: Expr) -> int | None:
+    """Sign of what is made of numbers and symbols of known signs by products, powers and sums of one sign; else None.
+
+    Sympy finds it too, after it has asked for all else that may be known of an expression.
+    """
+    if expr.is_Rational:
+        return (expr.p > 0) - (expr.p < 0) or None
+    if expr.is_Symbol or expr.is_NumberSymbol:
+        return 1 if expr.is_positive else -1 if expr.is_negative else None
+    if expr.is_Pow:
+        base = sign_by_parts(expr.args[0])
+        return 1 if base == 1 and sign_by_parts(expr.args[1]) is not None else None
+    if expr.is_Mul:
+        signs = [sign_by_parts(factor) for factor in expr.args]
+        return None if None in signs else math.prod(signs)  # type: ignore[arg-type]
+    if expr.is_Add:
+        signs = [sign_by_parts(term) for term in expr.args]
+        return signs[0] if len(set(signs)) == 1 else None
+    return None
 
 
 @lru_cache(maxsize=20_000)
@@ -536,18 +597,71 @@ def _radicals(coefficient: Expr) -> Expr:
 
 def _cut(series: Series, kept: int) -> Series:
     """Drop terms below the remainder; move those beyond the largest ones kept into it."""
-    remainder = minimal(series.remainder)
-    known = {e: c for e, c in series.terms.items() if not any(e == r or negligible(e, r) for r in remainder)}
-    if len(known) <= kept:
-        return Series(known, frozenset(remainder))
+    return first_terms(series.terms, lambda coefficient: coefficient, series.remainder, kept)
+
+
+def _cut_sum(parts: Sequence[Series], kept: int) -> Series:
+    """Sum of series, cut: what is cut is not added up."""
+    terms: dict[Order, list[Expr]] = {}
+    for part in parts:
+        for order, coefficient in part.terms.items():
+            terms.setdefault(order, []).append(coefficient)
+    return first_terms(terms, _total, set().union(*(part.remainder for part in parts)), kept)
+
+
+Given = TypeVar("Given")
+
+
+def first_terms(
+    terms: Mapping[Order, Given], coefficient_of: Callable[[Given], Expr | None], remainder: Iterable[Order], kept: int
+) -> Series:
+    """The largest terms of a series, as many as are kept; the others go into its remainder.
+
+    Coefficients are worked out of those terms alone on which the result depends.
+
+    Parameters
+    ----------
+    terms : mapping from Order to anything
+        What their coefficients are made of.
+    coefficient_of : function of that
+        None, if it vanishes.
+    remainder : iterable of Order
+        Of the series: what is not larger is dropped.
+    kept : int
+    """
+    least = minimal(remainder)
+    rest = {e: given for e, given in terms.items() if not any(e == r or negligible(e, r) for r in least)}
+    found: dict[Order, Expr] = {}
+
+    def vanishing(orders: Iterable[Order]) -> list[Order]:
+        """Those whose terms cancel; the coefficients of the others are known then."""
+        zero = []
+        for e in orders:
+            if e in rest and e not in found:
+                coefficient = coefficient_of(rest[e])
+                if coefficient is None:
+                    zero.append(e)
+                else:
+                    found[e] = coefficient
+        for e in zero:
+            del rest[e]
+        return zero
+
+    if len(rest) <= kept:
+        vanishing(list(rest))
+        return Series({e: found[e] for e in rest}, frozenset(least))
     # the largest terms first, then those that only these dominate, and so on: no term is moved before one it dominates
     ordered: list[Order] = []
-    rest = set(known)
-    while len(ordered) < kept:
-        layer = minimal(rest)
-        ordered += sorted(layer, key=lambda e: (sum(e), e))
-        rest.difference_update(layer)
-    return Series({e: known[e] for e in ordered[:kept]}, frozenset(minimal([*remainder, *ordered[kept:], *rest])))
+    while len(ordered) < kept and len(ordered) < len(rest):
+        layer = minimal(rest.keys() - set(ordered))
+        if not vanishing(layer):
+            ordered += sorted(layer, key=lambda e: (sum(e), e))
+    if len(rest) <= kept:
+        return Series({e: found[e] for e in rest}, frozenset(least))
+    beyond = rest.keys() - set(ordered[:kept])
+    while vanishing(left := minimal([*least, *beyond])):
+        beyond &= rest.keys()
+    return Series({e: found[e] for e in ordered[:kept]}, frozenset(left))
 
 
 def scaled(series: Series, factor: Expr) -> Series:
@@ -568,15 +682,15 @@ def multiplied(left: Series, right: Series, kept: int) -> Series:
         if len(single.terms) == 1 and not single.remainder:
             return _shifted(other, *next(iter(single.terms.items())))
     spend(len(left.terms) * len(right.terms))
-    terms: dict[Order, list[Expr]] = {}
+    products: dict[Order, list[tuple[Expr, Expr]]] = {}
     for e1, c1 in left.terms.items():
         for e2, c2 in right.terms.items():
-            terms.setdefault(_plus(e1, e2), []).append(c1 * c2)
+            products.setdefault(_plus(e1, e2), []).append((c1, c2))
     remainder = {
         *(_plus(e, r) for e in minimal([*left.terms, *left.remainder]) for r in right.remainder),
         *(_plus(e, r) for e in minimal([*right.terms, *right.remainder]) for r in left.remainder),
     }
-    return _cut(Series(_collected(terms), frozenset(remainder)), kept)
+    return first_terms(products, lambda pairs: _total([one * other for one, other in pairs]), remainder, kept)
 
 
 def _shifted(series: Series, order: Order, coefficient: Expr) -> Series:
@@ -610,7 +724,7 @@ def _compose(small: Series, coefficients: Iterable[Expr], scale: Scale) -> Serie
     total, power = Series(), Series({zero(scale): S.One})
     for coefficient in coefficients:
         if not is_zero(coefficient):
-            total = _cut(added([total, scaled(power, coefficient)]), scale.kept)
+            total = _cut_sum([total, scaled(power, coefficient)], scale.kept)
         power = _beyond(multiplied(power, small, scale.kept), total.remainder)
         if not power.terms and not power.remainder:
             return total  # nothing more is known, or there is nothing more
@@ -713,6 +827,9 @@ def sign_of(coefficient: Expr, what: object, scale: Scale) -> int:
     UndecidedError
         If it is not known.
     """
+    known = sign_by_parts(coefficient)
+    if known is not None:
+        return known
     candidates: list[Callable[[], Expr]] = [lambda: coefficient]
     if scale.axes is None:
         candidates.append(lambda: large_logarithms(coefficient, scale))
@@ -851,7 +968,7 @@ def _logarithm(argument: Series, what: Expr, scale: Scale) -> Series:
         slow = _logarithm_of_term(coefficient, scale.axes, scale)
     series = (S.Zero, *(-((S.NegativeOne) ** k) / S(k) for k in range(1, _depth(scale) + 1)))
     corrections = _compose(relative(argument, what), series, scale)
-    return _cut(added([slow, corrections]), scale.kept)
+    return _cut_sum([slow, corrections], scale.kept)
 
 
 def _logarithm_of_term(term: Expr, axes: Axes, scale: Scale) -> Series:

@@ -119,7 +119,11 @@ def _with_radius(expr: Expr, radius: Expr) -> Expr:
 
 
 def series_of(
-    law: ContactLaw, scale: Scale, side: int, wanted: Iterable[str] = QUANTITIES
+    law: ContactLaw,
+    scale: Scale,
+    side: int,
+    wanted: Iterable[str] = QUANTITIES,
+    known: dict[Symbol, Series | UndecidedError] | None = None,
 ) -> dict[str, Series | UndecidedError]:
     """Series of the quantities wanted, and of what they follow from, by name; or why there is none.
 
@@ -131,12 +135,15 @@ def series_of(
         1 in compression, -1 in tension.
     wanted : iterable of str
         Names of quantities.
+    known : dict from Symbol to Series or UndecidedError, optional
+        Those found before with the same scale: they are not found again, and those found now are added.
 
     Raises
     ------
     SplitError
         If the cone must be cut.
     """
+    known = {} if known is None else known
     needed = _needed(definitions(law), set(wanted))
     here = scale.knowing(delta, Series({order: side * c for order, c in scale.known[size].terms.items()}), side * size)
     found: dict[str, Series | UndecidedError] = {}
@@ -144,18 +151,25 @@ def series_of(
     for symbol, expr in definitions_at(law, side).items():
         if symbol not in needed:
             continue
-        try:
-            for missing in sorted(expr.free_symbols & unknown.keys(), key=str):
-                raise unknown[missing]
-            series = expand(expr, here)
-            if expr != 0 and (series.terms or series.remainder):
-                leading(series, symbol)
-        except SplitError:
-            raise
-        except UndecidedError as reason:
-            found[symbol.name], unknown[symbol] = reason, reason
+        outcome = known.get(symbol)
+        if outcome is None:
+            try:
+                for missing in sorted(expr.free_symbols & unknown.keys(), key=str):
+                    raise unknown[missing]
+                outcome = expand(expr, here)
+                if expr != 0 and (outcome.terms or outcome.remainder):
+                    leading(outcome, symbol)
+            except SplitError:
+                raise
+            except UndecidedError as reason:
+                outcome = reason
+            if not isinstance(outcome, OutOfEffortError):  # what is left of the effort is another the next time
+                known[symbol] = outcome
+        found[symbol.name] = outcome
+        if isinstance(outcome, Series):
+            here = here.knowing(symbol, outcome, expr)
         else:
-            found[symbol.name], here = series, here.knowing(symbol, series, expr)
+            unknown[symbol] = outcome
     return found
 
 

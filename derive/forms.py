@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from sympy import (
@@ -69,7 +70,7 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
     """
     outside = rate and form.has(force)
     written = (form / (force / (eta * R)) if outside else form).subs({force: kappa * unit, h: x * R})
-    found = _factors(written) or _factors(powsimp(written))
+    found = _factors(written) or (None if _holds_sums(written) else _factors(powsimp(written)))
     if found is None:
         return None
     number, powers = powsimp(found[0]), found[1]
@@ -80,6 +81,12 @@ def as_product(form: Expr, unit: Expr, rate: bool = False) -> Product | None:
     last = {kappa: 1, x: 2}
     sorted_ = sorted(powers, key=lambda s: (last.get(s, 0), rank.get(s, len(order)), s.name))
     return Product(number, {symbol: powers[symbol] for symbol in sorted_ if powers[symbol] != 0})
+
+
+def _holds_sums(form: Expr) -> bool:
+    """Whether a factor is a power of a sum or a function, which none of its other forms gets rid of."""
+    bases = (factor.as_base_exp()[0] for factor in Mul.make_args(form))
+    return any((base.is_Add or base.is_Function) and base.has(kappa, x, R, E, eta) for base in bases)
 
 
 def _factors(form: Expr) -> tuple[Expr, dict[Symbol, Expr]] | None:
@@ -120,6 +127,7 @@ def _joined(total: Expr) -> Expr:
     return Add(*rest, common * log(inside))
 
 
+@lru_cache(maxsize=10_000)
 def plain(form: Expr, unit: Expr, rate: bool = False) -> str:
     """Text of a form, as "3*6**(1/3)/4 R kappa^(2/3)".
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -170,20 +171,30 @@ def check_limits(law: ContactLaw, effort: int = EFFORT) -> Findings:
     found = Findings()
     with within(effort, OutOfEffortError), knowing_ranges(ranges_of(law)):
         for limit in law.limits:
-            samples = samples_of(law, limit)
+            samples, regions = samples_of(law, limit), Regions()
             found += [
-                _check_claim(law, limit, quantity, claimed, samples, effort // SHARE)
+                _check_claim(law, limit, quantity, claimed, samples, regions, effort // SHARE)
                 for quantity, claimed in limit.claims.items()
             ]
     return found
 
 
+#: Parts of the ordering of a limit, which all of its claims share, by whether logarithms are decomposed.
+Regions = dict[bool, "list[Part]"]
+
+
 def _check_claim(
-    law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, samples: Sequence[Sample], effort: int
+    law: ContactLaw,
+    limit: Limit,
+    quantity: str,
+    claimed: Expr,
+    samples: Sequence[Sample],
+    regions: Regions,
+    effort: int,
 ) -> Finding:
     try:
         with within(effort, OutOfEffortError):
-            pieces = _judged(law, limit, quantity, claimed)
+            pieces = _judged(law, limit, quantity, claimed, regions)
     except UndecidedError as reason:
         pieces = [Piece("undecided", None, str(reason))]
     piece = together(pieces)
@@ -207,12 +218,13 @@ def _set_of(law: ContactLaw, limit: Limit) -> str:
     return f"as every inequality of {ordering(limit)} sharpens, at whatever rates{given}"
 
 
-def _judged(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr) -> list[Piece]:
+def _judged(law: ContactLaw, limit: Limit, quantity: str, claimed: Expr, regions: Regions) -> list[Piece]:
     """Judge a claim in each part of its ordering."""
 
     def judged(decomposed: bool) -> list[Piece]:
-        parts = _region(law, limit, decomposed)
-        pieces = settled(parts, lambda part: _judge(law, limit, part, quantity, claimed), _units(law))
+        if decomposed not in regions:
+            regions[decomposed] = _region(law, limit, decomposed)
+        pieces = settled(regions[decomposed], lambda part: _judge(law, limit, part, quantity, claimed), _units(law))
         return [piece for _, piece in pieces]
 
     try:
@@ -353,7 +365,7 @@ def _compared(
 
     def series_with(kept: int) -> tuple[Series, Series, dict[str, Series | UndecidedError]]:
         scale = part.scale(kept)
-        series = series_of(law, scale, side, wanted - {"delta"})
+        series = series_of(law, scale, side, wanted - {"delta"}, _known_of(law, part, side, kept))
         for needed in wanted - {"delta"}:
             if isinstance(series[needed], UndecidedError):
                 raise series[needed]  # type: ignore[misc]
@@ -369,6 +381,12 @@ def _compared(
         return found, claim, series
 
     return with_more_terms(series_with, MORE_TERMS)
+
+
+@lru_cache(maxsize=256)
+def _known_of(law: ContactLaw, part: Part, side: int, kept: int) -> dict[Symbol, Series | UndecidedError]:
+    """Series of a law's quantities in a part, found for one claim and used for the next."""
+    return {}
 
 
 #: Terms kept of the series of a claim: the leading one and some of the next, to tell the rate.
@@ -439,13 +457,28 @@ def rate_of(found: Series, claim: Series, quantity: str) -> tuple[tuple[Expr, ..
     return tuple(joined_logarithms(powsimp(terms[order])) for order in orders if order in terms), orders
 
 
+def _scale_of_chain(law: ContactLaw, part: Part, side: int, radius: Series | None) -> Scale:
+    """What is known of the symbols in a part, with the sums that were looked at before."""
+    scales = _scales_of_chains(law, part, side)
+    for other, scale in scales:
+        if other == radius:
+            return scale
+    scale = _knowing(law, part.scale(CLAIM_TERMS), side, frozenset())
+    scales.append((radius, scale if radius is None else scale.knowing(a, radius)))
+    return scales[-1][1]
+
+
+@lru_cache(maxsize=256)
+def _scales_of_chains(law: ContactLaw, part: Part, side: int) -> list[tuple[Series | None, Scale]]:
+    return []
+
+
 def _chain(
     law: ContactLaw, series: Mapping[str, Series | UndecidedError], part: Part, side: int
 ) -> list[tuple[Expr, Expr]]:
     """Sums that a quantity rests on, each with its dominant term; then the quantities on the way."""
-    scale = _knowing(law, part.scale(CLAIM_TERMS), side, frozenset())
-    if isinstance(series.get("a"), Series):
-        scale = scale.knowing(a, series["a"])  # type: ignore[arg-type]
+    radius = series.get("a")
+    scale = _scale_of_chain(law, part, side, radius if isinstance(radius, Series) else None)
     steps: dict[Expr, Expr] = {}
     elastic = S.Zero if is_rigid(law) else law.F_ela
     for quantity, declared in (("a", law.a), ("F", elastic), ("zeta", law.zeta), ("F_adh", law.F_adh)):

@@ -586,6 +586,7 @@ def _integrate_along_delta(series: Sequence[dict[str, Series | UndecidedError]],
         found["U_h"] = integral
 
 
+@lru_cache(maxsize=10_000)
 def _steepness(term: Expr) -> Expr:
     """Power of delta in a term.
 
@@ -616,10 +617,10 @@ def _regime(
     try:
         balance = leading(_decided(first["F"]), "F")[1] * SIGN[side]
         deflection, power = _solved(balance)
-        stretches = [_stretch(_decided(series["F"]), power, scale) for scale, series in found]
+        stretches = [(_stretch(_decided(series["F"]), power, scale), Powers()) for scale, series in found]
     except UndecidedError as reason:
         return replace(nothing, undecided={**undecided, "delta": str(reason)})
-    forms = {"delta": Form(deflection, size, *_corrections(stretches, deflection))}
+    forms = {"delta": Form(deflection, size, *_corrections([stretch for stretch, _ in stretches], deflection))}
     for name in FORMS:
         quantity = first.get(name)
         if not isinstance(quantity, Series) or not (quantity.terms or quantity.remainder):
@@ -628,8 +629,8 @@ def _regime(
         corrections: tuple[tuple[Expr, ...], bool] = ((), False)
         if name != "U_h":
             changes = [
-                _at_given_force(_decided(series[name]), stretch, scale)
-                for (scale, series), stretch in zip(found, stretches, strict=True)
+                _at_given_force(_decided(series[name]), stretch, scale, S.Zero, powers)
+                for (scale, series), (stretch, powers) in zip(found, stretches, strict=True)
             ]
             corrections = _corrections(changes, deflection)
         forms[name] = Form(_in_force(state, deflection), state, *corrections)
@@ -652,19 +653,34 @@ def _stretch(balance: Series, power: Expr, scale: Scale) -> Series:
     stretch = Series({zero(scale): S.One})
     # each round is right to one order more, and one correction of the second order may be the largest left
     for _ in range(3):
-        stretch = raised(_at_given_force(balance, stretch, scale, -power), -1 / power, "F", scale)
+        stretch = raised(_at_given_force(balance, stretch, scale, -power, Powers()), -1 / power, "F", scale)
     return stretch
 
 
-def _at_given_force(quantity: Series, stretch: Series, scale: Scale, power: Expr = S.Zero) -> Series:
-    """Series of quantity/leading form * stretch**power, where delta becomes delta * stretch."""
+#: Powers of a stretch that are known: many terms, of all quantities, go as the same power of delta.
+Powers = dict[Expr, Series]
+
+
+def _at_given_force(quantity: Series, stretch: Series, scale: Scale, power: Expr, powers: Powers) -> Series:
+    """Series of quantity/leading form * stretch**power, where delta becomes delta * stretch.
+
+    Parameters
+    ----------
+    quantity, stretch : Series
+    scale : Scale
+    power : Expr
+    powers : dict from Expr to Series
+        Powers of the stretch; those that are found are added.
+    """
     dominant, coefficient = leading(quantity)
     parts = [Series({}, frozenset(minus(r, dominant) for r in quantity.remainder))]
     for order, term in quantity.terms.items():
         relative = Series({minus(order, dominant): term / coefficient})
         steepness = _steepness(term) + power
-        stretched = raised(stretch, steepness, "delta", scale) if steepness != 0 else Series({zero(scale): S.One})
-        parts.append(multiplied(relative, stretched, scale.kept))
+        if steepness not in powers:
+            one = Series({zero(scale): S.One})
+            powers[steepness] = raised(stretch, steepness, "delta", scale) if steepness != 0 else one
+        parts.append(multiplied(relative, powers[steepness], scale.kept))
     return added(parts)
 
 

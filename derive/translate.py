@@ -169,28 +169,38 @@ def _comments(text: str) -> dict[int, str]:
 def _written_arrays(functions: list[ast.FunctionDef]) -> dict[str, list[bool]]:
     """Which arguments of each function are arrays written to, by itself or by what it calls."""
     result = {f.name: [False] * len(f.args.args) for f in functions}
+    stored = {f.name: _stored(f) for f in functions}
+    calls = {f.name: [call for call in _calls(f) if call[0] in result] for f in functions}
     changed = True
     while changed:
         changed = False
         for function in functions:
-            names = [argument.arg for argument in function.args.args]
-            stored = {
-                node.value.id
-                for node in ast.walk(function)
-                if isinstance(node, ast.Subscript)
-                and isinstance(node.ctx, ast.Store)
-                and isinstance(node.value, ast.Name)
-            }
-            for node in ast.walk(function):
-                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in result:
-                    for argument, is_written in zip(node.args, result[node.func.id], strict=True):
-                        if is_written and isinstance(argument, ast.Name):
-                            stored.add(argument.id)
-            flags = [name in stored for name in names]
+            names = stored[function.name]
+            for called, given in calls[function.name]:
+                names |= {name for name, is_written in zip(given, result[called], strict=True) if is_written and name}
+            flags = [argument.arg in names for argument in function.args.args]
             if flags != result[function.name]:
                 result[function.name] = flags
                 changed = True
     return result
+
+
+def _stored(function: ast.FunctionDef) -> set[str]:
+    """Arrays that a function itself writes to."""
+    return {
+        node.value.id
+        for node in ast.walk(function)
+        if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name)
+    }
+
+
+def _calls(function: ast.FunctionDef) -> list[tuple[str, list[str]]]:
+    """What a function calls, and the names that it gives, "" for other arguments."""
+    return [
+        (node.func.id, [argument.id if isinstance(argument, ast.Name) else "" for argument in node.args])
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    ]
 
 
 def _function(node: ast.FunctionDef, comments: dict[int, str], written: dict[str, list[bool]]) -> str:

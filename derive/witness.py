@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise, product
@@ -136,10 +136,14 @@ class Witness:
 
 @dataclass(frozen=True)
 class Sample:
-    """A path within an ordering, and the values of all quantities at each of its levels."""
+    """A path within an ordering, and the values of all quantities at each of its levels.
+
+    ``further`` holds those at other levels that were asked for, by level and digits: all claims ask for the same.
+    """
 
     path: Path
     points: tuple[Point, ...]
+    further: dict[tuple[int, int], Point | None] = field(default_factory=dict, compare=False, repr=False)
 
 
 def inequalities(limit: Limit) -> list[tuple[Expr, Expr]]:
@@ -177,7 +181,7 @@ def contradiction(law: ContactLaw, limit: Limit, samples: Sequence[Sample], name
         off = [deviation(point, name, claim) for point in sample.points]
         if not _lasts(off) or not has_its_digits(law, limit, sample, name, claim):
             continue
-        further = _further(law, limit, sample.path, name, claim)
+        further = _further(law, limit, sample, name, claim)
         off += further
         if _lasts(off[1:]) and ((further and (off[-1] or 0) > FAR) or _is_steady(off)):
             return told(limit, sample, name, claim)
@@ -204,14 +208,20 @@ def has_its_digits(
         How far along the path the points are.
     """
     for level, point in reversed(list(zip(levels, sample.points, strict=False))):
-        exact = _point(law, limit, sample.path, level, 3 * _digits_at(sample.path, level))
+        exact = _point_of(law, limit, sample, level, 3 * _digits_at(sample.path, level))
         if exact is not None:
             one, other = (deviation(x, name, claim) for x in (point, exact))
             return one is not None and other is not None and bool(abs(one - other) <= (1 - LASTING) * abs(other))
     return False
 
 
-def _further(law: ContactLaw, limit: Limit, path: Path, name: str, claim: Expr) -> list[mpmath.mpf]:
+def _point_of(law: ContactLaw, limit: Limit, sample: Sample, level: int, digits: int) -> Point | None:
+    if (level, digits) not in sample.further:
+        sample.further[level, digits] = _point(law, limit, sample.path, level, digits)
+    return sample.further[level, digits]
+
+
+def _further(law: ContactLaw, limit: Limit, sample: Sample, name: str, claim: Expr) -> list[mpmath.mpf]:
     """Deviations along a path beyond the points that it was first looked at, the nearest first; those that have digits.
 
     In log(1 + h/R) a small h/R would be lost, and with it what the claim is about.
@@ -219,7 +229,7 @@ def _further(law: ContactLaw, limit: Limit, path: Path, name: str, claim: Expr) 
     found = []
     for level in CONFIRMED:
         digits = DIGITS_FAR + len(str(level))
-        points = (_point(law, limit, path, level, digits * more) for more in (1, 3))
+        points = (_point_of(law, limit, sample, level, digits * more) for more in (1, 3))
         one, exact = (None if point is None else deviation(point, name, claim) for point in points)
         if one is not None and exact is not None and abs(one - exact) <= (1 - LASTING) * abs(exact):
             found.append(exact)
@@ -512,7 +522,7 @@ def far_contradiction(law: ContactLaw, limit: Limit, name: str, claim: Expr) -> 
     claim : Expr
     """
     for sample in far_samples(law, limit):
-        off = _further(law, limit, sample.path, name, claim)
+        off = _further(law, limit, sample, name, claim)
         if len(off) == len(CONFIRMED) and _lasts(off) and off[-1] > OUTGROWN:
             return told(limit, sample, name, claim)
     return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from random import Random
 
 import mpmath
 import pytest
@@ -25,6 +26,7 @@ from sympy import (
     factorial,
     lambdify,
     log,
+    pi,
     simplify,
     sin,
     sinh,
@@ -39,10 +41,14 @@ from softdyn.derive.asymptotics import (
     SplitError,
     UndecidedError,
     expand,
+    first_terms,
+    is_apart_from_zero,
     is_zero,
     leading,
+    minimal,
     negligible,
     scale_of,
+    sign_by_parts,
 )
 from softdyn.derive.cones import Cone, split
 from softdyn.derive.patience import within
@@ -322,3 +328,65 @@ def test_a_series_that_is_cut_keeps_its_largest_terms() -> None:
 def test_the_effort_is_over_when_it_is() -> None:
     with pytest.raises(OutOfEffortError), within(0, OutOfEffortError):
         expand(r1 + r2, scale_of(QUARTER, AXES))
+
+
+# ------------------------------------------------------------------------------------------ what need not be worked out
+
+
+def all_first(terms, remainder, kept):
+    """The same as first_terms, with every coefficient worked out before anything is cut."""
+    least = minimal(remainder)
+    known = {e: c for e, c in terms.items() if c is not None and not any(e == r or negligible(e, r) for r in least)}
+    if len(known) <= kept:
+        return known, frozenset(least)
+    ordered, rest = [], set(known)
+    while len(ordered) < kept:
+        layer = minimal(rest)
+        ordered += sorted(layer, key=lambda e: (sum(e), e))
+        rest.difference_update(layer)
+    return {e: known[e] for e in ordered[:kept]}, frozenset(minimal([*least, *ordered[kept:], *rest]))
+
+
+def test_terms_that_are_cut_are_not_worked_out_and_change_nothing() -> None:
+    draw, spared = Random(3), 0
+    for _ in range(600):
+        orders = [(draw.randint(-2, 4), draw.randint(-2, 4)) for _ in range(draw.randint(0, 12))]
+        terms = {e: None if draw.random() < 0.3 else Symbol(f"c{i}") for i, e in enumerate(orders)}
+        remainder = [(draw.randint(0, 5), draw.randint(0, 5)) for _ in range(draw.randint(0, 2))]
+        asked: list = []
+
+        def coefficient_of(coefficient, asked=asked):
+            asked.append(coefficient)
+            return coefficient
+
+        found = first_terms(terms, coefficient_of, remainder, kept := draw.randint(1, 5))
+        assert (dict(found.terms), found.remainder) == all_first(terms, remainder, kept)
+        assert len(asked) <= len(terms)
+        spared += len(terms) - len(asked)
+    assert spared > 800
+
+
+def test_signs_and_zeros_seen_in_parts_are_those_that_sympy_finds() -> None:
+    x, y, n = Symbol("x", positive=True), Symbol("y", negative=True), Symbol("n", real=True)
+    draw = Random(5)
+
+    def made(depth: int):
+        if depth == 0:
+            return draw.choice([x, y, n, S(draw.randint(-3, 3)), Rational(1, 3), pi])
+        parts = [made(depth - 1) for _ in range(2)]
+        return draw.choice([parts[0] + parts[1], parts[0] * parts[1], parts[0] ** 2, log(parts[0] ** 2 + 1)])
+
+    told = 0
+    for expr in (made(draw.randint(1, 3)) for _ in range(400)):
+        side = sign_by_parts(expr)
+        told += side is not None
+        assert side is None or (expr.is_positive, expr.is_negative) == (side == 1, side == -1), expr
+        assert expr != 0 or not is_apart_from_zero(expr)
+    assert told > 50
+    hidden = (1 + x) ** 2 - 1 - 2 * x - x**2
+    assert not is_apart_from_zero(hidden)
+    assert not is_apart_from_zero(x * hidden)
+    assert is_apart_from_zero(x - sqrt(2) * log(1 + x))
+    assert not is_apart_from_zero(n + 1)
+    # what is left of a sum that nearly cancels is left to exact numbers
+    assert not is_apart_from_zero(1 + x - x * Rational(10**6 + 1, 10**6) - 1)

@@ -49,6 +49,7 @@ from sympy.core.function import Application
 from softdyn.derive import dynamics as d
 from softdyn.derive.cones import cut, dot, primitive
 from softdyn.derive.dimensions import FORCE, LENGTH
+from softdyn.derive.equations import with_known
 from softdyn.derive.forms import as_product, force, force_unit, kappa, x
 from softdyn.derive.law import is_rigid, typical_values, without_typical
 from softdyn.derive.regimes import SIGN, Crossover, Diagram, Regime, Side
@@ -566,7 +567,7 @@ def _equation(law: ContactLaw, name: str) -> Callable[..., Any]:
 
 def _in_numbers(law: ContactLaw, expr: Expr) -> Expr:
     # a kink leaves a derivative of sign(delta) behind, which is a number for no array
-    return tidy(S(expr)).subs(parameter_values(law))
+    return with_known(tidy(S(expr)), parameter_values(law))
 
 
 @lru_cache(maxsize=16)
