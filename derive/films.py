@@ -36,6 +36,7 @@ from sympy import (
     powsimp,
     simplify,
     sinh,
+    sqrt,
     tanh,
     together,
 )
@@ -177,7 +178,12 @@ def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
     value : Expr
         Without the symbol.
     """
-    expr, value = _in_one_exponential(expr, symbol, value)
+    found = _undone(*_in_one_exponential(expr, symbol, value), symbol)
+    # sinh by its name is undone by its name
+    return _undone(*_in_one_exponential(expr, symbol, value, quadratic=True), symbol) if found is None else found
+
+
+def _undone(expr: Expr, value: Expr, symbol: Symbol) -> Expr | None:
     while expr != symbol:
         holding = [part for part in expr.args if part.has(symbol)]
         if len(holding) != 1:
@@ -203,8 +209,17 @@ def inverted(expr: Expr, symbol: Symbol, value: Expr) -> Expr | None:
 UNDONE = {log: exp, sinh: asinh, cosh: acosh, tanh: atanh, expm1: log1p, log1p: expm1}
 
 
-def _in_one_exponential(expr: Expr, symbol: Symbol, value: Expr) -> tuple[Expr, Expr]:
-    """Write expr = value as exp(symbol/length) = ..., where only one power of such an exponential is in it."""
+def _in_one_exponential(expr: Expr, symbol: Symbol, value: Expr, quadratic: bool = False) -> tuple[Expr, Expr]:
+    """Write expr = value as exp(symbol/length) = ..., where only one power of such an exponential is in it.
+
+    Parameters
+    ----------
+    expr : Expr
+    symbol : Symbol
+    value : Expr
+    quadratic : bool
+        Whether there may be its square too, where one of the two roots is positive.
+    """
     written = expr.rewrite(exp) if expr.has(tanh, coth, sinh, cosh, expm1) else expr
     exponents = list(dict.fromkeys(part.args[0] for part in sorted(written.atoms(exp), key=str) if part.has(symbol)))
     if not exponents or len(written.atoms(log)) or any(not (diff(one, symbol)).is_nonzero for one in exponents):
@@ -219,9 +234,15 @@ def _in_one_exponential(expr: Expr, symbol: Symbol, value: Expr) -> tuple[Expr, 
     if inside.has(symbol):
         return expr, value
     top = fraction(together(inside - value))[0].as_poly(y)
-    if top is None or {power for (power,) in top.monoms()} != {0, degree := int(top.degree())} or degree == 0:
+    if top is None or (degree := int(top.degree())) == 0:
         return expr, value
-    return exp(degree * unit * smallest), simplify(-top.nth(0) / top.LC())
+    product = simplify(top.nth(0) / top.LC())
+    if {power for (power,) in top.monoms()} == {0, degree}:
+        return exp(degree * unit * smallest), -product
+    if quadratic and degree == 2 and product.is_negative:  # as of 1/sinh in exponentials
+        half = simplify(-top.nth(1) / (2 * top.LC()))
+        return exp(unit * smallest), half + sqrt(half**2 - product)
+    return expr, value
 
 
 # -------------------------------------------------------------------------------------------------- between regimes

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from html import escape
 from math import lcm
 from typing import TYPE_CHECKING
@@ -315,6 +316,7 @@ def _negative(term: Expr) -> bool:
     return bool(term.as_coeff_Mul()[0].is_negative)
 
 
+@lru_cache(maxsize=4096)  # to write a long sum takes longer than to set it
 def _rank(expr: Expr) -> tuple[bool, bool, list[tuple[int, str]], str]:
     """Numbers, then symbols, then sums and functions; each by the symbols in it."""
     symbols = sorted((RANK.get(symbol.name, RANK[""]), symbol.name) for symbol in expr.free_symbols)

@@ -158,6 +158,7 @@ CLOSED: dict[str, tuple[Expr, Expr]] = {
     "Bose": (2 * A * exp(-x) / (1 - exp(-x)), ell * log(1 + 2 * A / force)),
     "tanh": (A * (1 - tanh(x)), ell * log(2 * A / force - 1) / 2),
     "sinh": (A / sinh(x), ell * asinh(A / force)),
+    "sinh in exponentials": (2 * A * exp(-x) / (1 - exp(-2 * x)), ell * asinh(A / force)),
     "log": (-A * log(1 - exp(-x)), -ell * log(1 - exp(-force / A))),
     "power": (A / x**2, ell * sqrt(A / force)),
 }

@@ -11,6 +11,7 @@ import re
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -362,7 +363,7 @@ def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, sho
             "verdict": finding.verdict,
             "reason": finding.reason,
             "chain": [
-                show(rf"{to_latex(whole)} \to {to_latex(term)}", f"{sstr(whole)} -> {sstr(term)}")
+                show(rf"{to_latex(whole)} \to {to_latex(term)}", f"{_words(whole)} -> {_words(term)}")
                 for whole, term in finding.chain
             ],
             "ratio": None if finding.ratio is None else ratio(finding, law, show),
@@ -380,6 +381,11 @@ def limit_entry(limit: Limit, findings: Sequence[Finding], diagram: Diagram, sho
         "order": [show(latex, text) for latex, text in zip(order, words, strict=True)],
         "claims": claims,
     }
+
+
+@lru_cache(maxsize=512)  # claims of one limit rest on the same sums
+def _words(expr: Expr) -> str:
+    return str(sstr(expr))
 
 
 def ratio(finding: Finding, law: ContactLaw, show: Show) -> Markup:
