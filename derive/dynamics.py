@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
-from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, cancel, diff, expand, solve
+from sympy import Derivative, Eq, Expr, Function, Matrix, S, Symbol, cancel, diff, expand
 
 from softdyn.derivations import kept
 from softdyn.derive.law import expressions, is_rigid
@@ -149,11 +149,11 @@ def generic_dynamics(general: bool = False) -> GenericDynamics:
     }
 
     # eq. 1, viscous part: F_ext = -zeta dh/dt + F_adh
-    (gap_rate,) = solve(Eq(F, -zeta * dh_dt + F_adh), dh_dt)
+    gap_rate = _solved(Eq(F, -zeta * dh_dt + F_adh), dh_dt)
     # eq. 1, elastic part, differentiated: dF_ext/dt = d/dt F_ela(a(h, delta), delta)
     differentiated = Eq(force.diff(t), elastic.diff(t)).subs(named)
     assert not differentiated.atoms(Derivative), f"an unnamed derivative is left in {differentiated}"
-    (deflection_rate,) = solve(differentiated, ddelta_dt)
+    deflection_rate = _solved(differentiated, ddelta_dt)
     # eq. 2, differentiated: X = 2R + h - 2 delta
     distance = 2 * R + h - 2 * delta
     centre_rate = (
@@ -217,6 +217,15 @@ def generic_dynamics(general: bool = False) -> GenericDynamics:
         lambda2=h * gap_along / dh_dt,
         jacobians=jacobians,
     )
+
+
+def _solved(equation: Eq, rate: Symbol) -> Expr:
+    """Solve an equation that is linear in a rate."""
+    difference = expand(equation.rhs - equation.lhs)
+    slope, rest = difference.coeff(rate), difference.subs(rate, 0)
+    assert expand(slope * rate + rest - difference) == 0, f"{equation} is not linear in {rate}"
+    side = -1 if slope.could_extract_minus_sign() else 1
+    return expand(-side * rest) / expand(side * slope)
 
 
 def _derivatives_of_radius(law: ContactLaw, *variables: Symbol) -> list[Expr]:
