@@ -256,7 +256,7 @@ def _parser() -> argparse.ArgumentParser:
         "fluid; or a scene that comes with softdyn, by name: two, line, t1, emulsion, suspension, spheres, bubbles, "
         "chains, platelets, colloids, collapse, hopper, drum, shear_dry, slope, rough, of a fluid cavity, channel, "
         "cylinder, cylinder_shedding, bed, darcy, of grains in a fluid settling, cloud, depot, fluidised, "
-        "chains_flow, thrombus",
+        "chains_flow, thrombus, emulsion_flow",
     )
     run.add_argument(
         "-o",

@@ -118,7 +118,10 @@ def test_a_run_with_contacts_that_is_killed_goes_on_to_the_bit(tmp_path: Path) -
         ({"walls": ["floor"]}, r"\[contacts\] walls: boundary 'floor' is none of the mesh's"),
         ({"law": None, "parameters": {}}, r"(?s)friction\] needs a contact law.*contacts\] walls needs"),
         ({"held": True}, "law is of no use to grains that are held"),
-        ({"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}}, "contacts in a fluid are dry ones"),
+        (
+            {"law": "rognon_gay", "parameters": {"E": 1.0, "eta": 1.0}, "friction": None},
+            "of films in this fluid it is 0.3",
+        ),
         ({"parameters": {"E": 1.0, "nu": 0.3}}, "tau is missing"),
         ({"viscosity": 0.0}, r"\[fluid\] viscosity"),
     ],

@@ -29,7 +29,6 @@ from softdyn.particles.geometry import Wall
 from softdyn.particles.mechanisms.inertia import GYRATION, Inertia
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_scene import check
-from softdyn.traits import traits_of
 from softdyn.words import suggestion
 
 if TYPE_CHECKING:
@@ -124,12 +123,8 @@ def grain_system(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: 
     """
     if scene.law is None or not len(mass):
         return None
-    traits = traits_of(scene.law)
-    if traits.kind != "dry" or traits.remote:
-        raise SceneError(
-            "law: contacts in a fluid are dry ones without a remote force, as hertz's: the fluid between the grains is "
-            "what the closures tell"
-        )
+    if scene.range is not None:
+        raise SceneError("[contacts] range: contacts of this law end where surfaces part: leave it out")
     d = mesh.dimension
     inertia = Inertia(float(scene.grain_density or 0.0), "disc" if d == 2 else "sphere")
     system = prepare(check(particles_of(scene, mesh, grains, inertia=inertia, velocities=grains.v, rtol=RTOL)))
@@ -163,6 +158,7 @@ def particles_of(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, **more
         "positions": grains.x,
         "radii": grains.radii,
         "friction": scene.friction,
+        "gap": scene.gap,
         "species": scene.species,
         "potential": scene.potential,
         "bond": grains.bonds,

@@ -1,6 +1,6 @@
 """Grains that do something to one another, by whichever engine: explicit steps of dry contacts, or implicit ones.
 
-Bonds and potentials, and what else explicit steps do not know, are for implicit ones. A scene loads what it needs.
+Bonds, potentials, films, and what else explicit steps do not know, are for implicit ones. A scene loads what it needs.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.errors import SceneError
 from softdyn.particles.explicit import grain_checkpoint
 from softdyn.particles.explicit.grains import Grains, GrainSystem
 from softdyn.suspension import grain_contacts
+from softdyn.traits import traits_of
 
 if TYPE_CHECKING:
     from softdyn.fluid.mesh import Mesh
@@ -31,7 +33,12 @@ Array = NDArray[np.float64]
 
 def is_soft(scene: SuspensionScene) -> bool:
     """Whether it takes the implicit engine."""
-    return bool(len(scene.bond) or len(scene.potential))
+    if len(scene.bond) or len(scene.potential):
+        return True
+    if scene.law is None:
+        return False
+    traits = traits_of(scene.law)
+    return traits.kind != "dry" or traits.remote or (traits.rubs and scene.friction is not None)
 
 
 def engine_of(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: Array) -> Engine | None:
@@ -49,6 +56,8 @@ def engine_of(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: Arr
     SceneError, LawError, CompileError
     """
     if not len(mass):
+        if len(scene.bond):
+            raise SceneError("[[bond]] pairs: there are no grains, and so no pairs of them: leave it out")
         return None
     if is_soft(scene):
         from softdyn.suspension.soft_grains import soft_system
@@ -125,7 +134,9 @@ def counted(system: Engine, before: Moving, after: Moving) -> tuple[int, int]:
     return found
 
 
-def told_of_contacts(system: Engine | None, grains: Moving | None, volume: float, d: int) -> tuple[Array, Array]:
+def told_of_contacts(
+    system: Engine | None, grains: Moving | None, volume: float, d: int, walls: int
+) -> tuple[Array, Array]:
     """Stress of what grains do to one another, shape (d, d), and forces on the walls, shape (walls, d).
 
     Parameters
@@ -136,11 +147,13 @@ def told_of_contacts(system: Engine | None, grains: Moving | None, volume: float
         Of the fluid.
     d : int
         Dimensions.
+    walls : int
+        How many there are.
     """
     if system is None or grains is None:
-        return np.zeros((d, d)), np.zeros((0, d))
-    stress, walls = _of(system).told_of_contacts(system, grains, volume, d)
-    return stress, walls
+        return np.zeros((d, d)), np.zeros((walls, d))
+    stress, forces = _of(system).told_of_contacts(system, grains, volume, d)
+    return stress, forces
 
 
 def columns_of_bonds(

@@ -1,10 +1,13 @@
-"""Grains of a suspension with bonds and potentials: implicit sub-steps within a step of the fluid.
+"""Grains of a suspension with bonds, potentials or soft films: implicit sub-steps within a step of the fluid.
 
 Over a step, a grain feels its weight, the pressure -V grad p and the drag K (v_f - v), with v_f, grad p and K as they
 stand at an attempt at the step, and what its neighbours do: all that the implicit engine of many particles knows. Its
-steps are as long as their error allows, of order 3, and have no limit of stability: of a stiff bond a step sees what it
-comes to. Where the error asks for it, a step of the fluid is divided. The impulse of the drag is integrated beside the
-velocities: it is, to rounding, what the grains have had.
+steps are as long as their error allows, of order 3, and have no limit of stability: of a stiff bond, or a thin film, a
+step sees what it comes to. Where the error asks for it, a step of the fluid is divided. The impulse of the drag is
+integrated beside the velocities: it is, to rounding, what the grains have had.
+
+A film's friction contains what the fluid resists of two spheres far apart. The drag is the closure's here, so that a
+contact carries what exceeds its own limit, and ends within its range: the fluid does what is further away.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softdyn.errors import SceneError
 from softdyn.particles import checkpoint
 from softdyn.particles.force_balance import Balance, Newton, StageInput, largest
 from softdyn.particles.geometry import Contacts, directions, lattice
@@ -31,7 +35,8 @@ from softdyn.particles.particle_scene import check
 from softdyn.particles.start import start
 from softdyn.particles.state import State
 from softdyn.particles.system import System, contact_state, opening_rates
-from softdyn.suspension.grain_contacts import Passage, particles_of
+from softdyn.suspension.grain_contacts import Passage, parameters_of_law, particles_of
+from softdyn.traits import traits_of
 
 if TYPE_CHECKING:
     from softdyn.fluid.mesh import Mesh
@@ -42,6 +47,8 @@ Array = NDArray[np.float64]
 
 #: Error of a position, relative to the radius, allowed in a sub-step.
 RTOL = 1e-3
+#: What the viscosities of a law and of the fluid may differ by.
+SAME = 1e-9
 #: Width of the skin of lists of pairs, in smallest radii: flows carry grains past one another fast.
 SKIN = 3.0
 #: Of a run without frames of its own: no output time is ever reached.
@@ -102,7 +109,14 @@ class MassesInFluid(Masses):
     """
 
     def errors(self, system: System, at: Balance, errors: Mapping[str, Array]) -> list[float]:
-        """None of its own."""
+        """None of its own.
+
+        Parameters
+        ----------
+        system : System
+        at : Balance
+        errors : mapping from str to array
+        """
         return []
 
 
@@ -142,7 +156,7 @@ def soft_system(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: A
         # what resists is replaced below: the engine asks for something that does
         more: dict[str, Any] = {"drag": 1.0, "parameters": {"eta": scene.viscosity}}
     else:
-        more = {"inertia": Inertia(float(scene.grain_density or 0.0), shape)}
+        more = {"inertia": Inertia(float(scene.grain_density or 0.0), shape), **_of_films(scene, grains, d)}
     facts = check(particles_of(scene, mesh, grains, rtol=RTOL, **more))
     own = [one for one in facts.mechanisms if not isinstance(one, (Drag, Masses))]
     at = next((k for k, one in enumerate(own) if isinstance(one, Potentials)), None)
@@ -152,6 +166,33 @@ def soft_system(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: A
     masses = MassesInFluid(mass, GYRATION[shape] * mass * grains.radii**2)
     drag = InFluid(np.zeros(len(mass)), np.zeros((len(mass), d)), np.zeros((len(mass), d)))
     return ready(replace(facts, mechanisms=(*own, drag, masses), times=NO_TIMES))
+
+
+def _of_films(scene: SuspensionScene, grains: GrainArrays, d: int) -> dict[str, Any]:
+    """What films and remote forces need: their range, the viscosity, and that the closure has each grain's own drag.
+
+    Raises
+    ------
+    SceneError
+    """
+    traits = traits_of(scene.law)
+    if traits.kind == "dry" and not traits.remote:
+        return {}
+    more: dict[str, Any] = {"range": scene.range or float(grains.radii.min())}
+    if traits.kind == "dry":
+        return more
+    named = parameters_of_law(scene)
+    if "eta" not in named:
+        return more
+    # discs stand for spheres, one in each 4/3 of their radius of depth; forces are those per depth
+    eta = scene.viscosity if d == 3 else scene.viscosity / (4 / 3 * float(grains.radii.mean()))
+    if "eta" in scene.parameters and abs(float(scene.parameters["eta"]) / eta - 1) > SAME:
+        raise SceneError(
+            f"[parameters] eta = {scene.parameters['eta']:g}: of films in this fluid it is {eta:.6g}, its viscosity"
+            f"{', per depth of a sphere' if d == 2 else ''}: leave it out"
+        )
+    given = {name: scene.parameters[name] for name in named if name in scene.parameters}
+    return {**more, "drag": 1.0, "parameters": {**given, "eta": eta}}
 
 
 def grains_at_start(system: System, grains: GrainArrays) -> SoftGrains:

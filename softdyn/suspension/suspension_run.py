@@ -775,7 +775,8 @@ def _columns(run: Run) -> Measures:
 
 def _of_contacts(system: Suspension, grains: Moving | None) -> tuple[Array, Array]:
     """Stress of the contacts, and forces on the walls."""
-    return told_of_contacts(system.contacts, grains, float(system.filter.mass.sum()), system.fluid.dimension)
+    volume, walls = float(system.filter.mass.sum()), len(getattr(system.fluid.scene, "walls", ()))
+    return told_of_contacts(system.contacts, grains, volume, system.fluid.dimension, walls)
 
 
 def _frame(run: Run) -> SuspensionFrame:

@@ -104,7 +104,7 @@ class SuspensionScene(FluidScene):
     drag: Annotated[Any, Key("[closures] drag", CLOSURE, "The drag on a grain, a closure that gives it.")] = None
     law: Annotated[
         Any,
-        Key("law", LAW, "The contact law of grains that touch, a dry one; its parameters stand in [parameters], too."),
+        Key("law", LAW, "The contact law of grains that touch; its parameters stand in [parameters], too."),
     ] = None
     friction: Annotated["Friction | None", FRICTION] = None
     potential: Annotated[Sequence["PairPotential"], POTENTIAL_ENTRY] = ()
@@ -117,6 +117,26 @@ class SuspensionScene(FluidScene):
             "Flat parts of the mesh's boundary that grains touch, and which keep them in, by their names.",
         ),
     ] = ()
+    gap: Annotated[
+        float | None,
+        Key(
+            "[contacts] gap",
+            POSITIVE,
+            "Initial gap of the pairs whose surfaces are closer than that, which are then pressed together; all others "
+            "start undeformed. Of laws with a film.",
+            "length",
+        ),
+    ] = None
+    range: Annotated[
+        float | None,
+        Key(
+            "[contacts] range",
+            POSITIVE,
+            "Range of the contacts of laws with a film or a remote force: beyond this gap there is none, and from half "
+            "of it on it fades. The smallest radius without: what is further away is the fluid's.",
+            "length",
+        ),
+    ] = None
     width: Annotated[
         float | None,
         Key(
@@ -170,6 +190,7 @@ def check_suspension(scene: SuspensionScene) -> None:
     if scene.grain_density is None and not scene.held:
         faults.append("[particles] density is missing: grains have inertia, unless they are held")
     contacts = {"[friction]": scene.friction is not None, "[contacts] walls": bool(len(scene.walls))}
+    contacts |= {f"[contacts] {name}": getattr(scene, name) is not None for name in ("gap", "range")}
     if scene.law is None:
         faults += [f'{name} needs a contact law, as law = "hertz"' for name in contacts if contacts[name]]
     forces = {"law": scene.law is not None, "[[potential]]": len(scene.potential), "[[bond]]": len(scene.bond)}
