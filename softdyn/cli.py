@@ -338,7 +338,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument(
         "what",
         nargs="?",
-        choices=("pair", "particles", "grains", "fluid"),
+        choices=("pair", "particles", "grains", "fluid", "suspension"),
         default="pair",
         help="what to measure (default: %(default)s)",
     )
@@ -1059,6 +1059,10 @@ def _bench(options: argparse.Namespace) -> int:
         from softdyn.bench.fluid_bench import bench_fluid
 
         return bench_fluid(options.folder)
+    if options.what == "suspension":
+        from softdyn.bench.suspension_bench import bench_suspension
+
+        return bench_suspension(options.folder)
     from softdyn.bench.pair_bench import main
 
     return main(options.folder)

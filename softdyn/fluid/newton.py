@@ -87,6 +87,7 @@ def solve(
     x: Array,
     scales: Array | None = None,
     watch: Callable[[int, float], None] | None = None,
+    goal: float = GOAL,
 ) -> Solution:
     """Solve equations, from a guess that has the given values.
 
@@ -99,6 +100,8 @@ def solve(
     scales : array, shape (2,), optional
         Those of a solution of equations like these, whose factor the solver holds and which may serve here.
     watch : function of (iteration, residual), optional
+    goal : float
+        Relative residual at which it ends.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def solve(
         measure = _largest(free, scales, unknowns.free_kinds)
         if watch is not None:
             watch(iteration, measure)
-        if measure <= GOAL or (measure <= MUST and not measure < 0.5 * last):
+        if measure <= goal or (measure <= MUST and not measure < 0.5 * last):
             return Solution(x, residual, measure, iteration, scales)
         if iteration == MOST_ITERATIONS or not np.isfinite(measure):
             raise _failed("it does not converge", free, scales, measure, unknowns)

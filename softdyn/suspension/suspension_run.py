@@ -33,7 +33,7 @@ from softdyn.fluid.fluid_result import HISTORY, frame_of
 from softdyn.fluid.fluid_run import fingerprint, output_times, solver_arrays, solver_from, solver_of
 from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
 from softdyn.fluid.mesh import place
-from softdyn.fluid.newton import NewtonFailed, Solution, solve
+from softdyn.fluid.newton import GOAL, NewtonFailed, Solution, solve
 from softdyn.one_thread import in_one_thread
 from softdyn.particles.packing import BALL
 from softdyn.results.carried import carried
@@ -89,6 +89,8 @@ MOST, ENOUGH = 50, 12
 FLOWS = 20
 #: Misfit at which none is tried any more: of forces that add up to nothing, which the width of the filter spreads.
 FITS = 1e-4
+#: Residual of flows that are tried, over what is asked of the drag.
+ROUGH = 1e-2
 #: Friction that flows which are tried are weighed with at least, over the largest.
 SLIGHT = 1e-3
 #: Relative change of the length of a step from which sizes are told anew.
@@ -404,6 +406,8 @@ class Found:
     equations : FlowEquations
     solution : Solution
     cloud : Cloud
+    friction : array, shape (grains,)
+        K'.
     passage : Passage, optional
         Through the contacts.
     forces : Exchange
@@ -415,6 +419,7 @@ class Found:
     equations: FlowEquations
     solution: Solution
     cloud: Cloud
+    friction: Array
     passage: Passage | None
     forces: Exchange
     growth: Array
@@ -452,6 +457,7 @@ def _step(run: Run) -> Solution:
             tried = _tried_next(mixing, usual, (attempt.fluid_v, attempt.push), (fluid_v, push))
             new = Attempt(new.whole, new.friction, *tried)
         attempt = new
+    found = _solved_to_rounding(run, one, found)
     forces = found.forces
     if passage is not None:
         forces = _given_the_rest(system, passage, forces, attempt.push, one.dt)
@@ -504,7 +510,15 @@ def _attempted(run: Run, one: Stretch, attempt: Attempt, flow: Array) -> Found:
         growth = (cloud.share - _shared(system, passage.x, one.t)[1]) / one.dt
     equations, solution, off = _flow_among(run, one, cloud, friction, growth, flow)
     forces = exchanged(system.filter, system.maps, cloud, friction, *_fields(system.fluid, solution.x))
-    return Found(equations, solution, cloud, passage, forces, growth, off)
+    return Found(equations, solution, cloud, friction, passage, forces, growth, off)
+
+
+def _solved_to_rounding(run: Run, one: Stretch, found: Found) -> Found:
+    """The flow of the last repetition, and what it does to the grains, to rounding: before, it need not balance."""
+    system = run.system
+    solution = _solved(run, one, found.equations, found.solution.x)
+    forces = exchanged(system.filter, system.maps, found.cloud, found.friction, *_fields(system.fluid, solution.x))
+    return replace(found, solution=solution, forces=forces)
 
 
 def _flow_among(
@@ -534,11 +548,11 @@ def _flow_among(
     about = (system.filter, system.maps, cloud, friction)
     known = known_of(*about, growth)
     mixing, weight = Mixing(), known["friction"] + SLIGHT * known["friction"].max(initial=0.0)
-    tried = _fields(fluid, flow)[0]
+    tried, goal = _fields(fluid, flow)[0], ROUGH * min(fluid.scene.rtol, FITS)
     for count in range(1, FLOWS + 1):
         fluid.moving = {**known, **tried_of(*about, tried)}
         equations = fluid.equations(one.t, 1 / one.dt, -state.flow / one.dt)
-        solution = _solved(run, one, equations, flow)
+        solution = _solved(run, one, equations, flow, goal)
         flow = solution.x
         found = _fields(fluid, flow)[0]
         off = misfit(*about, found, tried)
@@ -550,7 +564,7 @@ def _flow_among(
     return equations, solution, off
 
 
-def _solved(run: Run, one: Stretch, equations: FlowEquations, flow: Array) -> Solution:
+def _solved(run: Run, one: Stretch, equations: FlowEquations, flow: Array, goal: float = GOAL) -> Solution:
     """Solve for the flow, with the factor of a matrix before where that serves.
 
     Parameters
@@ -560,6 +574,8 @@ def _solved(run: Run, one: Stretch, equations: FlowEquations, flow: Array) -> So
     equations : FlowEquations
     flow : array, shape (unknowns,)
         The best known.
+    goal : float
+        Relative residual.
 
     Raises
     ------
@@ -569,7 +585,7 @@ def _solved(run: Run, one: Stretch, equations: FlowEquations, flow: Array) -> So
     guess = fluid.unknowns.all_of(fluid.unknowns.free_of(flow), fluid.given(one.t))
     factors = run.solver.counts["factorisations"]
     try:
-        solution = solve(equations, fluid.unknowns, run.solver, guess, state.scales)
+        solution = solve(equations, fluid.unknowns, run.solver, guess, state.scales, goal=goal)
     except (NewtonFailed, LinearFailed) as error:
         run.solver.forget()
         state.scales = None
