@@ -358,7 +358,7 @@ def _save(run: Run, path: Path, key: str) -> None:
 def solver_arrays(solver: LinearSolver) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """What a checkpoint holds of a solver: its counts, and the matrix whose factor it has."""
     kept = solver.factor is not None and solver.matrix is not None
-    told = {"solver": solver.counts, "worst": solver.worst, "kept": kept}
+    told = {"solver": solver.counts, "worst": solver.worst, "kept": kept, "way": solver.way, "direct": solver.direct}
     return told, {f"factor_{part}": getattr(solver.matrix, part) for part in FACTOR} if kept else {}
 
 
@@ -375,9 +375,10 @@ def solver_from(solver: LinearSolver, told: Mapping[str, Any], arrays: Mapping[s
     """
     if told["kept"]:
         free = len(solver.kinds)
-        solver.factorise(csc_matrix(tuple(arrays[f"factor_{part}"] for part in FACTOR), shape=(free, free)))
+        matrix = csc_matrix(tuple(arrays[f"factor_{part}"] for part in FACTOR), shape=(free, free))
+        solver.factorise(matrix, int(told["way"]))
     solver.counts = {name: int(number) for name, number in told["solver"].items()}
-    solver.worst = float(told["worst"])
+    solver.worst, solver.direct = float(told["worst"]), int(told["direct"])
 
 
 def _load(run: Run, path: Path, key: str) -> None:

@@ -4,9 +4,9 @@ SuperLU, which scipy has, orders columns by a minimum degree of A^T A, as it mus
 matrices of a flow have a symmetric pattern, and places: cut in halves along their longer side, again and again, the
 unknowns on each cut behind those of its halves (George, SIAM J. Numer. Anal. 10 (1973) 345), they are factorised with
 less than half of the fill and a seventh of the time, at 64 x 64 squares of P2-P1. The parts of the dissection are
-eliminated by fronts, in two thirds of SuperLU's time in that order. Rows are exchanged within a part alone; what is
-lost by that, refinement gives back. Where it does not, SuperLU takes over, which exchanges others, and a residual that
-is not met is an error.
+eliminated by fronts, in two thirds of SuperLU's time in that order. Rows are exchanged within a part alone, and numbers
+have single precision; what is lost by that, refinement gives back. Where it does not, double precision takes over, and
+SuperLU then, which exchanges other rows; a residual that is not met is an error.
 """
 
 from __future__ import annotations
@@ -33,11 +33,20 @@ ROUNDING = 1e-15
 MOST_REFINEMENTS = 5
 #: Part of the largest entry of a column that a pivot on the diagonal needs to have.
 PIVOT = 1e-3
-#: Ways to solve: by blocks, by fronts, by SuperLU in the order that there is, and with all pivots free.
-BLOCKS, FRONTS, ORDERED, FREE = range(4)
-NAMES = {BLOCKS: "GMRES, by blocks", FRONTS: "fronts", ORDERED: "SuperLU", FREE: "SuperLU"}
+#: Ways to solve: by blocks, by fronts in single and in double precision, by SuperLU in the order that there is, and with
+#: all pivots free.
+BLOCKS, SINGLE, FRONTS, ORDERED, FREE = range(5)
+NAMES = {
+    BLOCKS: "GMRES, by blocks",
+    SINGLE: "fronts, in single precision",
+    FRONTS: "fronts",
+    ORDERED: "SuperLU",
+    FREE: "SuperLU",
+}
 #: What to try where the residual is not met. By blocks it is the direct solution that is left.
-SAFER = {BLOCKS: FRONTS, FRONTS: ORDERED, ORDERED: FREE}
+SAFER = {BLOCKS: FRONTS, SINGLE: FRONTS, FRONTS: ORDERED, ORDERED: FREE}
+#: What such a way has to be refined to: what is better costs another solution, and helps Newton's method little.
+ROUGH = {BLOCKS: 0.1 * LINEAR_RESIDUAL, SINGLE: 0.1 * LINEAR_RESIDUAL}
 #: Nodes of a part that is not cut any more.
 LEAF = 40
 
@@ -114,8 +123,8 @@ class LinearSolver:
         Largest linear residual so far.
     least : float
         Size of velocities below which they do not matter.
-    way : int
-        That of the factor.
+    way, direct : int
+        That of the factor; and the first to try of those that are no blocks, of those that did not fail here yet.
     """
 
     kinds: Indices
@@ -132,9 +141,16 @@ class LinearSolver:
     worst: float = 0.0
     least: float = 0.0
     way: int = ORDERED
+    direct: int = SINGLE
 
-    def factorise(self, matrix: csc_matrix) -> None:
+    def factorise(self, matrix: csc_matrix, way: int | None = None) -> None:
         """Take the factor of a matrix.
+
+        Parameters
+        ----------
+        matrix : sparse matrix, shape (unknowns, unknowns)
+        way : int, optional
+            Instead of the one that serves best.
 
         Raises
         ------
@@ -146,8 +162,9 @@ class LinearSolver:
         if not np.isfinite(matrix.data).all():
             raise LinearFailed("the matrix of the flow holds entries that are no numbers")
         self.balance = _balance(self.sizes, self.kinds)
-        direct = ORDERED if self.starts is None else FRONTS
-        self.factor = self._factor(direct if self.motions is None else BLOCKS)
+        if way is None:
+            way = BLOCKS if self.motions is not None else ORDERED if self.starts is None else self.direct
+        self.factor = self._factor(way)
 
     def _factor(self, way: int) -> Any:
         """Factor of the matrix in balanced units, or what solves by blocks; None if there is none."""
@@ -161,13 +178,24 @@ class LinearSolver:
 
             assert self.motions is not None
             return block_solver(scaled, self.kinds, self.motions)
-        if way == FRONTS:
+        if way in (SINGLE, FRONTS):
             if self.starts is None:
                 return None
             if self.fronts is None or not self.fronts.fit(scaled):
                 self.fronts = fronts_of(scaled, self.starts)
-            return front_factor(self.fronts, scaled)
+            with np.errstate(over="ignore"):
+                return front_factor(self.fronts, scaled.astype(np.float32) if way == SINGLE else scaled)
         return _factor(scaled, free=way == FREE)
+
+    def approximate(self, right: Array) -> Array:
+        """Solve with the factor alone, whatever matrix it is of: how far off that is the next residual tells.
+
+        Parameters
+        ----------
+        right : array, shape (unknowns,)
+        """
+        self.counts["solutions"] += 1
+        return self._by_factor(right)
 
     def _by_factor(self, right: Array) -> Array:
         found: Array = self.balance * self.factor.solve(self.balance * right)
@@ -189,8 +217,10 @@ class LinearSolver:
         self.counts["solutions"] += 1
         x, left = (right, np.inf) if self.factor is None else self._refined(right)
         while not left <= LINEAR_RESIDUAL and self.way != FREE:
-            self.counts["pivoted"] += 1
+            # single precision gives way to double without another exchange of rows
+            self.counts["pivoted"] += self.way != SINGLE
             self.factor = self._factor(SAFER[self.way])
+            self.direct = max(self.direct, min(self.way, FRONTS))
             if self.factor is not None:
                 x, left = self._refined(right)
         if self.factor is None:
@@ -205,7 +235,7 @@ class LinearSolver:
         x = self._by_factor(right)
         left, remainder = self._residual(x, right)
         for _ in range(MOST_REFINEMENTS):
-            if not left > (ROUNDING if self.motions is None else 0.1 * LINEAR_RESIDUAL):
+            if not left > ROUGH.get(self.way, ROUNDING):
                 break
             better = x + self._by_factor(remainder)
             new, other = self._residual(better, right)
@@ -232,9 +262,9 @@ def _balance(sizes: csc_matrix, kinds: Indices) -> Array:
     column = np.repeat(kinds.astype(np.int8), np.diff(sizes.indptr))
     forces = float(np.max(sizes.data, initial=0.0, where=(row | column) == 0))
     mixed = float(np.max(sizes.data, initial=0.0, where=row != column))
-    if not forces or not mixed:
+    if not forces:
         return np.ones(len(kinds))
-    units = np.array([-np.log2(forces) / 2, np.log2(forces) / 2 - np.log2(mixed)])
+    units = np.array([-np.log2(forces) / 2, np.log2(forces) / 2 - np.log2(mixed) if mixed else 0.0])
     return np.asarray(np.exp2(np.round(units))[kinds])
 
 

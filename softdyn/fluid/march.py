@@ -27,7 +27,7 @@ BRIEF, SHORTEST = 1e-8, 1e-10
 #: Length of the first step that is tried, over that of the run.
 FIRST = 1e-4
 #: Change of the rate up to which a factor may serve.
-ALIKE = 0.02
+ALIKE = 0.1
 #: Part of the velocities to which these may fall until sizes are told anew.
 FADED = 0.5
 

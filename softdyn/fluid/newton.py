@@ -1,7 +1,9 @@
 """Newton's method with the exact Jacobian, and a line search; its residual is reported, and must be met.
 
 The residual of each row is counted relative to the largest sum of the sizes of the terms J_ij x_j of a row of its kind,
-forces or fluxes, so that no unit matters. A factor serves as long as the residual falls quickly with it.
+forces or fluxes, so that no unit matters. A factor serves, in later steps too, as long as the residual falls quickly
+enough with it: what the last steps did to the residual is combined so that least of it is left, which is then solved
+for (Washio & Oosterlee, Electron. Trans. Numer. Anal. 6 (1997) 271; of linear equations it is GMRES).
 """
 
 from __future__ import annotations
@@ -26,8 +28,11 @@ GOAL, MUST = 1e-13, 1e-10
 MOST_ITERATIONS = 40
 #: Shortest step along Newton's direction.
 SHORTEST = 2.0**-12
-#: Fall of the residual in one iteration from which a factor of an earlier matrix serves on.
-QUICK = 0.02
+#: Fall of the residual in one iteration from which a factor of an earlier matrix serves on: a factor costs as much as
+#: some twelve solutions.
+QUICK = 0.1
+#: Steps with one factor that are combined.
+MOST_COMBINED = 8
 
 
 class NewtonFailed(IntegrationError):
@@ -112,7 +117,7 @@ def solve(
     """
     serves = scales is not None and solver.factor is not None
     residual, matrix = (equations.residual(x), None) if serves else equations.linearised(x)
-    last = np.inf
+    last, served = np.inf, Served()
     for iteration in range(MOST_ITERATIONS + 1):
         if matrix is not None:
             scales = scales_of(abs(matrix), x, residual, unknowns.kinds, solver.least)
@@ -127,7 +132,7 @@ def solve(
             raise _failed("it does not converge", free, scales, measure, unknowns)
         last = measure
         if matrix is None:
-            found = _full_step(equations, unknowns, solver, x, free, scales)
+            found = _full_step(equations, unknowns, solver, x, free, scales, served)
             if found is not None:
                 x, residual = found
                 continue
@@ -140,20 +145,64 @@ def solve(
             if measure <= MUST:
                 return Solution(x, residual, measure, iteration, scales)
             raise _failed("no step makes it smaller", free, scales, measure, unknowns)
-        quick = better[2] < QUICK
+        quick, served = better[2] < QUICK, Served()
+        if quick:
+            served.note(better[0] - x, relative(unknowns.free_of(better[1]) - free, scales, unknowns.free_kinds))
         x = better[0]
         residual, matrix = (better[1], None) if quick else equations.linearised(x)
     raise AssertionError
 
 
 def _full_step(
-    equations: Equations, unknowns: Unknowns, solver: LinearSolver, x: Array, free: Array, scales: Array
+    equations: Equations,
+    unknowns: Unknowns,
+    solver: LinearSolver,
+    x: Array,
+    free: Array,
+    scales: Array,
+    served: Served,
 ) -> tuple[Array, Array] | None:
     """A whole step with the factor of another matrix, and the residual there; None if that falls too slowly."""
-    new = x - unknowns.basis @ solver.solve(free)
+    kinds = unknowns.free_kinds
+    before = relative(free, scales, kinds)
+    along, left = served.combined(before)
+    new = x + along - unknowns.basis @ solver.approximate(left * scales[kinds])
     residual = equations.residual(new)
-    fall = _norm(unknowns.free_of(residual), scales, unknowns.free_kinds) / _norm(free, scales, unknowns.free_kinds)
-    return (new, residual) if fall < QUICK else None
+    after = relative(unknowns.free_of(residual), scales, kinds)
+    with np.errstate(over="ignore"):
+        fall = np.linalg.norm(after) / np.linalg.norm(before)
+    if not fall < QUICK:
+        return None
+    served.note(new - x, after - before)
+    return new, residual
+
+
+class Served:
+    """Steps with one factor, and what they did to the residual, relative: changes that are orthogonal, and of size 1.
+
+    What they do to another residual is taken to be the same: so it is of linear equations.
+    """
+
+    def __init__(self) -> None:
+        self.steps: list[Array] = []
+        self.changes: list[Array] = []
+
+    def combined(self, residual: Array) -> tuple[Array | float, Array]:
+        """The sum of these steps that leaves least of a residual, and what it leaves."""
+        along: Array | float = 0.0
+        for step, change in zip(self.steps, self.changes, strict=True):
+            part = change @ residual
+            along, residual = along - part * step, residual - part * change
+        return along, residual
+
+    def note(self, step: Array, change: Array) -> None:
+        """Add a step, and its change of the residual, without what is along earlier ones."""
+        along, change = self.combined(change)
+        size = float(np.linalg.norm(change))
+        if size and np.isfinite(size):
+            self.steps, self.changes = self.steps[1 - MOST_COMBINED :], self.changes[1 - MOST_COMBINED :]
+            self.steps.append((step + along) / size)
+            self.changes.append(change / size)
 
 
 def _searched(
