@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 from scipy.sparse import bmat, csc_matrix, csr_matrix, diags, eye, hstack, kron
 from scipy.sparse.linalg import splu
 
+from softdyn.bench.fluid_bench import cavity
 from softdyn.errors import IntegrationError
+from softdyn.fluid.flow_system import prepared
+from softdyn.fluid.fluid_run import solver_arrays, solver_from
 from softdyn.fluid.fronts import FrontFactor, fronts_of
-from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver, dissected, scales_of
+from softdyn.fluid.linear_solvers import LINEAR_RESIDUAL, NAMES, LinearFailed, LinearSolver, dissected, scales_of
 from softdyn.fluid.march import FlowState, FlowStep, Stepping, begun, march
 from softdyn.fluid.newton import MUST, NewtonFailed, solve
 from softdyn.fluid.time_steps import derivative, error_share, length_to, next_length, predicted
 from softdyn.fluid.unknowns import Unknowns, unknowns_of
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 NONE = np.empty((0, 2), dtype=np.int64)
 
@@ -71,7 +75,7 @@ def test_fronts_solve_as_superlu_does_and_leave_to_it_what_is_singular_part_by_p
     order, starts = dissected(csr_matrix(matrix), places)
     lopsided = csc_matrix(csr_matrix(matrix + drift.multiply(matrix != 0))[order][:, order])
     right = np.random.default_rng(2).uniform(-1, 1, len(places))
-    found = FrontFactor(fronts_of(lopsided, starts), lopsided).solve(right)
+    found = FrontFactor(fronts_of(lopsided, starts), lopsided.data).solve(right)
     np.testing.assert_allclose(found, splu(lopsided).solve(right), rtol=1e-11)
     swap = csc_matrix([[0.0, 2.0, 0.0], [1.0, 0.0, 3.0], [0.0, 1.0, 1.0]])
     solver = LinearSolver(np.zeros(3, dtype=np.int64), starts=np.arange(4))
@@ -79,6 +83,48 @@ def test_fronts_solve_as_superlu_does_and_leave_to_it_what_is_singular_part_by_p
     assert swap @ solver.solve(np.array([1.0, 2.0, 3.0])) == pytest.approx([1.0, 2.0, 3.0])
     assert solver.counts["pivoted"] == 1
     assert NAMES[solver.way] == "SuperLU"
+
+
+def nearly_singular() -> tuple[csc_matrix, Indices, Array]:
+    """Squares whose graph's Laplacian hardly resists an even motion: of a condition of 1e10, beyond float32."""
+    matrix, places = grid(17)
+    links = matrix - diags(matrix.diagonal())
+    laplacian = csr_matrix(links - diags(np.asarray(links.sum(axis=1)).ravel()) + 1e-9 * diags(np.ones(len(places))))
+    order, starts = dissected(laplacian, places)
+    return csc_matrix(laplacian[order][:, order]), starts, np.random.default_rng(3).uniform(-1, 1, len(places))
+
+
+def test_what_is_lost_in_single_precision_double_precision_solves_from_then_on() -> None:
+    matrix, starts, right = nearly_singular()
+    solver = LinearSolver(np.zeros(len(right), dtype=np.int64), starts=starts)
+    solver.factorise(matrix)
+    assert NAMES[solver.way] == "fronts, in single precision"
+    solver.solve(right)
+    assert NAMES[solver.way] == "fronts"
+    assert solver.counts["factorisations"] == 1
+    assert solver.counts["pivoted"] == 0
+    assert solver.worst <= LINEAR_RESIDUAL
+    solver.factorise(matrix)
+    assert NAMES[solver.way] == "fronts"
+    told, arrays = solver_arrays(solver)
+    again = LinearSolver(solver.kinds, starts=starts)
+    solver_from(again, told, arrays)
+    assert NAMES[again.way] == "fronts"
+    assert np.array_equal(again.solve(right), solver.solve(right))
+
+
+@pytest.mark.parametrize(("unit", "force"), [(1e-200, 1e-100), (1.0, 1e-100), (1e60, 1.0), (1e150, 1e250)])
+def test_single_precision_solves_in_any_units(unit: float, force: float) -> None:
+    """Their numbers are far beyond those that float32 has."""
+    matrix, places = grid(9)
+    order, starts = dissected(csr_matrix(matrix), places)
+    right = np.random.default_rng(4).uniform(-1, 1, len(places))
+    solver = LinearSolver(np.zeros(len(places), dtype=np.int64), starts=starts)
+    plain = csc_matrix(csr_matrix(matrix)[order][:, order])
+    solver.factorise(plain * unit)
+    found = solver.solve(right * force)
+    assert NAMES[solver.way] == "fronts, in single precision"
+    assert plain @ (found * (unit / force)) == pytest.approx(right, rel=1e-11, abs=1e-11)
 
 
 def test_a_singular_matrix_is_refused() -> None:
@@ -132,6 +178,19 @@ def test_newton_meets_its_residual_in_all_units_alike() -> None:
     )
     y = found[0][0]
     assert matrix @ y + 5 * y**3 == pytest.approx(right, abs=1e-11)
+
+
+def test_a_factor_serves_many_steps_of_one_length_and_each_meets_its_residual() -> None:
+    """Of a lid that starts to move at Re = 1000; without that, each step would need at least one."""
+    system = prepared(cavity(8, "P2-P1"))
+    solver = LinearSolver(system.unknowns.free_kinds, starts=system.unknowns.starts)
+    state = FlowState(0.0, 0.01, [0.0], [np.zeros(len(system.unknowns.kinds))])
+    measures: list[float] = []
+    stepping = Stepping(order=1, rtol=1.0, dt=0.01)
+    march(system, solver, state, 0.3, 0.3, stepping, lambda step: measures.append(step.solution.measure))
+    assert len(measures) == state.counts["steps"] == 30
+    assert max(measures) <= MUST
+    assert 3 * solver.counts["factorisations"] <= 30
 
 
 class Arctangent:

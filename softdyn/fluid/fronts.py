@@ -117,11 +117,11 @@ def fronts_of(matrix: csc_matrix, starts: Indices) -> Fronts:
     return Fronts(matrix.indices, matrix.indptr, fronts)
 
 
-def front_factor(fronts: Fronts, matrix: csc_matrix) -> FrontFactor | None:
+def front_factor(fronts: Fronts, entries: Array) -> FrontFactor | None:
     """Factor of one matrix, in the precision of its entries; None if a part of it is singular by itself."""
     try:
         with np.errstate(all="ignore"):
-            return FrontFactor(fronts, matrix)
+            return FrontFactor(fronts, entries)
     except RuntimeError:
         return None
 
@@ -133,8 +133,8 @@ class FrontFactor:
     ----------
     fronts : Fronts
         Of its pattern.
-    matrix : sparse matrix
-        Of float32 or float64, as the factor is, too.
+    entries : array
+        Those of the matrix, by columns: float32 or float64, as the factor is, too.
 
     Raises
     ------
@@ -142,15 +142,15 @@ class FrontFactor:
         If a part is singular by itself.
     """
 
-    def __init__(self, fronts: Fronts, matrix: csc_matrix) -> None:
-        self.fronts, self.precision = fronts.fronts, matrix.dtype
+    def __init__(self, fronts: Fronts, entries: Array) -> None:
+        self.fronts, self.precision = fronts.fronts, entries.dtype
         self.parts: list[Eliminated] = []
         left: dict[int, Array] = {}
         for k, front in enumerate(self.fronts):
             own, size = front.end - front.first, front.end - front.first + len(front.border)
             # rows of these arrays are columns of the front, as Fortran has them
-            flat = np.zeros(size * size, matrix.dtype)
-            flat[front.places] = matrix.data[front.entries]
+            flat = np.zeros(size * size, entries.dtype)
+            flat[front.places] = entries[front.entries]
             whole = flat.reshape(size, size)
             for other, runs in front.before:
                 _add(whole, left.pop(other), runs)

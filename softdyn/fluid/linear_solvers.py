@@ -12,7 +12,7 @@ SuperLU then, which exchanges other rows; a residual that is not met is an error
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,8 @@ ROUNDING = 1e-15
 MOST_REFINEMENTS = 5
 #: Part of the largest entry of a column that a pivot on the diagonal needs to have.
 PIVOT = 1e-3
-#: Ways to solve: by blocks, by fronts in single and in double precision, by SuperLU in the order that there is, and with
-#: all pivots free.
+#: Ways to solve: by blocks, by fronts in single and in double precision, by SuperLU in the order that there is, and
+#: with all pivots free.
 BLOCKS, SINGLE, FRONTS, ORDERED, FREE = range(5)
 NAMES = {
     BLOCKS: "GMRES, by blocks",
@@ -46,7 +46,7 @@ NAMES = {
 #: What to try where the residual is not met. By blocks it is the direct solution that is left.
 SAFER = {BLOCKS: FRONTS, SINGLE: FRONTS, FRONTS: ORDERED, ORDERED: FREE}
 #: What such a way has to be refined to: what is better costs another solution, and helps Newton's method little.
-ROUGH = {BLOCKS: 0.1 * LINEAR_RESIDUAL, SINGLE: 0.1 * LINEAR_RESIDUAL}
+ROUGH = {BLOCKS: 0.1 * LINEAR_RESIDUAL, SINGLE: 1e-13}
 #: Nodes of a part that is not cut any more.
 LEAF = 40
 
@@ -115,8 +115,10 @@ class LinearSolver:
         That of the matrix.
     matrix, sizes : sparse matrix, optional
         The last one that was factorised, and the sizes of its entries.
-    balance : array, shape (unknowns,), optional
-        By which rows and columns are multiplied before a factor is taken.
+    pattern : Pattern, optional
+        The last one.
+    units : array, shape (2,), optional
+        By which rows and columns of velocities and of pressures are multiplied before a factor is taken.
     counts : dict
         Factorisations, solutions, refinements, and those made with all pivots free.
     worst : float
@@ -134,7 +136,8 @@ class LinearSolver:
     factor: Any = None
     matrix: csc_matrix | None = None
     sizes: csc_matrix | None = None
-    balance: Any = None
+    pattern: Pattern | None = None
+    units: Array | None = None
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("factorisations", "solutions", "refinements", "pivoted"), 0)
     )
@@ -157,11 +160,13 @@ class LinearSolver:
         LinearFailed
             If it is singular.
         """
-        self.matrix, self.sizes, self.factor = matrix, abs(matrix), None
+        self.matrix, self.sizes, self.factor = matrix, _with_entries(matrix, np.abs(matrix.data)), None
         self.counts["factorisations"] += 1
         if not np.isfinite(matrix.data).all():
             raise LinearFailed("the matrix of the flow holds entries that are no numbers")
-        self.balance = _balance(self.sizes, self.kinds)
+        if self.pattern is None or not self.pattern.fits(matrix):
+            self.pattern = _pattern(matrix, self.kinds)
+        self.units = _balance(self.sizes.data, self.pattern.pairs)
         if way is None:
             way = BLOCKS if self.motions is not None else ORDERED if self.starts is None else self.direct
         self.factor = self._factor(way)
@@ -169,23 +174,24 @@ class LinearSolver:
     def _factor(self, way: int) -> Any:
         """Factor of the matrix in balanced units, or what solves by blocks; None if there is none."""
         assert self.matrix is not None
-        scaled = self.matrix.copy()
-        scaled.data *= self.balance[scaled.indices] * np.repeat(self.balance, np.diff(scaled.indptr))
-        scaled = csc_matrix(scaled)
+        assert self.pattern is not None
+        assert self.units is not None
+        forces, fluxes = self.units
+        scaled = self.matrix.data * np.array([forces**2, forces * fluxes, fluxes**2])[self.pattern.pairs]
         self.way = way
         if way == BLOCKS:
             from softdyn.fluid.krylov import block_solver
 
             assert self.motions is not None
-            return block_solver(scaled, self.kinds, self.motions)
+            return block_solver(_with_entries(self.matrix, scaled), self.kinds, self.motions)
         if way in (SINGLE, FRONTS):
             if self.starts is None:
                 return None
-            if self.fronts is None or not self.fronts.fit(scaled):
-                self.fronts = fronts_of(scaled, self.starts)
+            if self.fronts is None or not self.fronts.fit(self.matrix):
+                self.fronts = fronts_of(self.matrix, self.starts)
             with np.errstate(over="ignore"):
                 return front_factor(self.fronts, scaled.astype(np.float32) if way == SINGLE else scaled)
-        return _factor(scaled, free=way == FREE)
+        return _factor(_with_entries(self.matrix, scaled), free=way == FREE)
 
     def approximate(self, right: Array) -> Array:
         """Solve with the factor alone, whatever matrix it is of: how far off that is the next residual tells.
@@ -198,7 +204,9 @@ class LinearSolver:
         return self._by_factor(right)
 
     def _by_factor(self, right: Array) -> Array:
-        found: Array = self.balance * self.factor.solve(self.balance * right)
+        assert self.units is not None
+        balance = self.units[self.kinds]
+        found: Array = balance * self.factor.solve(balance * right)
         return found
 
     def forget(self) -> None:
@@ -253,19 +261,47 @@ class LinearSolver:
         return float(np.max(np.abs(relative(remainder, scales, self.kinds)), initial=0.0)), remainder
 
 
-def _balance(sizes: csc_matrix, kinds: Indices) -> Array:
+class Pattern(NamedTuple):
+    """Where a matrix has entries.
+
+    Attributes
+    ----------
+    indices, indptr : array of int
+        By columns.
+    pairs : array of int8
+        Of each entry the kinds of its row and of its column together: 0 of forces by velocities, 1 of mixed ones.
+    """
+
+    indices: NDArray[np.int32]
+    indptr: NDArray[np.int32]
+    pairs: NDArray[np.int8]
+
+    def fits(self, matrix: csc_matrix) -> bool:
+        """Whether a matrix has this pattern."""
+        return np.array_equal(matrix.indptr, self.indptr) and np.array_equal(matrix.indices, self.indices)
+
+
+def _pattern(matrix: csc_matrix, kinds: Indices) -> Pattern:
+    short = kinds.astype(np.int8)
+    return Pattern(matrix.indices, matrix.indptr, short[matrix.indices] + np.repeat(short, np.diff(matrix.indptr)))
+
+
+def _with_entries(matrix: csc_matrix, entries: Array) -> csc_matrix:
+    """A matrix of the same pattern, of which no copy is made."""
+    return csc_matrix((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def _balance(sizes: Array, pairs: NDArray[np.int8]) -> Array:
     """Units of velocity and pressure in which their blocks are alike, whatever those of the scene: two numbers.
 
     Powers of two, so that no digit changes.
     """
-    row = kinds.astype(np.int8)[sizes.indices]
-    column = np.repeat(kinds.astype(np.int8), np.diff(sizes.indptr))
-    forces = float(np.max(sizes.data, initial=0.0, where=(row | column) == 0))
-    mixed = float(np.max(sizes.data, initial=0.0, where=row != column))
+    forces = float(np.max(sizes * (pairs == 0), initial=0.0))
+    mixed = float(np.max(sizes * (pairs == 1), initial=0.0))
     if not forces:
-        return np.ones(len(kinds))
-    units = np.array([-np.log2(forces) / 2, np.log2(forces) / 2 - np.log2(mixed) if mixed else 0.0])
-    return np.asarray(np.exp2(np.round(units))[kinds])
+        return np.ones(2)
+    units = [-np.log2(forces) / 2, np.log2(forces) / 2 - np.log2(mixed) if mixed else 0.0]
+    return np.asarray(np.exp2(np.round(units)))
 
 
 def _factor(matrix: csc_matrix, free: bool) -> Any:
