@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 
 from softdyn.particles import linear
 from softdyn.particles.geometry import Contacts, curvatures, lattice
+from softdyn.particles.portions import in_portions
+from softdyn.particles.sums import gatherings
 from softdyn.particles.system import System, gauge_axes, turns_freely
 
 Array = NDArray[np.float64]
@@ -240,15 +242,9 @@ def contact_forces(contacts: Contacts, F: Array, n: Array, count: int) -> Array:
     count : int
         N, the number of particles.
     """
-    total = np.zeros((count, n.shape[1]))
-    pair = contacts.j < count
-    every = bool(pair.all())
-    j = contacts.j if every else contacts.j[pair]
-    for axis in range(n.shape[1]):
-        along = F * n[:, axis]
-        np.add.at(total[:, axis], contacts.i, along)
-        np.subtract.at(total[:, axis], j, along if every else along[pair])
-    return total
+    of_i, of_j = gatherings(contacts, count)
+    along = F[:, None] * n
+    return np.asarray(of_i @ along - of_j @ along)
 
 
 def balance(system: System, contacts: Contacts, newton: Newton, given: StageInput, x: Array, y: Array) -> Balance:
@@ -432,11 +428,18 @@ def linearise(
     def quarters() -> Iterator[Array]:
         """One after the other: all of them at once would take most of the memory."""
         for sign in (1.0, -1.0, -1.0, 1.0):
-            part: Array = reduce(np.add, map(next, others))
-            whole = np.concatenate([part, np.zeros((len(springs), width, width))]) if springs else part
-            for a in range(d):
-                for b in range(d):
-                    whole[:, a, b] += sign * component(a, b)
+            whole: Array = reduce(np.add, map(next, others))
+
+            def along(part: slice, whole: Array = whole, sign: float = sign) -> None:
+                n, turned = now.n[part], across[part, None, None]
+                stiffness = (turned - now.F_r[part, None, None]) * n[:, :, None] * n[:, None, :] - turned * np.eye(d)
+                whole[part, :d, :d] += sign * stiffness
+
+            in_portions(along, len(whole))
+            if springs:
+                more = np.zeros((len(springs), width, width))
+                more[:, :d, :d] = sign * scale * np.array(springs)
+                whole = np.concatenate([whole, more])
             yield whole
 
     matrix = linear.assemble_quarters(newton.pattern, quarters(), own, system.fixed)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csc_array
+from scipy.sparse import bsr_array, csc_array, csr_array
 from scipy.sparse.linalg import LinearOperator, lobpcg, splu
+
+from softdyn.particles.sums import gathering
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.signedinteger[Any]]
@@ -65,6 +67,16 @@ class Pattern:
     j: Integers
     pair: NDArray[np.bool_]
 
+    @property
+    def single(self) -> bool:
+        """Whether each pair of particles has one contact: two, through different images, share a place."""
+        return len(self.indices) == self.count + 2 * len(self.upper)
+
+    @cached_property
+    def sums(self) -> tuple[csr_array, csr_array]:
+        """What sums over the contacts of each particle, as the first and as the second."""
+        return gathering(self.i, self.count), gathering(self.j, self.count)
+
 
 def pattern_of(count: int, i: Integers, j: Integers) -> Pattern:
     """Pattern of a list of contacts between ``count`` particles; partners from ``count`` on are walls.
@@ -115,18 +127,17 @@ def assemble(
     d = own.shape[1]
     data = np.zeros((len(pattern.indices), d, d))
     every = bool(pattern.pair.all())
-    j = pattern.j if every else pattern.j[pattern.pair]
+    of_i, of_j = pattern.sums
     for a in range(d):
         for b in range(a, d):
             values, place = component(a, b), data[:, a, b]
             between = values if every else values[pattern.pair]
-            # two contacts between the same particles, through different images, share a place
-            np.subtract.at(place, pattern.upper, between)
-            np.subtract.at(place, pattern.lower, between)
-            both = np.zeros(pattern.count)
-            np.add.at(both, pattern.i, values)
-            np.add.at(both, j, between)
-            place[pattern.diagonal] = both
+            if pattern.single:
+                place[pattern.upper] = place[pattern.lower] = -between
+            else:
+                np.subtract.at(place, pattern.upper, between)
+                np.subtract.at(place, pattern.lower, between)
+            place[pattern.diagonal] = of_i @ values + of_j @ values
             data[:, b, a] = place
     _add_own(pattern, data, own)
     return _finished(pattern, data, fixed)
@@ -168,12 +179,18 @@ def assemble_quarters(pattern: Pattern, quarters: Iterable[Array], own: Array, f
     """
     width = own.shape[1]
     data = np.zeros((len(pattern.indices), width, width))
-    places = (pattern.diagonal[pattern.i], pattern.upper, pattern.lower, pattern.diagonal[pattern.j[pattern.pair]])
-    for number, (place, block) in enumerate(zip(places, quarters, strict=True)):
-        given = block if number == 0 else block[pattern.pair]
-        for a in range(width):
-            for b in range(width):
-                np.add.at(data[:, a, b], place, given[:, a, b])
+    of_i, of_j = pattern.sums
+    every = bool(pattern.pair.all())
+    ends = ((of_i, pattern.diagonal), (None, pattern.upper), (None, pattern.lower), (of_j, pattern.diagonal))
+    for (sums, place), block in zip(ends, quarters, strict=True):
+        if sums is not None:
+            data[place] += (sums @ block.reshape(len(block), width**2)).reshape(-1, width, width)
+            continue
+        between = block if every else block[pattern.pair]
+        if pattern.single:
+            data[place] = between
+        else:
+            np.add.at(data, place, between)
     _add_own(pattern, data, own)
     return _finished(pattern, data, fixed)
 

@@ -14,7 +14,7 @@ for levers and coefficients.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,10 +30,12 @@ from softdyn.particles.geometry import (
     directions,
     dot,
     lattice,
+    rotations,
     torque,
-    turning,
 )
 from softdyn.particles.mechanisms import Action, Mechanism
+from softdyn.particles.portions import in_portions, portion
+from softdyn.particles.sums import gatherings
 from softdyn.particles.system import System, contact_state, image_velocities
 
 if TYPE_CHECKING:
@@ -47,6 +49,8 @@ IDLE = 1e-9
 #: Estimates of errors of tangential forces without drag are counted so many times.
 UNDRAGGED = 5.0
 
+#: Of what :class:`TangentialForces` has, what is of both particles.
+OF_BOTH = ("beta", "rotation")
 #: Stiffness of rolling where no time passes, in units of that of sliding: surfaces shear, and roll so much less than
 #: that of what they roll as little is left each time that a stage is solved for anew, with the moments that it had.
 BLOCKED = 1e5
@@ -310,28 +314,115 @@ def slide(
     s : float
         gamma dt; 0 where no time passes: then sliding is elastic, and nothing rolls.
     """
-    d = n.shape[1]
+    c, d = n.shape
     walls = int(contacts.j.max(initial=0)) + 1 - len(moved)
     padded = np.concatenate([moved, np.zeros((max(walls, 0), moved.shape[1]))])
-    one, other = padded.take(contacts.i, axis=0), padded.take(contacts.j, axis=0)
-    relative = one[:, :d] - other[:, :d] - images
-    rotation = one[:, d:], other[:, d:]
+    m = rotations(d)
+    whole = TangentialForces(
+        force=np.empty((c, d)),
+        turned=np.empty((c, d)),
+        angle=np.empty(c),
+        moment=np.empty((c, m)),
+        beta=np.empty((2, c)),
+        kept=np.empty((c, d)),
+        slip=np.empty((c, d)),
+        relative=np.empty((c, d)),
+        turn=np.empty((c, m)),
+        roll=np.empty((c, m)),
+        rotation=np.empty((2, c, m)),
+    )
+
+    def work(part: slice) -> None:
+        some, given = portion(contacts, part), {name: value[part] for name, value in values.items()}
+        found = _slide(
+            _known_part(known, part), some, given, n[part], r[part], curvature[part], padded, images[part], s
+        )
+        for name, array in _arrays(whole).items():
+            _rows(name, array, part)[...] = getattr(found, name)
+
+    in_portions(work, c)
+    return whole
+
+
+def _arrays(slid: TangentialForces) -> dict[str, Array]:
+    return {field.name: getattr(slid, field.name) for field in fields(TangentialForces)}
+
+
+def _rows(name: str, array: Array, part: slice) -> Array:
+    """What an array has of some contacts: of those that have a row for i and one for j, in both."""
+    return array[:, part] if name in OF_BOTH else array[part]
+
+
+def _slid_part(slid: TangentialForces, part: slice) -> TangentialForces:
+    return TangentialForces(**{name: _rows(name, array, part) for name, array in _arrays(slid).items()})
+
+
+def _known_part(known: Known, part: slice) -> Known:
+    return Known(
+        known.normal[part],
+        known.force[part],
+        known.angle[part],
+        known.radii[:, part],
+        known.unlike[part],
+        known.rolled[part] if isinstance(known.rolled, np.ndarray) else known.rolled,
+        known.part[part] if isinstance(known.part, np.ndarray) else known.part,
+    )
+
+
+def _slide(
+    known: Known,
+    contacts: Contacts,
+    values: dict[str, Array],
+    n: Array,
+    r: Array,
+    curvature: Array,
+    padded: Array,
+    images: Array,
+    s: float,
+) -> TangentialForces:
+    """As :func:`slide`, of some contacts, with the motion of the walls behind that of the particles.
+
+    Components come first here, so that numpy's inner loops are as long as there are contacts.
+    """
+    n, start, given, moved_images = map(_first, (n, known.normal, known.force, images))
+    d = len(n)
+    one, other = (_first(padded.take(ends, axis=0)) for ends in (contacts.i, contacts.j))
+    relative, rotation = one[:d] - other[:d] - moved_images, (one[d:], other[d:])
     excess = (r - contacts.S) * known.part
     shift = known.unlike * values["lever"] if "lever" in values else 0.0
     beta = 1 + np.array([excess + shift, excess - shift]) / known.radii
-    turn = beta[0][:, None] * rotation[0] + beta[1][:, None] * rotation[1]
-    slip = relative - dot(n, relative)[:, None] * n + turning(turn, n)
-    by_radius = rotation[0] / known.radii[0][:, None], rotation[1] / known.radii[1][:, None]
-    kept, angle = carry(known.force, known.normal, n), known.angle
+    turn = beta[0] * rotation[0] + beta[1] * rotation[1]
+    turned = turn[0] * np.stack([-n[1], n[0]]) if d == 2 else _torque(turn, n)
+    slip = relative - np.sum(n * relative, axis=0) * n + turned
+    by_radius = rotation[0] / known.radii[0], rotation[1] / known.radii[1]
+    kept, angle = _carry(given, start, n), known.angle
     if d == 3:
-        swung = dot(known.normal, cross(n, relative)) * curvature / (1 + dot(known.normal, n))
-        angle = angle + dot(by_radius[0] + by_radius[1], n) / 2 - swung
-        kept = spin(kept, n, angle)
-    force = values["keep"][:, None] * kept + values["stiff"][:, None] * slip
-    roll = known.rolled + by_radius[0] - by_radius[1]
-    moment = rolling_stiffness(known, values, s)[:, None] * resisted(roll, n)
-    turned = turned_back(known, force, n, angle)
-    return TangentialForces(force, turned, angle, moment, beta, kept, slip, relative, turn, roll, np.array(rotation))
+        swung = np.sum(start * _torque(n, relative), axis=0) * curvature / (1 + np.sum(start * n, axis=0))
+        angle = angle + np.sum((by_radius[0] + by_radius[1]) * n, axis=0) / 2 - swung
+        kept = np.cos(angle) * kept + np.sin(angle) * _torque(n, kept)
+    force = values["keep"] * kept + values["stiff"] * slip
+    roll = (known.rolled.T if isinstance(known.rolled, np.ndarray) else known.rolled) + by_radius[0] - by_radius[1]
+    moment = rolling_stiffness(known, values, s) * (roll if d == 2 else roll - np.sum(n * roll, axis=0) * n)
+    back = force if d == 2 else np.cos(angle) * force - np.sin(angle) * _torque(n, force)
+    return TangentialForces(
+        force=force.T,
+        turned=_carry(back, n, start).T,
+        angle=angle,
+        moment=moment.T,
+        beta=beta,
+        kept=kept.T,
+        slip=slip.T,
+        relative=relative.T,
+        turn=turn.T,
+        roll=roll.T,
+        rotation=np.array([one.T for one in rotation]),
+    )
+
+
+def _carry(force: Array, start: Array, end: Array) -> Array:
+    """As :func:`carry`, components first."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(force - np.sum(end * force, axis=0) / (1 + np.sum(start * end, axis=0)) * (start + end))
 
 
 def turned_back(known: Known, vectors: Array, n: Array, angle: Array) -> Array:
@@ -384,20 +475,18 @@ def reactions(contacts: Contacts, known: Known, slid: TangentialForces, n: Array
     count : int
         N.
     """
-    twist = torque(n, slid.force)
-    pair = contacts.j < count
-    every = bool(pair.all())
-    j, d = contacts.j if every else contacts.j[pair], n.shape[1]
-    total = np.zeros((count, d + twist.shape[1]))
+    twist, d = torque(n, slid.force), n.shape[1]
+    of_i, of_j = gatherings(contacts, count)
+    total = np.empty((count, d + twist.shape[1]))
     for column, out in enumerate(total.T):
         if column < d:
-            on_i, on_j = slid.force[:, column], -slid.force[:, column]
+            along = slid.force[:, column].copy()
+            out[:] = of_i @ along - of_j @ along
         else:
             about, moment = twist[:, column - d], slid.moment[:, column - d]
             on_i = slid.beta[0] * about + moment / known.radii[0]
             on_j = slid.beta[1] * about - moment / known.radii[1]
-        np.add.at(out, contacts.i, on_i)
-        np.add.at(out, j, on_j if every else on_j[pair])
+            out[:] = of_i @ on_i + of_j @ on_j
     return total
 
 
@@ -426,10 +515,10 @@ def unresisted(i: Integers, j: Integers, n: Array, torques: Array) -> Array:
 
 
 def _skew(v: Array) -> Array:
-    """Matrices of ``v x``."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - out.transpose(0, 2, 1)
+    """Matrices of ``v x``, components first."""
+    out = np.zeros((3, *v.shape))
+    out[0, 1], out[0, 2], out[1, 2] = -v[2], v[1], -v[0]
+    return out - out.transpose(1, 0, 2)
 
 
 @dataclass(frozen=True)
@@ -479,65 +568,110 @@ def tangents(
     bounded : Bounded, optional
         Of surfaces that rub.
     """
-    trial = slid.force if bounded is None else bounded.trial
     c, d = n.shape
-    m = slid.turn.shape[1]
-    dyad = n[:, :, None] * n[:, None, :]
-    across = np.eye(d) - dyad
-    by_turn = np.stack([-n[:, 1], n[:, 0]], axis=1)[:, :, None] if d == 2 else -_skew(n)  # rotation x n
-    stiff, curved = values["stiff"][:, None, None], curvature[:, None, None]
-    lever_r = known.unlike * values["lever_r"] if "lever_r" in values else np.zeros(c)
-    beta_r = np.array([known.part + lever_r, known.part - lever_r]) / known.radii
-    twist = torque(n, slid.force)
-    spun = values["keep"][:, None] * torque(n, slid.kept)
+    width = d + slid.turn.shape[1]
+
+    def begun(part: slice) -> Iterator[Array]:
+        some = None
+        if bounded is not None:
+            some = Bounded(bounded.trial[part], bounded.passed[part], bounded.along[part])
+        given = {name: value[part] for name, value in values.items()}
+        return _tangents(_known_part(known, part), given, _slid_part(slid, part), n[part], curvature[part], s, some)
+
+    parts = dict(in_portions(lambda part: (part.start, begun(part)), c))
+    for _ in range(4):
+        block = np.empty((c, width, width))
+
+        def fill(part: slice, block: Array = block) -> None:
+            block[part] = next(parts[part.start])
+
+        in_portions(fill, c)
+        yield block
+
+
+def _tangents(
+    known: Known,
+    values: dict[str, Array],
+    slid: TangentialForces,
+    n: Array,
+    curvature: Array,
+    s: float,
+    bounded: Bounded | None,
+) -> Iterator[Array]:
+    """As :func:`tangents`, of some contacts.
+
+    Components come first here, so that numpy's inner loops are as long as there are contacts.
+    """
+    trial = _first(slid.force if bounded is None else bounded.trial)
+    n, force, relative, turn, roll = map(_first, (n, slid.force, slid.relative, slid.turn, slid.roll))
+    rotation, radii, stiff = [_first(one) for one in slid.rotation], known.radii, values["stiff"]
+    d, m = len(n), len(turn)
+    dyad = n[:, None] * n[None]
+    across = np.eye(d)[:, :, None] - dyad
+    by_turn = np.stack([-n[1], n[0]])[:, None] if d == 2 else -_skew(n)  # rotation x n
+    lever_r = known.unlike * values["lever_r"] if "lever_r" in values else 0.0
+    beta_r = (known.part + lever_r) / radii[0], (known.part - lever_r) / radii[1]
+    twist = _torque(n, force)
+    spun = values["keep"] * _torque(n, _first(slid.kept))
 
     # along the distance r: of the coefficients, and of the levers
-    along = values["keep_r"][:, None] * slid.kept + values["stiff_r"][:, None] * slid.slip
-    turn_r = beta_r[0][:, None] * slid.rotation[0] + beta_r[1][:, None] * slid.rotation[1]
-    along = along + values["stiff"][:, None] * turning(turn_r, n)
+    turn_r = beta_r[0] * rotation[0] + beta_r[1] * rotation[1]
+    along = values["keep_r"] * _first(slid.kept) + values["stiff_r"] * _first(slid.slip)
+    along = along + stiff * (turn_r[0] * by_turn[:, 0] if d == 2 else _torque(turn_r, n))
     # by x_j - x_i, which changes r and turns n
-    apart = along[:, :, None] * n[:, None, :] - curved * n[:, :, None] * trial[:, None, :]
-    apart -= stiff * curved * dot(n, slid.relative)[:, None, None] * across
-    rolled = rolling_stiffness(known, values, s)[:, None, None]
-    rolled_r = (values["roll_r"] / s if s > 0 else np.zeros(c))[:, None]
-    resisted = np.eye(1)[None] if d == 2 else across
+    apart = along[:, None] * n[None] - curvature * n[:, None] * trial[None]
+    apart -= stiff * curvature * np.sum(n * relative, axis=0) * across
+    rolled = rolling_stiffness(known, values, s)
+    rolled_r = values["roll_r"] / s if s > 0 else np.zeros(len(rolled))
     if d == 2:
-        moment_r = (rolled_r * slid.roll)[:, :, None] * n[:, None, :]
-        turned_r = np.zeros((c, m, d))
+        resisted = np.ones((1, 1, 1))
+        moment_r = (rolled_r * roll)[:, None] * n[None]
+        turned_r = np.zeros((m, d, 1))
     else:
-        apart += stiff * curved * dot(n, slid.turn)[:, None, None] * _skew(n)
-        spinning = slid.rotation[0] / known.radii[0][:, None] + slid.rotation[1] / known.radii[1][:, None]
-        apart += curved * spun[:, :, None] * (spinning[:, None, :] @ across) / 2
-        facing = dot(n, slid.roll)
-        moment_r = (rolled_r * (slid.roll - facing[:, None] * n))[:, :, None] * n[:, None, :]
-        moment_r -= (
-            rolled * curved * (facing[:, None, None] * across + n[:, :, None] * (slid.roll[:, None, :] @ across))
-        )
-        turned_r = -curved * (_skew(slid.force) @ across)
+        resisted = across
+        apart += stiff * curvature * np.sum(n * turn, axis=0) * _skew(n)
+        spinning = rotation[0] / radii[0] + rotation[1] / radii[1]
+        spinning -= np.sum(spinning * n, axis=0) * n
+        apart += curvature / 2 * spun[:, None] * spinning[None]
+        facing = np.sum(n * roll, axis=0)
+        aslant = roll - facing * n
+        moment_r = (rolled_r * aslant)[:, None] * n[None]
+        moment_r -= rolled * curvature * (facing * across + n[:, None] * aslant[None])
+        turned_r = -curvature * (_skew(force) - _torque(force, n)[:, None] * n[None])
     for row in range(2):
         sign = 1.0 - 2.0 * row
-        by_force = slid.beta[row][:, None, None] * by_turn.transpose(0, 2, 1)
-        aside = beta_r[row][:, None, None] * twist[:, :, None] * n[:, None, :]
-        aside = aside + slid.beta[row][:, None, None] * turned_r
-        aside = aside + sign * moment_r / known.radii[row][:, None, None]
+        aside = beta_r[row] * twist[:, None] * n[None] + slid.beta[row] * turned_r + sign * moment_r / radii[row]
         for column in range(2):
             other = 1.0 - 2.0 * column
-            block = np.empty((c, d + m, d + m))
+            block = np.empty((d + m, d + m, n.shape[1]))
             by_x = other * (stiff * across - apart)
-            by_rotation = stiff * slid.beta[column][:, None, None] * by_turn
+            by_rotation = stiff * slid.beta[column] * by_turn
             if d == 3:  # what is known of the force spins with the particles
-                by_rotation = by_rotation + spun[:, :, None] * n[:, None, :] / (2 * known.radii[column])[:, None, None]
+                by_rotation = by_rotation + spun[:, None] * n[None] / (2 * radii[column])
             if bounded is not None:
-                by_x = bounded.passed @ by_x - other * bounded.along[:, :, None] * n[:, None, :]
-                by_rotation = bounded.passed @ by_rotation
-            block[:, :d, :d] = sign * by_x
-            block[:, :d, d:] = sign * by_rotation
-            block[:, d:, :d] = by_force @ by_x - other * aside
-            block[:, d:, d:] = (
-                by_force @ by_rotation
-                + sign * other * rolled * resisted / (known.radii[row] * known.radii[column])[:, None, None]
-            )
-            yield block
+                passed = np.ascontiguousarray(bounded.passed.transpose(1, 2, 0))
+                by_x = np.sum(passed[:, :, None] * by_x[None], axis=1)
+                by_x -= other * _first(bounded.along)[:, None] * n[None]
+                by_rotation = np.sum(passed[:, :, None] * by_rotation[None], axis=1)
+            block[:d, :d] = sign * by_x
+            block[:d, d:] = sign * by_rotation
+            block[d:, :d] = slid.beta[row] * _torque(n, by_x) - other * aside
+            block[d:, d:] = slid.beta[row] * _torque(n, by_rotation)
+            block[d:, d:] += sign * other * rolled / (radii[row] * radii[column]) * resisted
+            yield block.transpose(2, 0, 1)
+
+
+def _first(vectors: Array) -> Array:
+    """Components first, contacts last."""
+    return np.ascontiguousarray(vectors.T)
+
+
+def _torque(n: Array, force: Array) -> Array:
+    """``n x force``, components first; of the columns, if force is a matrix."""
+    if len(n) == 2:
+        return np.asarray((n[0] * force[1] - n[1] * force[0])[None])
+    (ax, ay, az), (bx, by, bz) = n, force
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def _powers(
