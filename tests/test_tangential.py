@@ -29,7 +29,7 @@ from softdyn.particles import linear
 from softdyn.particles.checkpoint import fingerprint
 from softdyn.particles.files import particle_scene_from
 from softdyn.particles.force_balance import Newton
-from softdyn.particles.geometry import Wall, curvatures, directions, lattice, rotations
+from softdyn.particles.geometry import Wall, curvatures, directions, lattice, rotations, turning
 from softdyn.particles.mechanisms import sliding
 from softdyn.particles.mechanisms.soft_films import solve_contacts
 from softdyn.particles.observables import relative_viscosity
@@ -244,7 +244,7 @@ def test_a_rigid_motion_neither_slides_nor_rolls(d: int, seed: int) -> None:
     draw = np.random.default_rng(seed)
     turn, shift = draw.standard_normal(rotations(d)), draw.standard_normal(d)
     spread = np.repeat(turn[None], len(state.x), axis=0)
-    moved = np.concatenate([sliding.turning(spread, state.x) + shift, system.radii[:, None] * spread], axis=1)
+    moved = np.concatenate([turning(spread, state.x) + shift, system.radii[:, None] * spread], axis=1)
     contacts = state.contacts
     n, r = directions(contacts, state.x, lattice(system.box, 0.0), ())
     curvature = curvatures(contacts, r, len(state.x))
