@@ -7,7 +7,7 @@ import pytest
 
 from softdyn.particles import ParticleScene, portions, simulate
 from softdyn.particles.packing import Packing
-from softdyn.particles.sums import gathering
+from softdyn.particles.portions import gathering
 
 
 @pytest.mark.slow

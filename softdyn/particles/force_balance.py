@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 
 from softdyn.particles import linear
 from softdyn.particles.geometry import Contacts, curvatures, lattice
-from softdyn.particles.portions import in_portions
-from softdyn.particles.sums import gatherings
+from softdyn.particles.portions import gatherings, in_portions
 from softdyn.particles.system import System, gauge_axes, turns_freely
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array
 from scipy.sparse.linalg import LinearOperator, lobpcg, splu
 
-from softdyn.particles.sums import gathering
+from softdyn.particles.portions import gathering
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.signedinteger[Any]]

@@ -34,8 +34,7 @@ from softdyn.particles.geometry import (
     torque,
 )
 from softdyn.particles.mechanisms import Action, Mechanism
-from softdyn.particles.portions import in_portions, portion
-from softdyn.particles.sums import gatherings
+from softdyn.particles.portions import gatherings, in_portions, portion
 from softdyn.particles.system import System, contact_state, image_velocities
 
 if TYPE_CHECKING:
