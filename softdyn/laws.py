@@ -367,8 +367,12 @@ def digest(path: Path | str) -> str:
 
 @contextmanager
 def _folder_on_path(folder: Path) -> Iterator[Any]:
-    """Import from a folder, and forget what was imported from it: next time its files may have changed."""
-    before = set(sys.modules)
+    """Import from a folder, and forget what was imported from it: next time its files may have changed.
+
+    No bytecode is kept beside them: of files that change within a second, and keep their length, it would be the old.
+    """
+    before, writes_none = set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     sys.path.insert(0, str(folder))
 
     def new() -> list[tuple[str, Path]]:
@@ -378,6 +382,7 @@ def _folder_on_path(folder: Path) -> Iterator[Any]:
     try:
         yield lambda: [file for _, file in new()]
     finally:
+        sys.dont_write_bytecode = writes_none
         sys.path.remove(str(folder))
         for name, _ in new():
             del sys.modules[name]

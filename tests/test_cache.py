@@ -642,14 +642,21 @@ def test_what_numba_keeps_where_others_can_write_is_not_run(
 # ---------------------------------------------------------------- laws that change
 
 
-def test_an_edited_law_is_derived_anew(empty_cache: Path, tmp_path: Path) -> None:
+@pytest.fixture(params=[False, True], ids=["bytecode", "no bytecode"])
+def bytecode(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether Python keeps bytecode beside what it imports, as it does unless its environment forbids that."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", request.param)
+
+
+def test_an_edited_law_is_derived_anew(empty_cache: Path, tmp_path: Path, bytecode: None) -> None:
     assert force_at_one(build(write_law(tmp_path, factor="1"))) == 2.0
     assert force_at_one(build(write_law(tmp_path, factor="7"))) == 14.0
     assert force_at_one(build(write_law(tmp_path, factor="1"))) == 2.0
+    assert not list(tmp_path.glob("**/__pycache__"))
 
 
 @pytest.mark.slow
-def test_an_edited_module_that_a_law_imports_is_noticed(empty_cache: Path, tmp_path: Path) -> None:
+def test_an_edited_module_that_a_law_imports_is_noticed(empty_cache: Path, tmp_path: Path, bytecode: None) -> None:
     law = write_law(tmp_path, factor="helper.FACTOR", imports="import helper")
     helper = tmp_path / "helper.py"
     for factor in (2, 3):

@@ -54,8 +54,9 @@ NEWTON_ENDS = 1e-13
 PROXIMAL = 1e8
 #: Nonzeros of a factor, over those of the matrix, before there was one.
 FILL = 4.0
-#: Largest damping of sweeps that go in circles, as they may where friction is large.
-MOST_DAMPING = 64.0
+#: Sweeps that go in circles, as they may where friction is large, are damped ever more, so many at a time, up to the
+#: largest damping, and then again from none, twice as many at a time.
+CIRCLE, MOST_DAMPING = 300, 128.0
 #: Part of the error that a doubling of the sweeps leaves if they get nowhere; in a column it leaves less.
 STALLED = 0.8
 #: Change of the impulses that is none.
@@ -296,11 +297,11 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
         return Solution(guess, problem.v, 0.0, 0, True)
     impulses = np.ascontiguousarray(guess, dtype=float).copy()
     state = _Sweeping(impulses, problem.velocities(impulses))
-    stubborn = 1.0
+    stubborn, batch = 1.0, 0
     per_sweep = len(problem) * problem.kernel.operations["sweep"] * PER_PRODUCT
     while state.done < MOST_SWEEPS:
         before = state.error
-        _sweep(problem, state, min(max(FIRST_SWEEPS, state.done), MOST_SWEEPS - state.done), tolerance, effort)
+        _sweep(problem, state, min(batch or max(FIRST_SWEEPS, state.done), MOST_SWEEPS - state.done), tolerance, effort)
         if state.error <= tolerance and not problem.closes(state.v):
             break
         ahead = state.left(tolerance)
@@ -316,7 +317,10 @@ def solve(problem: Problem, guess: Array, tolerance: float, effort: Effort) -> S
             # impulses that are not unique may go in circles: how far they are from the laws counts
             if problem.residual(state.impulses, problem.velocities(state.impulses))[0] <= tolerance:
                 break
-            state.damping = min(2 * state.damping, MOST_DAMPING)
+            if not batch or state.damping >= MOST_DAMPING:
+                batch, state.damping = 2 * batch or CIRCLE, 0.5
+            # from where other sweeps lead Newton's method may get on
+            state.damping, stubborn = 2 * state.damping, 1.0
     v = problem.velocities(state.impulses)
     residual, worst = problem.residual(state.impulses, v)
     converged = state.error <= tolerance or residual <= tolerance
