@@ -25,7 +25,7 @@ from softdyn.peak_memory import peak_memory
 
 Array = NDArray[np.float64]
 #: Squares along each side of the cavity, of two triangles each.
-CELLS = (32, 70, 128)
+CELLS = (32, 70, 128, 224)
 ELEMENTS = ("P1-P1", "P2-P1")
 RUNS = 3
 #: Of a run.
