@@ -77,6 +77,9 @@ def test_a_fluid_at_rest_carries_its_weight() -> None:
     p = result.p[-1]
     assert p - p.mean() == pytest.approx(-6 * (result.p_at[:, 1] - result.p_at[:, 1].mean()), abs=1e-10)
     assert (result.force_bottom + result.force_top)[-1] == pytest.approx([0.0, -12.0], abs=1e-10)
+    # each by itself is that of the pressure in the frames, whose mean is 0
+    assert result.force_bottom[-1] == pytest.approx([0.0, -6.0], abs=1e-10)
+    assert result.force_left[-1] == pytest.approx([0.0, 0.0], abs=1e-10)
     assert result.volume_force[-1] == pytest.approx([0.0, -12.0])
     assert closed(result)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from softdyn.fluid.conditions import SHARES
 from softdyn.fluid.fields import AXES
-from softdyn.fluid.flow_system import FlowEquations, FluidSystem
+from softdyn.fluid.flow_system import FlowEquations, FluidSystem, without_level
 from softdyn.fluid.mesh import facet_normals, owners, volumes
 
 Array = NDArray[np.float64]
@@ -144,6 +144,10 @@ def measured(
     """
     d, count = system.dimension, system.velocity.count
     v = system.velocities
+    if system.conditions.levels:
+        # forces on walls are those of the pressure that frames have
+        x = without_level(system, x)
+        residual = equations.residual(x)
     u, rows = x[:v].reshape(d, count), residual[:v].reshape(d, count)
     outlets = dict(zip((part.outlet.name for part in system.open), equations.of_outlets(x), strict=True))
     forces, fluxes, put_in = [], [], 0.0

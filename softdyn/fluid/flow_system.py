@@ -259,6 +259,21 @@ def _outside(system: FluidSystem, outlet: Outlet, t: float) -> Array:
     return found
 
 
+def without_level(system: FluidSystem, x: Array) -> Array:
+    """The same unknowns; where the pressure has no level, its mean over the nodes is 0.
+
+    Parameters
+    ----------
+    system : FluidSystem
+    x : array, shape (unknowns,)
+        Velocities, then pressures.
+    """
+    found = x.copy()
+    for level in system.conditions.levels:
+        found[level] -= found[level].mean()
+    return found
+
+
 def prepared(scene: FluidScene, moving: bool = False) -> FluidSystem:
     """Check a scene, make its mesh, and get its kernels.
 

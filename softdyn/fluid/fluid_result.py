@@ -66,10 +66,9 @@ def frame_of(system: FluidSystem, t: float, x: Array) -> FlowFrame:
     x : array, shape (unknowns,)
         Velocities, then pressures.
     """
-    known, p = system.coefficients(t), x[system.velocities :].copy()
-    for level in system.conditions.levels:
-        own = level - system.velocities
-        p[own] -= p[own].mean()
+    from softdyn.fluid.flow_system import without_level
+
+    known, p = system.coefficients(t), without_level(system, x)[system.velocities :]
     u = x[: system.velocities].reshape(system.dimension, -1).T.copy()
     return FlowFrame(t, u, p, known.get("c", np.empty(0)), known.get("us", np.empty((0, system.dimension))))
 

@@ -28,7 +28,7 @@ from softdyn.errors import IntegrationError, SceneError
 from softdyn.fluid.balances import Measures, mean_stress, measured, measures_of
 from softdyn.fluid.boundary_keys import periodic_pairs
 from softdyn.fluid.fields import AXES, fields_of, vectors_at
-from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_faults, closure_of, prepared
+from softdyn.fluid.flow_system import FlowEquations, FluidSystem, closure_faults, closure_of, prepared, without_level
 from softdyn.fluid.fluid_result import HISTORY, frame_of
 from softdyn.fluid.fluid_run import fingerprint, output_times, solver_arrays, solver_from, solver_of
 from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
@@ -754,7 +754,7 @@ def _told(run: Run, one: Stretch, found: Found) -> list[float]:
         walls, after = found.passage.walls, found.passage.grains
     system, measures = run.system, run.measures
     fluid, maps, mass = system.fluid, system.maps, system.filter.mass
-    x, d, columns = solution.x, fluid.dimension, measures.columns
+    x, d, columns = without_level(fluid, solution.x), fluid.dimension, measures.columns
     told = measured(fluid, measures, equations, x, solution.residual, run.solver.least)
     # what flows out of the fluid is what grains displace
     fluxes = told[[columns.index(f"flux_{name}") for name in measures.names]]
