@@ -217,6 +217,18 @@ def test_a_flow_curve_is_fitted_as_by_its_own_fit(tmp_path: Path) -> None:
 # --- an AFM curve, as people have it ---
 
 
+def test_a_law_that_does_not_describe_the_data_is_told() -> None:
+    """A power law of what has a yield stress; with errors a hundred times as large it cannot be told from one."""
+    rates = np.logspace(-2, 2, 25)
+    stress = 12 + 8 * rates**0.5 + 0.2 * noise(8, 25)
+    for error, told in ((0.2, True), (20.0, False)):
+        data = {"rate": rates, "stress": stress, "stress_error": np.full(25, error)}
+        found = softdyn.fit("power-law", data)
+        assert any("does not describe the data" in words for words in found.warnings) == told
+        assert ("does not describe the data" in str(found)) == told
+    assert not softdyn.fit("herschel-bulkley", {**data, "stress_error": np.full(25, 0.2)}).warnings
+
+
 def afm_file(path: Path) -> Path:
     """Force over time of a colloid with a brush, which a piezo pushes with a cantilever of 0.05 N/m; 1 pN of noise."""
     law = {**PROBE, "Pi0": 5e4, "L": 20e-9}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from softdyn.errors import SceneError
 from softdyn.fitting.curve_data import ERROR, FLOW_COLUMNS, LENGTH, PAIR_COLUMNS, STIFFNESS, CurveData, read_curve
@@ -48,6 +49,8 @@ STATIC = "static"
 
 #: Laws of flow, by the names that a command line likes.
 FLOW_LAWS = {"herschel-bulkley": "Herschel-Bulkley", "power-law": "power law"}
+#: Odds by which a fit is off by chance; one that is less likely than that does not describe the data.
+BY_CHANCE = 1e-6
 #: Rates of a curve of a law of flow.
 LINES = 200
 
@@ -344,6 +347,18 @@ def _told(model: Model, solution: Solution, measured: Array, profiles: bool) -> 
     return {name: profile(model, solution, measured, i) for i, name in enumerate(names)} if profiles else {}
 
 
+def _misfit(solution: Solution) -> list[str]:
+    """Words on a fit that is further off than errors of the data explain."""
+    if solution.estimated or solution.loss != "linear" or not solution.dof:
+        return []
+    if chi2.sf(solution.chi2, solution.dof) >= BY_CHANCE:
+        return []
+    return [
+        f"the law does not describe the data within their errors: chi2/dof is {solution.chi2 / solution.dof:.3g}, and "
+        "errors and intervals of the parameters mean little; look at what is left over, at units, and at what is held"
+    ]
+
+
 def _result(
     law: str,
     target: str,
@@ -377,7 +392,7 @@ def _result(
         chi2=solution.chi2,
         dof=solution.dof,
         undetermined=tuple(direction_words(moved, known) for moved, known in undetermined(solution)),
-        warnings=(*warnings, *bounds),
+        warnings=(*warnings, *bounds, *_misfit(solution)),
         about={
             "curves": curves, "loss": solution.loss, "evaluations": solution.evaluations,
             "estimated": solution.estimated, "units": dict(units),

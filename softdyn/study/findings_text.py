@@ -88,16 +88,18 @@ def errors_data(findings: Sequence[ErrorFinding]) -> list[Any]:
 
 def signs_text(law: ContactLaw) -> str:
     """What is proved of the signs of radius, stiffness and friction, and of surfaces that rub."""
-    from softdyn.derive.checks import rubbing_signs_of, signs_of, undecided_signs
+    from softdyn.derive.checks import pressed_only, rubbing_signs_of, signs_of, undecided_signs
 
+    # a law may be of pressed surfaces alone
+    domain = "h > 0, 0 < delta < R" if law.zeta == 0 or pressed_only(law) else "h > 0, |delta| < R"
     proved = dict.fromkeys(sign.quantity for sign in signs_of(law) if sign.found.verdict == "positive")
     open_ = undecided_signs(law)
     whole = [name for name in proved if not any(words.startswith(f"{name} >") for words in open_)]
-    lines = [f"{', '.join(whole)} > 0: proved for h > 0, |delta| < R"] if whole else []
+    lines = [f"{', '.join(whole)} > 0: proved for {domain}"] if whole else []
     rubbing = rubbing_signs_of(law)
     if rubbing and all(sign.found.verdict == "positive" for sign in rubbing):
         names = ", ".join(dict.fromkeys(sign.quantity for sign in rubbing))
-        lines.append(f"{names} >= 0: proved for h > 0, |delta| < R")
+        lines.append(f"{names} >= 0: proved for {domain}")
     return "".join(line + "\n" for line in (*lines, *open_))
 
 
