@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,10 @@ CONFIDENCE = 0.95
 PROFILE_STEPS = (0.7, 1.4, 2.1, 2.8)
 LONGER = 1.7
 MOST_STEPS = 7
+#: Longest first step in a logarithm; and evaluations of a fit that is to be sure.
+FIRST_STEP, PATIENT = math.log(2.0), 300
+#: A rise of so many limits is too far beyond; and how often what lies between is halved.
+STEEP, HALVINGS = 4.0, 6
 #: The profile of a positive parameter goes no farther than this factor from its value.
 FARTHEST_PROFILE = 1e3
 
@@ -430,6 +435,14 @@ class Profile:
     high: float
 
 
+class _Held(NamedTuple):
+    """With one held, the others fitted: its distance from the best fit, the rise of chi2, and all parameters."""
+
+    shift: float
+    rise: float
+    x: Array
+
+
 def profile(model: Model, solution: Solution, measured: Array, number: int) -> Profile:
     """Profile of a parameter, at the errors of the data that were found.
 
@@ -448,31 +461,45 @@ def profile(model: Model, solution: Solution, measured: Array, number: int) -> P
     limit = solution.quantile**2
     points = {0.0: 0.0}
     ends = []
+
+    def attempt(shift: float, near: _Held) -> _Held:
+        try:
+            found = _held(model, solution, measured, number, shift, near.x, limit)
+        except (IntegrationError, SceneError):
+            return _Held(shift, math.inf, near.x)
+        points[shift] = found.rise
+        return found
+
     for side in (-1.0, 1.0):
         bound = one.bounds[0 if side < 0 else 1]
-        x, reach, end = solution.x.copy(), 0.0, side * math.inf
-        before = (0.0, 0.0)
+        reach, end, before = 0.0, side * math.inf, _Held(0.0, 0.0, solution.x)
         for k in range(MOST_STEPS):
             reach = PROFILE_STEPS[k] if k < len(PROFILE_STEPS) else reach * LONGER
             shift = side * reach * spread
+            if one.by_log:
+                # along a curved valley a long step would lead nowhere
+                shift = side * min(abs(shift), FIRST_STEP * LONGER**k)
             if one.by_log and abs(shift) > math.log(FARTHEST_PROFILE):
-                if k and abs(before[0]) >= math.log(FARTHEST_PROFILE):
+                if k and abs(before.shift) >= math.log(FARTHEST_PROFILE):
                     break
                 shift = side * math.log(FARTHEST_PROFILE)
             out = (solution.x[number] + shift - bound) * side >= 0
             shift = bound - solution.x[number] if out else shift
-            try:
-                x, rise = _held(model, solution, measured, number, shift, x)
-            except (IntegrationError, SceneError):
+            here = attempt(shift, before)
+            for _ in range(HALVINGS):
+                if here.rise <= STEEP * limit:
+                    break
+                # too far to tell where the limit is crossed, or a fit that fails
+                between = attempt((before.shift + here.shift) / 2, before)
+                before, here = (between, here) if between.rise < limit else (before, between)
+            if here.rise >= limit:
+                if math.isfinite(here.rise):
+                    # chi2 is nearly a parabola: its root is nearly straight
+                    low, high = math.sqrt(max(before.rise, 0.0)), math.sqrt(here.rise)
+                    part = (math.sqrt(limit) - low) / (high - low)
+                    end = before.shift + part * (here.shift - before.shift)
                 break
-            points[shift] = rise
-            if rise >= limit:
-                # chi2 is nearly a parabola: its root is nearly straight
-                low, high = math.sqrt(max(before[1], 0.0)), math.sqrt(rise)
-                part = (math.sqrt(limit) - low) / (high - low)
-                end = before[0] + part * (shift - before[0])
-                break
-            before = (shift, rise)
+            before = here
             if out:
                 # at a bound that somebody has set, or as far as anybody looks
                 edge = one.low if side < 0 else one.high
@@ -487,22 +514,33 @@ def profile(model: Model, solution: Solution, measured: Array, number: int) -> P
 
 
 def _held(
-    model: Model, solution: Solution, measured: Array, number: int, shift: float, x: Array
-) -> tuple[Array, float]:
-    """The others fitted, with one held: where they are, and by how much chi2 has risen."""
+    model: Model, solution: Solution, measured: Array, number: int, shift: float, x: Array, limit: float
+) -> _Held:
+    """The others fitted, with one held.
+
+    What ends a profile, a rise to the limit, is tried again with more patience, and from another start, too.
+    """
     one = solution.parameters[number]
     at = float(solution.x[number]) + shift
     others = [i for i in range(len(solution.x)) if i != number]
     if not others:
         values, _ = model(np.array([one.outer(at)]))
         off = (values - measured) / solution.sigma
-        return np.array([at]), _total(off, solution.loss) - solution.least
+        return _Held(shift, _total(off, solution.loss) - solution.least, np.array([at]))
 
     def rest(outer: Array) -> tuple[Array, Array]:
         values, slopes = model(np.insert(outer, number, one.outer(at)))
         return values, slopes[:, others]
 
-    moved = x[others] + solution.covariance[others, number] / solution.covariance[number, number] * (at - x[number])
     kept = tuple(solution.parameters[i] for i in others)
-    residuals, found = _minimised(rest, kept, measured, solution.sigma, moved, solution.loss, 1e-6, 30)
-    return np.insert(found, number, at), _total(residuals(found), solution.loss) - solution.least
+
+    def fitted(start: Array, most: int) -> _Held:
+        residuals, found = _minimised(rest, kept, measured, solution.sigma, start, solution.loss, 1e-6, most)
+        return _Held(shift, _total(residuals(found), solution.loss) - solution.least, np.insert(found, number, at))
+
+    moved = x[others] + solution.covariance[others, number] / solution.covariance[number, number] * (at - x[number])
+    best = fitted(moved, 30)
+    if best.rise >= limit:
+        starts = (best.x[others], x[others])
+        best = min(best, *(fitted(start, PATIENT) for start in starts), key=lambda one: one.rise)
+    return best
