@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import binom, norm
+from sympy import Abs, Rational, Symbol, exp, pi, sqrt
 
 import softdyn
 from softdyn.cli import main
+from softdyn.derive import FORCE, LENGTH, ContactLaw, E, R, delta, eta, h
 from softdyn.errors import SceneError
 from softdyn.fitting.least_squares import Parameter, profile, solve, undetermined
 from softdyn.rheology.flow_laws import fit_flow_law
@@ -215,6 +217,40 @@ def test_a_flow_curve_is_fitted_as_by_its_own_fit(tmp_path: Path) -> None:
 
 
 # --- an AFM curve, as people have it ---
+
+
+@pytest.mark.slow
+def test_intervals_of_degenerate_parameters_hold_the_truth() -> None:
+    """The size of a force and the gap at the start stand for one another, over decades: valleys are long and curved."""
+    F0, lam = Symbol("F0", positive=True), Symbol("lam", positive=True)
+    law = ContactLaw(
+        name="degenerate",
+        a=sqrt(R * Abs(delta) + 2 * R * h),
+        F_ela=Rational(2, 3) * E * sqrt(R * Abs(delta)) * delta,
+        zeta=3 * pi * eta * R**2 / (2 * h),
+        F_adh=F0 * exp(-h / lam),
+        parameters={F0: FORCE, lam: LENGTH},
+    )
+    known = {"R": 10e-6, "E": 1e5, "eta": 1e-3}
+    truth = {"F0": 2e-9, "lam": 30e-9, "h": 250e-9}
+    t = np.linspace(0, 1.3, 100)
+    base = -2e-7 * t
+    start = {"F0": truth["F0"], "lam": truth["lam"]}
+    spring = {"stiffness": 0.05, "base": (t, base + known["R"] * 2 + truth["h"])}
+    run = softdyn.simulate(
+        law=law, parameters={**known, **start}, h=truth["h"], until_t=1.3, times=t.tolist(), spring=spring
+    )
+    data = {"t": t, "Z": base, "F": run.F + 2e-12 * noise(1, 100), "F_error": np.full(100, 2e-12)}
+    found = softdyn.fit(
+        law, data, free=["F0", "lam", "h"], parameters={**known, **start}, h=truth["h"],
+        drive={"spring": {"stiffness": 0.05, "base": "Z"}},
+    )  # fmt: skip
+    for name, (low, high) in found.intervals.items():
+        assert low < truth[name] < high
+        # of what rises to the limit at all; known errors are normal
+        rise, values = found.arrays[f"profile_{name}_chi2"], found.arrays[f"profile_{name}"]
+        inside = (values > low) & (values < high)
+        assert (rise[inside] < norm.ppf(0.975) ** 2 * 1.1).all()
 
 
 def test_a_law_that_does_not_describe_the_data_is_told() -> None:
