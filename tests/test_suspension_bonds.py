@@ -197,6 +197,10 @@ def test_chains_are_placed_between_the_walls_of_a_mesh() -> None:
         ),
         ({"bond": [Bond("chains", "hooke", {"k": 1.0, "d": 2.0})]}, "are those of chains that are generated"),
         (
+            {"law": "hertz", "parameters": {"E": 1e3, "nu": 0.3, "tau": 0.01}, "range": 0.3},
+            r"\[contacts\] range: contacts of this law end where surfaces part",
+        ),
+        (
             {"potential": [PairPotential("morse", {"De": 1.0, "b": 1.0, "d": 1.0}, between=["a", "b"])]},
             "there is no species 'a'",
         ),

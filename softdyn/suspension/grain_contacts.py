@@ -78,6 +78,17 @@ def parameters_of_law(scene: SuspensionScene) -> set[str]:
     return {symbol.name for symbol in parameters_of(law_of(scene.law), True)} - {"R"}
 
 
+def refuse_range(scene: SuspensionScene) -> None:
+    """Refuse a range of contacts that have none of their own: those of a dry law without a remote force.
+
+    Raises
+    ------
+    SceneError
+    """
+    if scene.range is not None:
+        raise SceneError("[contacts] range: contacts of this law end where surfaces part: leave it out")
+
+
 def walls_of(mesh: Mesh, names: tuple[str, ...]) -> list[Wall]:
     """Flat walls at parts of a mesh's boundary.
 
@@ -123,8 +134,7 @@ def grain_system(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: 
     """
     if scene.law is None or not len(mass):
         return None
-    if scene.range is not None:
-        raise SceneError("[contacts] range: contacts of this law end where surfaces part: leave it out")
+    refuse_range(scene)
     d = mesh.dimension
     inertia = Inertia(float(scene.grain_density or 0.0), "disc" if d == 2 else "sphere")
     system = prepare(check(particles_of(scene, mesh, grains, inertia=inertia, velocities=grains.v, rtol=RTOL)))

@@ -35,7 +35,7 @@ from softdyn.particles.particle_scene import check
 from softdyn.particles.start import start
 from softdyn.particles.state import State
 from softdyn.particles.system import System, contact_state, opening_rates
-from softdyn.suspension.grain_contacts import Passage, parameters_of_law, particles_of
+from softdyn.suspension.grain_contacts import Passage, parameters_of_law, particles_of, refuse_range
 from softdyn.traits import traits_of
 
 if TYPE_CHECKING:
@@ -177,6 +177,7 @@ def _of_films(scene: SuspensionScene, grains: GrainArrays, d: int) -> dict[str, 
     """
     traits = traits_of(scene.law)
     if traits.kind == "dry" and not traits.remote:
+        refuse_range(scene)
         return {}
     more: dict[str, Any] = {"range": scene.range or float(grains.radii.min())}
     if traits.kind == "dry":
