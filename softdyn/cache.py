@@ -25,6 +25,8 @@ from typing import Any, BinaryIO
 from softdyn.errors import SceneError
 
 VARIABLE = "SOFTDYN_CACHE_DIR"
+#: What Windows says of a file that another process has locked: EACCES, and EDEADLOCK after ten seconds.
+LOCKED = (13, 36)
 #: See :func:`stand_of`.
 Stand = tuple[tuple[int, ...], tuple[int, ...], tuple[tuple[Any, ...], ...]]
 #: Permissions to write, of the group and of everybody else.
@@ -362,8 +364,9 @@ def _lock(file: BinaryIO) -> Callable[[], object]:
             try:
                 msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
                 break
-            except OSError:  # it waits for ten seconds alone
-                continue
+            except OSError as error:  # it waits for ten seconds alone
+                if error.errno not in LOCKED:
+                    raise
 
         def let_go() -> None:
             file.seek(0)

@@ -67,6 +67,20 @@ def test_the_cache_waits_for_a_lock_of_windows_however_long(windows: pytest.Monk
     assert asked == ["lock"] * 3 + ["unlock"]
 
 
+def test_the_cache_does_not_wait_for_a_lock_that_windows_cannot_give(
+    windows: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As where a share knows no locks: another attempt would be answered alike, for ever."""
+
+    def locking(descriptor: int, mode: str, count: int) -> None:
+        if mode == "lock":
+            raise OSError(22, "invalid argument")
+
+    windows.setitem(sys.modules, "msvcrt", SimpleNamespace(locking=locking, LK_LOCK="lock", LK_UNLCK="unlock"))
+    with pytest.raises(OSError, match="invalid argument"), cache._locked(tmp_path / "lock"):
+        pass
+
+
 def test_memory_is_not_told_where_the_system_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resource", None)
     assert math.isnan(peak_memory())
