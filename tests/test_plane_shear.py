@@ -33,6 +33,7 @@ def test_flows_are_compared_told_and_drawn() -> None:
     np.testing.assert_allclose([one.I, mu, phi], [0.15, 0.41, 0.77])
     lines = list(summary(found))
     assert lines[-1].split()[-4:] == ["mu", "1.000,", "phi", "1.0000"]
+    assert len(list(summary(found[2:]))) == 4  # of one method alone, there is nothing beside it
     figure = draw(found)
     assert len(figure.axes) == 2
     assert len(figure.axes[0].containers) == len(METHODS)

@@ -188,6 +188,8 @@ def beside(found: Sequence[Flowing]) -> list[tuple[Flowing, float, float]]:
     Where elastic ones were measured on both sides alone.
     """
     elastic = sorted((one.I, one.mu, one.phi) for one in found if one.method == "explicit")
+    if not elastic:
+        return []
     numbers, mu, phi = (np.array(column) for column in zip(*elastic, strict=True))
     return [
         (one, float(np.interp(one.I, numbers, mu)), float(np.interp(one.I, numbers, phi)))
