@@ -190,12 +190,28 @@ def seen(one: Filter, maps: Projections, cloud: Cloud, flux: Array, p: Array) ->
 
     Parameters
     ----------
+    one : Filter
+    maps : Projections
+    cloud : Cloud
     flux : array, shape (nodes of the velocity, d)
     p : array, shape (nodes of the filter,)
     """
-    v = gathered(one, cloud.weights, (maps.moments @ flux) / (1 - cloud.share)[:, None])
+    v = seen_velocity(one, maps, cloud, flux)
     slope = gathered(one, cloud.weights, np.stack([part @ p for part in maps.slopes], axis=1))
     return v, slope
+
+
+def seen_velocity(one: Filter, maps: Projections, cloud: Cloud, flux: Array) -> Array:
+    """Velocity of the fluid at the grains, as the filter tells it, shape (grains, d).
+
+    Parameters
+    ----------
+    one : Filter
+    maps : Projections
+    cloud : Cloud
+    flux : array, shape (nodes of the velocity, d)
+    """
+    return gathered(one, cloud.weights, (maps.moments @ flux) / (1 - cloud.share)[:, None])
 
 
 def shear_rates(one: Filter, maps: Projections, cloud: Cloud, flux: Array) -> Array:
@@ -272,8 +288,7 @@ def tried_of(one: Filter, maps: Projections, cloud: Cloud, friction: Array, flux
     flux : array, shape (nodes of the velocity, d)
         That is tried.
     """
-    seen_v = gathered(one, cloud.weights, (maps.moments @ flux) / (1 - cloud.share)[:, None])
-    pull = spread(one, cloud.weights, friction[:, None] * (cloud.aim - seen_v))
+    pull = spread(one, cloud.weights, friction[:, None] * (cloud.aim - seen_velocity(one, maps, cloud, flux)))
     return {"tried": flux, "pull": np.asarray(maps.up @ pull)}
 
 

@@ -66,9 +66,9 @@ def engine_of(scene: SuspensionScene, mesh: Mesh, grains: GrainArrays, mass: Arr
     return grain_contacts.grain_system(scene, mesh, grains, mass)
 
 
-def _of(system: Engine) -> Any:
-    """The module of an engine."""
-    if isinstance(system, GrainSystem):
+def _of(one: Engine | Moving) -> Any:
+    """The module of an engine, or of a state of one."""
+    if isinstance(one, (GrainSystem, Grains)):
         return grain_contacts
     from softdyn.suspension import soft_grains
 
@@ -114,12 +114,7 @@ def passed(system: Engine, before: Moving, t: float, friction: Array, fluid_v: A
 
 def moved_on(grains: Moving, v: Array) -> None:
     """Give grains other velocities, shape (grains, d), by their numbers."""
-    if isinstance(grains, Grains):
-        grain_contacts.moved_on(grains, v)
-    else:
-        from softdyn.suspension import soft_grains
-
-        soft_grains.moved_on(grains, v)
+    _of(grains).moved_on(grains, v)
 
 
 def counted(system: Engine, before: Moving, after: Moving) -> tuple[int, int]:
@@ -178,9 +173,8 @@ def told(grains: Moving) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Numbers and arrays of a state: all that the steps to come depend on."""
     if isinstance(grains, Grains):
         return grain_checkpoint.told(grains)
-    from softdyn.suspension import soft_grains
-
-    return soft_grains.told(grains)
+    found: tuple[dict[str, Any], dict[str, NDArray[Any]]] = _of(grains).told(grains)
+    return found
 
 
 def told_again(
@@ -197,7 +191,6 @@ def told_again(
     """
     if isinstance(system, GrainSystem):
         return grain_checkpoint.told_again(about, arrays, before)
-    from softdyn.suspension import soft_grains
-
     own = {name.removeprefix(before): array for name, array in arrays.items() if name.startswith(before)}
-    return soft_grains.told_again(system, about, own)
+    found: SoftGrains = _of(system).told_again(system, about, own)
+    return found

@@ -168,9 +168,7 @@ class State:
     scales: Array | None = None
     rate: float = 0.0
     size: float = 0.0
-    counts: dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(("steps", "iterations", "repeats", "flows"), 0)
-    )
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))
 
 
 @dataclass
