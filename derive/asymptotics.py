@@ -512,7 +512,7 @@ def _is_zero_by_signs(coefficient: Expr) -> bool | None:
 
 
 #: Part of its terms that must be left of a sum in floats, for it to be none that cancels: of sums within three others,
-#: still a million times what these lose.
+#: still a million times what these lose. As much a logarithm must be, for its argument to be none that is one.
 LEFT = 1e-3
 
 
@@ -538,7 +538,9 @@ def _in_floats(expr: Expr) -> float:
             total = math.fsum(values)
             return total if abs(total) > LEFT * math.fsum(map(abs, values)) else math.nan
         if isinstance(expr, log):
-            return math.log(values[0])
+            # of a number next to one the logarithm is what is left of their difference
+            found = math.log(values[0])
+            return found if abs(found) > LEFT else math.nan
     except (ArithmeticError, ValueError):
         pass
     return math.nan

@@ -387,6 +387,11 @@ def test_signs_and_zeros_seen_in_parts_are_those_that_sympy_finds() -> None:
     assert not is_apart_from_zero(hidden)
     assert not is_apart_from_zero(x * hidden)
     assert is_apart_from_zero(x - sqrt(2) * log(1 + x))
+    for name in "xyzERLs":  # the logarithm of one, which is 1e-16 at some numbers
+        symbol = Symbol(name, positive=True)
+        one = (sqrt(symbol + 1) - 1) * (sqrt(symbol + 1) + 1) / symbol
+        assert not is_apart_from_zero(symbol * log(one))
+        assert is_zero(symbol * log(one))
     assert not is_apart_from_zero(n + 1)
     # what is left of a sum that nearly cancels is left to exact numbers
     assert not is_apart_from_zero(log(1 + x) - log(1 + x * Rational(10**6 + 1, 10**6)))
