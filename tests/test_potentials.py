@@ -230,6 +230,16 @@ def test_what_is_asked_first_of_a_potential(name: str, expected: dict[str, float
         assert found[key] == pytest.approx(value, rel=1e-6 if key == "pulled_to" else 1e-9), key
 
 
+def test_what_is_asked_first_is_found_in_any_unit() -> None:
+    """Of Morse's potential in metres, whose well is nanometres wide."""
+    morse = stock("morse")
+    depth, steep, place = (Symbol(one, positive=True) for one in ("De", "b", "d"))
+    found = at_typical_values(replace(morse, typical={depth: 1, steep: 4 * 10**9, place: Rational(2, 10**9)}))
+    assert found["rest"] == pytest.approx(2e-9, rel=1e-9)
+    assert found["pulled_to"] == pytest.approx((2 + math.log(2) / 4) * 1e-9, rel=1e-6)
+    assert found["pull_off"] == pytest.approx(2e9, rel=1e-9)
+
+
 def test_who_asks_regimes_of_a_potential_is_told_what_there_is() -> None:
     with pytest.raises(SceneError, match=r"softdyn derive morse tells .* softdyn check morse"):
         find("morse")

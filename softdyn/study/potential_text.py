@@ -55,7 +55,7 @@ def at_typical_values(potential: Potential) -> dict[str, float]:
     least = i + 1 + int(np.argmin(pushes[i + 1 :]))
     if least < len(at) - 1:
         hold = minimize_scalar(
-            force, bounds=(max(rest, at[least - 1]), at[least + 1]), method="bounded", options={"xatol": 1e-9}
+            force, bounds=(max(rest, at[least - 1]), at[least + 1]), method="bounded", options={"xatol": 1e-9 * rest}
         )
         found |= {"pull_off": -float(hold.fun), "pulled_to": float(hold.x)}
     return found
