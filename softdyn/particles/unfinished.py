@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from softdyn.particles.mechanisms import untold
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import prepare_any
 from softdyn.particles.results import Frame, ParticleResult, gather
@@ -23,4 +24,4 @@ def load_frames(path: Path) -> ParticleResult:
     system, frames, words = unended(path, Frame, lambda origin: prepare_any(scene_from(origin, ParticleScene)))
     found = list(frames)
     energy = dict(zip((*system.works, "stored"), found[-1].energy.tolist(), strict=True))
-    return gather(system, found, [], energy, {"warnings": [words]})
+    return gather(system, found, [], energy, {"warnings": [words, *untold(system.mechanisms)]})

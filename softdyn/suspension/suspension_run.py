@@ -35,6 +35,7 @@ from softdyn.fluid.linear_solvers import NAMES, LinearFailed, LinearSolver
 from softdyn.fluid.mesh import place
 from softdyn.fluid.newton import GOAL, NewtonFailed, Solution, solve
 from softdyn.one_thread import in_one_thread
+from softdyn.particles.mechanisms import untold
 from softdyn.particles.packing import BALL
 from softdyn.results.carried import carried
 from softdyn.results.frame_file import FrameFile, begin, go_on, unended
@@ -905,7 +906,8 @@ def load_suspension_frames(path: Path) -> SuspensionResult:
     system, frames, words = unended(
         path, SuspensionFrame, lambda origin: made_ready(scene_from(origin, SuspensionScene))
     )
-    stats = {"elements": system.fluid.scene.elements, "warnings": [words]}
+    more_words = [] if system.contacts is None else untold(system.contacts.mechanisms)
+    stats = {"elements": system.fluid.scene.elements, "warnings": [words, *more_words]}
     walls = tuple(scene.walls) if isinstance(scene := system.fluid.scene, SuspensionScene) else ()
     more = columns_of_bonds(system.contacts, None, list(frames))
     return gather_suspension(system.fluid, measures_of(system.fluid), system.radii, frames, [], stats, walls, more)

@@ -519,10 +519,19 @@ class Mechanism:
         """What a result tells of it besides its arrays."""
         return {}
 
+    def untold(self) -> str:
+        """What frames alone do not tell of it, for a warning; "" if they tell all."""
+        return ""
+
 
 def having(mechanisms: Sequence[Mechanism], name: str) -> tuple[Mechanism, ...]:
     """Those of some mechanisms that define one of the functions above."""
     return tuple(one for one in mechanisms if getattr(type(one), name) is not getattr(Mechanism, name))
+
+
+def untold(mechanisms: Sequence[Mechanism]) -> list[str]:
+    """What the frames of a run that has not ended do not tell."""
+    return [words for one in mechanisms if (words := one.untold())]
 
 
 #: What the engine asks for again and again.

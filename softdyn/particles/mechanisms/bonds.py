@@ -190,6 +190,10 @@ class Bonds(Mechanism):
         """How many bonds there are, and how many broke."""
         return {"bonds": len(self.of), "bonds_broken": int(np.isfinite(self.broken).sum())}
 
+    def untold(self) -> str:
+        """Which bonds have broken."""
+        return "its bonds are told as if none had broken: frames do not say which have" if self._may_break() else ""
+
     def _may_break(self) -> bool:
         return bool(np.isfinite(self.at_length).any() or np.isfinite(self.at_force).any())
 
