@@ -511,39 +511,50 @@ def _is_zero_by_signs(coefficient: Expr) -> bool | None:
     return None if coefficient.is_zero is None else bool(coefficient.is_zero)
 
 
-#: Part of its terms that must be left of a sum in floats, for it to be none that cancels: of sums within three others,
-#: still a million times what these lose. As much a logarithm must be, for its argument to be none that is one.
-LEFT = 1e-3
+#: Rounding of an operation, or of a number, at most; of powers and logarithms, too.
+ROUNDED = 4 * 2.0**-53
+#: Relative error from which a value in floats tells nothing: below it squares of errors do not matter.
+VAGUE = 1e-3
+NOTHING = (math.nan, math.inf)
 
 
 def is_apart_from_zero(expr: Expr) -> bool:
     """Whether a coefficient, at some positive numbers, is seen not to vanish."""
-    return math.isfinite(value := _in_floats(expr)) and value != 0
+    value, error = _in_floats(expr)
+    return math.isfinite(value) and value != 0 and error < VAGUE
 
 
 @lru_cache(maxsize=50_000)
-def _in_floats(expr: Expr) -> float:
-    """Value at positive numbers that satisfy no simple relation; nan where a sum cancels, or for what is not simple."""
+def _in_floats(expr: Expr) -> tuple[float, float]:
+    """Value at positive numbers that satisfy no simple relation, and a bound of its relative error; nan if none is."""
     try:
-        if expr.is_Rational or expr.is_NumberSymbol:
-            return float(expr)
-        if expr.is_Symbol:
-            return 1 + (crc32(expr.name.encode()) % 9973) / 7919 if expr.is_positive else math.nan
-        values = [_in_floats(part) for part in expr.args]
-        if expr.is_Mul:
-            return math.prod(values)
-        if expr.is_Pow:
-            return math.pow(*values)
-        if expr.is_Add:
-            total = math.fsum(values)
-            return total if abs(total) > LEFT * math.fsum(map(abs, values)) else math.nan
-        if isinstance(expr, log):
-            # of a number next to one the logarithm is what is left of their difference
-            found = math.log(values[0])
-            return found if abs(found) > LEFT else math.nan
+        value, error = _value_and_error(expr)
     except (ArithmeticError, ValueError):
-        pass
-    return math.nan
+        return NOTHING
+    # smaller numbers have fewer digits
+    return (value, 1.01 * error) if 1e-290 < abs(value) < math.inf and error < VAGUE else NOTHING
+
+
+def _value_and_error(expr: Expr) -> tuple[float, float]:
+    if expr.is_Rational or expr.is_NumberSymbol:
+        return float(expr), ROUNDED
+    if expr.is_Symbol:
+        return (1 + (crc32(expr.name.encode()) % 9973) / 7919, 0.0) if expr.is_positive else NOTHING
+    if not (expr.is_Mul or expr.is_Pow or expr.is_Add or isinstance(expr, log)):
+        return NOTHING
+    values, errors = zip(*map(_in_floats, expr.args), strict=True)
+    if expr.is_Mul:
+        return math.prod(values), sum(errors) + len(values) * ROUNDED
+    if expr.is_Pow:
+        power = abs(values[1])
+        return math.pow(*values), power * (errors[0] + abs(math.log(abs(values[0]))) * errors[1]) + ROUNDED
+    if expr.is_Add:
+        total = math.fsum(values)
+        off = math.fsum(abs(value) * error for value, error in zip(values, errors, strict=True))
+        return total, off / abs(total) + ROUNDED
+    # of a number next to one the logarithm is what is left of their difference
+    found = math.log(values[0])
+    return found, errors[0] / abs(found) + ROUNDED
 
 
 @lru_cache(maxsize=50_000)

@@ -393,5 +393,13 @@ def test_signs_and_zeros_seen_in_parts_are_those_that_sympy_finds() -> None:
         assert not is_apart_from_zero(symbol * log(one))
         assert is_zero(symbol * log(one))
     assert not is_apart_from_zero(n + 1)
-    # what is left of a sum that nearly cancels is left to exact numbers
-    assert not is_apart_from_zero(log(1 + x) - log(1 + x * Rational(10**6 + 1, 10**6)))
+    # of a sum that nearly cancels that is seen of which rounding is a small part; the rest is left to exact numbers
+    assert is_apart_from_zero(log(1 + x) - log(1 + x * Rational(10**6 + 1, 10**6)))
+    assert not is_apart_from_zero(log(1 + x) - log(1 + x * Rational(10**14 + 1, 10**14)))
+    # each sum here loses three digits of the one within it, which is nothing but rounding, and six of them all
+    for name in "xyzERLs":
+        symbol = Symbol(name, positive=True)
+        within = (sqrt(symbol + 1) - 1) * (sqrt(symbol + 1) + 1) - symbol
+        for _ in range(6):
+            within = (log(1 + within / 999 + symbol) - log(1 + symbol)) * 1000
+        assert not is_apart_from_zero(within)
