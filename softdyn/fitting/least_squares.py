@@ -485,13 +485,7 @@ def profile(model: Model, solution: Solution, measured: Array, number: int) -> P
                 shift = side * math.log(FARTHEST_PROFILE)
             out = (solution.x[number] + shift - bound) * side >= 0
             shift = bound - solution.x[number] if out else shift
-            here = attempt(shift, before)
-            for _ in range(HALVINGS):
-                if here.rise <= STEEP * limit:
-                    break
-                # too far to tell where the limit is crossed, or a fit that fails
-                between = attempt((before.shift + here.shift) / 2, before)
-                before, here = (between, here) if between.rise < limit else (before, between)
+            before, here = _narrowed(attempt, before, attempt(shift, before), limit)
             if here.rise >= limit:
                 if math.isfinite(here.rise):
                     # chi2 is nearly a parabola: its root is nearly straight
@@ -511,6 +505,18 @@ def profile(model: Model, solution: Solution, measured: Array, number: int) -> P
     low, high = (solution.x[number] + end for end in ends)
     outer = (0.0 if one.by_log and low == -math.inf else one.outer(low), _outer_or_inf(one, float(high)))
     return Profile(np.array(values), np.array([points[s] for s in shifts]), *outer)
+
+
+def _narrowed(
+    attempt: Callable[[float, _Held], _Held], before: _Held, here: _Held, limit: float
+) -> tuple[_Held, _Held]:
+    """Two points between which the limit is crossed, halved while the second is too far beyond, or its fit fails."""
+    for _ in range(HALVINGS):
+        if here.rise <= STEEP * limit:
+            break
+        between = attempt((before.shift + here.shift) / 2, before)
+        before, here = (between, here) if between.rise < limit else (before, between)
+    return before, here
 
 
 def _held(
