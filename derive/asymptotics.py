@@ -520,13 +520,12 @@ NOTHING = (math.nan, math.inf)
 
 def is_apart_from_zero(expr: Expr) -> bool:
     """Whether a coefficient, at some positive numbers, is seen not to vanish."""
-    value, error = _in_floats(expr)
-    return math.isfinite(value) and value != 0 and error < VAGUE
+    return math.isfinite(_in_floats(expr)[0])
 
 
 @lru_cache(maxsize=50_000)
 def _in_floats(expr: Expr) -> tuple[float, float]:
-    """Value at positive numbers that satisfy no simple relation, and a bound of its relative error; nan if none is."""
+    """Value, not 0, at positive numbers that satisfy no simple relation, and a bound of its relative error."""
     try:
         value, error = _value_and_error(expr)
     except (ArithmeticError, ValueError):
