@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +26,9 @@ from softdyn.particles.observables import pressure
 from softdyn.particles.packing import random_packing
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.particles.reproduced import told, write_found
+from softdyn.particles.reproduced import reproduce, told
 from softdyn.particles.results import ParticleResult
 from softdyn.particles.three_models import grain_law
-from softdyn.results.whole_files import require_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,9 +59,13 @@ FRAMES, BLOCKS = 60, 8
 BREATH = 1.0
 
 
+#: Of the line of friction of :func:`known_friction`.
+AT_REST, RISE = 0.25, 1.1
+
+
 def known_friction(I: float | Array) -> float | Array:  # noqa: E741 - the symbol of the paper
     """Friction of discs in plane shear, up to I = 0.2 (da Cruz et al. 2005, doi:10.1103/PhysRevE.72.021309)."""
-    return 0.25 + 1.1 * I
+    return AT_REST + RISE * I
 
 
 def guessed_number(fraction: float) -> float:
@@ -212,17 +216,13 @@ def reproduce_mu_i(folder: Path) -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    require_folder(folder)
-    found = measure(progress=True)
-    print("\n".join(summary(found)))
-    write_found(folder, FILES, found, _table, draw)
-    return 0
+    return reproduce(folder, FILES, partial(measure, progress=True), summary, _table, draw)
 
 
 def summary(found: Sequence[Flowing]) -> Iterator[str]:
     """Each flow, and how far the two methods are from one another."""
     yield f"plane shear of discs, mu = {MU:g}: friction and area fraction of the flow, with the errors of the means"
-    yield f"  {'method':<18}{'I':>10}{'mu(I)':>18}{'phi(I)':>20}{'0.25 + 1.1 I':>16}"
+    yield f"  {'method':<18}{'I':>10}{'mu(I)':>18}{'phi(I)':>20}{f'{AT_REST:g} + {RISE:g} I':>16}"
     for one in found:
         known = f"{known_friction(one.I):.3f}" if one.I <= 0.2 else ""
         yield (

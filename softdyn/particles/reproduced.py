@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from tqdm import tqdm
 
-from softdyn.results.whole_files import written_whole
+from softdyn.results.whole_files import require_folder, written_whole
 from softdyn.terminal import as_it_is
 
 if TYPE_CHECKING:
@@ -27,31 +27,41 @@ def told(runs: Sequence[Run], progress: bool) -> Iterable[Run]:
     return bar
 
 
-def write_found(
+def reproduce(
     folder: Path,
     files: tuple[str, str, str],
-    found: Found,
+    measure: Callable[[], Found],
+    summary: Callable[[Found], Iterable[str]],
     table: Callable[[Found], Iterable[str]],
     draw: Callable[[Found], Figure],
-) -> None:
-    """Write what was found as two pictures and a table, and say where.
+) -> int:
+    """Make the runs, print what they gave, write it as two pictures and a table, and say where.
 
     Parameters
     ----------
     folder : Path
     files : three names of files
         Of the pictures, and of the table.
-    found : what the runs gave
-    table, draw : callables
-        Give the lines of the table, and the picture.
+    measure : callable
+        Makes the runs.
+    summary, table, draw : callables
+        Give the lines to print, those of the table, and the picture.
+
+    Returns
+    -------
+    int
+        0, the status of the command.
 
     Raises
     ------
     SceneError
-        If a file cannot be written.
+        If the folder cannot be written to: before any run.
     """
     from softdyn.study import figures
 
+    require_folder(folder)
+    found = measure()
+    print("\n".join(summary(found)))
     *pictures, lines = files
     with written_whole(folder / lines) as temporary:
         temporary.write_text("\n".join(table(found)) + "\n", encoding="utf-8")
@@ -60,3 +70,4 @@ def write_found(
         for name in pictures:
             figures.save(figure, folder / name)
     print(f"\nwritten to {folder}: {', '.join(files)}")
+    return 0

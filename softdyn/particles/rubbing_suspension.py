@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,8 +25,7 @@ from softdyn.particles.observables import relative_viscosity
 from softdyn.particles.packing import Packing
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.particles.reproduced import told, write_found
-from softdyn.results.whole_files import require_folder
+from softdyn.particles.reproduced import reproduce, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -149,11 +149,7 @@ def reproduce_rubbing(folder: Path) -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    require_folder(folder)
-    found = measure(progress=True)
-    print("\n".join(summary(found)))
-    write_found(folder, FILES, found, _table, draw)
-    return 0
+    return reproduce(folder, FILES, partial(measure, progress=True), summary, _table, draw)
 
 
 def summary(found: Viscosities) -> Iterator[str]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,8 +27,7 @@ from softdyn.errors import IntegrationError
 from softdyn.particles.observables import swap_time
 from softdyn.particles.particle_keys import ParticleScene, Push
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.particles.reproduced import told, write_found
-from softdyn.results.whole_files import require_folder
+from softdyn.particles.reproduced import reproduce, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,11 +181,7 @@ def reproduce_t1(folder: Path, target: str = "auto") -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    require_folder(folder)
-    swaps = measure(target=target, progress=True)
-    print("\n".join(summary(swaps)))
-    write_found(folder, FILES, swaps, _table, draw)
-    return 0
+    return reproduce(folder, FILES, partial(measure, target=target, progress=True), summary, _table, draw)
 
 
 def summary(swaps: Swaps) -> Iterator[str]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +28,8 @@ from softdyn.particles.mechanisms.inertia import Inertia
 from softdyn.particles.packing import Packing
 from softdyn.particles.particle_keys import ParticleScene
 from softdyn.particles.particle_run import simulate_particles
-from softdyn.particles.reproduced import told, write_found
+from softdyn.particles.reproduced import reproduce, told
 from softdyn.particles.results import ParticleResult
-from softdyn.results.whole_files import require_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,11 +147,7 @@ def reproduce_models(folder: Path) -> int:
         If the folder cannot be written to.
     CompileError, IntegrationError
     """
-    require_folder(folder)
-    sheared = measure(progress=True)
-    print("\n".join(summary(sheared)))
-    write_found(folder, FILES, sheared, _table, draw)
-    return 0
+    return reproduce(folder, FILES, partial(measure, progress=True), summary, _table, draw)
 
 
 def summary(sheared: Sheared) -> Iterator[str]:
