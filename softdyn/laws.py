@@ -9,7 +9,7 @@ import ast
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -258,6 +258,24 @@ def law_or_closure_of(name: ContactLaw | Closure | str | Path) -> ContactLaw | C
     return law
 
 
+def require_known_closure(name: str) -> None:
+    """Refuse what is no file, and the name of nothing.
+
+    Raises
+    ------
+    SceneError
+    """
+    known = _stock_names(CLOSURES_FOLDER)
+    if ".py" not in name and name not in (*known, *_stock_names(STOCK_FOLDER), *_stock_names(POTENTIALS_FOLDER)):
+        raise _unknown("closure", name, known)
+
+
+def _unknown(kind: str, name: str, known: Sequence[str]) -> SceneError:
+    near = get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
+    return SceneError(f"unknown {kind} {name!r}; {hint} (one of your own is path/file.py or path/file.py:name)")
+
+
 def find_potential(potential: Any) -> LawReference:
     """Resolve what stands for a potential to a reference, as :func:`find` does.
 
@@ -274,11 +292,7 @@ def find_potential(potential: Any) -> LawReference:
         return find(potential)
     known = _stock_names(POTENTIALS_FOLDER)
     if potential not in known:
-        near = get_close_matches(str(potential), known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"softdyn has {', '.join(sorted(known))}"
-        raise SceneError(
-            f"unknown potential {str(potential)!r}; {hint} (one of your own is path/file.py or path/file.py:name)"
-        )
+        raise _unknown("potential", str(potential), known)
     return LawReference(str(potential), None, str(potential))
 
 

@@ -29,7 +29,7 @@ from softdyn.fluid.mesh import Mesh, owners, place
 from softdyn.fluid.mesh_section import made_mesh
 from softdyn.fluid.numbering import Nodes, nodes_of
 from softdyn.fluid.unknowns import Unknowns, unknowns_of
-from softdyn.laws import law_or_closure_of, term_of
+from softdyn.laws import law_or_closure_of, require_known_closure, term_of
 from softdyn.scene.kinds import is_number, shown
 from softdyn.scene.numbers import range_fault
 from softdyn.words import listed, suggestion
@@ -429,6 +429,7 @@ def closure_of(given: Any, key: str, gives: str = "") -> Closure:
         if not isinstance(given, str):
             raise SceneError(f"{key} must be a closure's name, a path or a Closure, not {shown(given)}")
         try:
+            require_known_closure(given)
             closure = law_or_closure_of(given)
         except SceneError as error:
             raise SceneError(f"{key}: {error}") from None
