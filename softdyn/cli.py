@@ -374,16 +374,17 @@ def _parser() -> argparse.ArgumentParser:
     reproduce = add(
         "reproduce",
         _reproduce,
-        "draw figures from runs: 3 and 4 of part 1; T1 processes; three models; suspensions that rub; sheared grains",
+        "draw figures from runs made now, with a table of their numbers: of the paper, and comparisons",
     )
     reproduce.add_argument(
         "what",
         nargs="?",
         choices=("pair", "t1", "models", "rubbing", "mu_i"),
         default="pair",
-        help="part 1; the T1; one packing sheared as dry grains, bubbles and soft spheres; the viscosity of spheres "
-        "whose films break at a roughness, where they rub; or mu(I) and phi(I) of dry discs, by explicit steps and by "
-        "contact dynamics (default: %(default)s)",
+        help="pair: figures 3 and 4 of Rognon and Gay, arXiv 0803.1573; t1: how long four spheres take to change "
+        "neighbours; models: one packing sheared as dry grains, bubbles and soft spheres; rubbing: the viscosity of "
+        "spheres whose films break at a roughness, where they rub; mu_i: friction and fraction of sheared dry discs, "
+        "by explicit steps and by contact dynamics. pair takes some seconds, the others longer (default: %(default)s)",
     )
     reproduce.add_argument(
         "-o", dest="folder", metavar="DIR", type=Path, default=Path("softdyn-results"), help="default: %(default)s"
